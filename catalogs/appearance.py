@@ -1,0 +1,118 @@
+"""How a field is shown: the visualization parameters of a catalog.
+
+Colours are straight (not premultiplied) RGB in [0, 1]; values are in the field's physical units, fixed for the
+whole ensemble before its first member, so that equal colours mean equal values in every image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Color = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """Piecewise-linear colour and opacity over field values, constant beyond the end points.
+
+    Attributes
+    ----------
+    color_points : (value, red, green, blue) per control point, values strictly increasing.
+    opacity_points : (value, opacity) per control point, values strictly increasing, opacity in [0, 1].
+    opacity_unit_distance : the path length, in world units, over which a homogeneous medium has the stated
+        opacity: a step of length s has opacity 1 - (1 - opacity)**(s / opacity_unit_distance).
+    """
+
+    color_points: tuple[tuple[float, float, float, float], ...]
+    opacity_points: tuple[tuple[float, float], ...]
+    opacity_unit_distance: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "color_points", tuple(tuple(map(float, p)) for p in self.color_points))
+        object.__setattr__(self, "opacity_points", tuple(tuple(map(float, p)) for p in self.opacity_points))
+        _check_points("color_points", self.color_points, 4)
+        _check_points("opacity_points", self.opacity_points, 2)
+        if not (np.isfinite(self.opacity_unit_distance) and self.opacity_unit_distance > 0):
+            raise ValueError(f"opacity_unit_distance must be positive, got {self.opacity_unit_distance}")
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest control point: values outside are shown like the nearest end (clipped)."""
+        values = [p[0] for p in self.color_points + self.opacity_points]
+        return min(values), max(values)
+
+    def colors(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Straight RGB (..., 3) at field `values` (...)."""
+        points = np.array(self.color_points)  # [P, 4]
+        return np.stack([np.interp(values, points[:, 0], points[:, c]) for c in (1, 2, 3)], axis=-1)
+
+    def opacities(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Opacity per `opacity_unit_distance` (...) at field `values` (...)."""
+        points = np.array(self.opacity_points)  # [P, 2]
+        return np.interp(values, points[:, 0], points[:, 1])
+
+
+@dataclass(frozen=True)
+class VolumeRendering:
+    """Direct volume rendering of the field under a transfer function; `shaded` lights it by its gradient."""
+
+    name: str
+    transfer_function: TransferFunction
+    shaded: bool = False
+
+
+@dataclass(frozen=True)
+class Isosurface:
+    """The surface where the field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular)."""
+
+    name: str
+    isovalue: float
+    color: Color = (0.85, 0.85, 0.85)
+    ambient: float = 0.15
+    diffuse: float = 0.75
+    specular: float = 0.2
+    specular_power: float = 20.0
+
+
+Appearance = VolumeRendering | Isosurface
+
+
+def appearance_to_json(appearance: Appearance) -> dict[str, Any]:
+    """Plain JSON values with a `kind` of "volume" or "isosurface"."""
+    kind = "volume" if isinstance(appearance, VolumeRendering) else "isosurface"
+    return {"kind": kind, **asdict(appearance)}
+
+
+def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
+    """The appearance of an `appearance_to_json` record or of a scene's `[[appearance]]` table.
+
+    Raises ValueError naming an unknown kind, a missing or an unknown key.
+    """
+    values = dict(record)
+    kind = values.pop("kind", None)
+    try:
+        if kind == "volume":
+            transfer_function = values.pop("transfer_function")
+            return VolumeRendering(transfer_function=TransferFunction(**transfer_function), **values)
+        if kind == "isosurface":
+            if "color" in values:
+                values["color"] = tuple(map(float, values["color"]))
+            return Isosurface(**values)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"appearance {record.get('name', '?')!r} of kind {kind!r}: {error}") from None
+    raise ValueError(f"appearance kind must be 'volume' or 'isosurface', got {kind!r}")
+
+
+def _check_points(name: str, points: tuple[tuple[float, ...], ...], width: int) -> None:
+    if len(points) < 2 or any(len(p) != width for p in points):
+        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {points}")
+    array = np.array(points)  # [P, width]
+    if not np.isfinite(array).all() or (np.diff(array[:, 0]) <= 0).any():
+        raise ValueError(f"{name} must be finite with strictly increasing values, got {points}")
+    if (array[:, 1:] < 0).any() or (array[:, 1:] > 1).any():
+        raise ValueError(f"{name} must have colours and opacities in [0, 1], got {points}")

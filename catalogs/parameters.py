@@ -1,0 +1,103 @@
+"""The simulation parameters of an ensemble: names, units, bounds, and how members are placed among them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+SPLITS = ("train", "validation", "test")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One simulation parameter: its bounds are the ensemble's, in `unit` ("" where dimensionless)."""
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name or not np.isfinite([self.low, self.high]).all() or not self.low < self.high:
+            raise ValueError(f"parameter {self.name!r} needs a name and finite bounds low < high, got {self.low}, {self.high}")
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The ordered parameters of an ensemble."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"parameter names must be unique, got {self.names}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def values(self, parameters: Mapping[str, float]) -> NDArray[np.float64]:
+        """`parameters` by name as an array (P,) in this space's order.
+
+        Raises ValueError for missing, unknown or non-finite parameters; warns (UserWarning) about values out of bounds.
+        """
+        missing = [n for n in self.names if n not in parameters]
+        unknown = [n for n in parameters if n not in self.names]
+        if missing or unknown:
+            raise ValueError(
+                f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}"
+            )
+        values = np.array([float(parameters[n]) for n in self.names], dtype=np.float64)  # [P]
+        for parameter, value in zip(self.parameters, values, strict=True):
+            if not np.isfinite(value):
+                raise ValueError(f"parameter {parameter.name} must be finite, got {value}")
+            if not parameter.low <= value <= parameter.high:
+                warnings.warn(
+                    f"parameter {parameter.name} = {value:g} lies outside its bounds "
+                    f"[{parameter.low:g}, {parameter.high:g}]: predictions there extrapolate",
+                    stacklevel=3,
+                )
+        return values
+
+    def normalize(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Physical values (..., P) to [-1, 1] over the bounds."""
+        low, high = self._bounds()
+        return 2.0 * (np.asarray(values, dtype=np.float64) - low) / (high - low) - 1.0
+
+    def denormalize(self, normalized: ArrayLike) -> NDArray[np.float64]:
+        """Inverse of `normalize`."""
+        low, high = self._bounds()
+        return low + (np.asarray(normalized, dtype=np.float64) + 1.0) / 2.0 * (high - low)
+
+    def latin_hypercube(self, count: int, seed: int) -> NDArray[np.float64]:
+        """`count` members (count, P), one in each of `count` equal slices of every parameter.
+
+        McKay, Beckman & Conover 1979; scipy's `LatinHypercube` with the given seed.
+        """
+        from scipy.stats import qmc
+
+        low, high = self._bounds()
+        sampler = qmc.LatinHypercube(d=len(self), rng=np.random.default_rng(seed))
+        return low + sampler.random(count) * (high - low)  # [count, P]
+
+    def to_json(self) -> list[dict[str, Any]]:
+        return [{"name": p.name, "low": p.low, "high": p.high, "unit": p.unit} for p in self.parameters]
+
+    @classmethod
+    def from_json(cls, records: list[dict[str, Any]]) -> ParameterSpace:
+        return cls(tuple(Parameter(**record) for record in records))
+
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return (
+            np.array([p.low for p in self.parameters], dtype=np.float64),
+            np.array([p.high for p in self.parameters], dtype=np.float64),
+        )
