@@ -79,12 +79,22 @@ class Isosurface:
     specular_power: float = 20.0
 
 
-Appearance = VolumeRendering | Isosurface
+@dataclass(frozen=True)
+class ImportedImages:
+    """Pictures made elsewhere: how they were rendered is not known beyond this `note`."""
+
+    name: str
+    note: str = ""
+
+
+Appearance = VolumeRendering | Isosurface | ImportedImages
+
+KINDS = {"volume": VolumeRendering, "isosurface": Isosurface, "imported": ImportedImages}
 
 
 def appearance_to_json(appearance: Appearance) -> dict[str, Any]:
-    """Plain JSON values with a `kind` of "volume" or "isosurface"."""
-    kind = "volume" if isinstance(appearance, VolumeRendering) else "isosurface"
+    """Plain JSON values with a `kind` of "volume", "isosurface" or "imported"."""
+    kind = next(kind for kind, form in KINDS.items() if isinstance(appearance, form))
     return {"kind": kind, **asdict(appearance)}
 
 
@@ -95,17 +105,16 @@ def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
     """
     values = dict(record)
     kind = values.pop("kind", None)
+    if kind not in KINDS:
+        raise ValueError(f"appearance kind must be one of {sorted(KINDS)}, got {kind!r}")
     try:
-        if kind == "volume":
-            transfer_function = values.pop("transfer_function")
-            return VolumeRendering(transfer_function=TransferFunction(**transfer_function), **values)
-        if kind == "isosurface":
-            if "color" in values:
-                values["color"] = tuple(map(float, values["color"]))
-            return Isosurface(**values)
-    except (KeyError, TypeError) as error:
+        if "transfer_function" in values:
+            values["transfer_function"] = TransferFunction(**values["transfer_function"])
+        if "color" in values:
+            values["color"] = tuple(map(float, values["color"]))
+        return KINDS[kind](**values)
+    except TypeError as error:
         raise ValueError(f"appearance {record.get('name', '?')!r} of kind {kind!r}: {error}") from None
-    raise ValueError(f"appearance kind must be 'volume' or 'isosurface', got {kind!r}")
 
 
 def _check_points(name: str, points: tuple[tuple[float, ...], ...], width: int) -> None:
