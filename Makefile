@@ -1,0 +1,66 @@
+# The whole line: simulation -> Cinema catalog -> surrogate -> report.  `make help` lists what there is.
+SCENE   ?= tgv-dvr
+PYTHON  ?= python3
+RUNS    ?= runs
+WORKERS ?=
+BIN     := .venv/bin
+SETUP   := .venv/.complete
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
+
+.PHONY: help setup dataset train evaluate browse test test-fast lint clients bench clean-scene
+
+help:
+	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
+	@echo "make test                        every test (make test-fast: the quick ones)"
+	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
+	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
+
+setup: $(SETUP)
+
+$(SETUP): $(SOURCES)
+	@$(PYTHON) .ci/check_system.py
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $(shell sed -n 's/^torch==/torch==/p' constraints.txt)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
+
+dataset: $(SETUP)
+	$(BIN)/insitu dataset scenes/$(SCENE).toml --runs $(RUNS) $(if $(WORKERS),--workers $(WORKERS))
+
+# Training implies its data, evaluation its model; each step does nothing when nothing changed.
+train: dataset
+	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
+	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
+
+evaluate: train
+
+browse: dataset
+	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb
+
+# The Cinema clients conflict with each other and with us, so each lives alone; without network their tests skip.
+CLIENTS := .venv-pycinema/.complete .venv-cinemasci/.complete
+clients: $(CLIENTS)
+.venv-%/.complete: tests/clients/%.txt
+	$(PYTHON) -m venv .venv-$*
+	.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	@touch $@
+
+lint: $(SETUP)
+	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test-fast: $(SETUP)
+	$(BIN)/python -m pytest
+
+test: $(SETUP)
+	-@$(MAKE) --no-print-directory clients || echo "No Cinema clients could be installed: their tests will skip."
+	$(BIN)/python -m pytest -m "slow or not slow"
+
+bench: $(SETUP)
+	$(BIN)/python benchmarks/rendering.py
+	$(BIN)/python benchmarks/splatting.py
+	$(BIN)/python benchmarks/taylor_green.py
+
+clean-scene:
+	rm -rf $(RUNS)/$(SCENE)
