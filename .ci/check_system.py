@@ -48,7 +48,9 @@ def missing() -> list[str]:
 
 def main() -> int:
     if sys.version_info < (3, 11):  # noqa: UP036
-        print(f"Python 3.11 or newer is needed, this is {sys.version.split()[0]}: set PYTHON=python3.11", file=sys.stderr)
+        print(
+            f"Python 3.11 or newer is needed, this is {sys.version.split()[0]}: set PYTHON=python3.11", file=sys.stderr
+        )
         return 1
     lacking = missing()
     if lacking:

@@ -49,12 +49,14 @@ class TransferFunction:
     def colors(self, values: ArrayLike) -> NDArray[np.float64]:
         """Straight RGB (..., 3) at field `values` (...)."""
         points = np.array(self.color_points)  # [P, 4]
-        return np.stack([np.interp(values, points[:, 0], points[:, c]) for c in (1, 2, 3)], axis=-1)
+        return np.stack(
+            [np.interp(np.asarray(values, dtype=np.float64), points[:, 0], points[:, c]) for c in (1, 2, 3)], axis=-1
+        )
 
     def opacities(self, values: ArrayLike) -> NDArray[np.float64]:
         """Opacity per `opacity_unit_distance` (...) at field `values` (...)."""
         points = np.array(self.opacity_points)  # [P, 2]
-        return np.interp(values, points[:, 0], points[:, 1])
+        return np.interp(np.asarray(values, dtype=np.float64), points[:, 0], points[:, 1])
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,9 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.name or not np.isfinite([self.low, self.high]).all() or not self.low < self.high:
-            raise ValueError(f"parameter {self.name!r} needs a name and finite bounds low < high, got {self.low}, {self.high}")
+            raise ValueError(
+                f"parameter {self.name!r} needs a name and finite bounds low < high, got {self.low}, {self.high}"
+            )
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,7 @@ class ParameterSpace:
         missing = [n for n in self.names if n not in parameters]
         unknown = [n for n in parameters if n not in self.names]
         if missing or unknown:
-            raise ValueError(
-                f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}"
-            )
+            raise ValueError(f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}")
         values = np.array([float(parameters[n]) for n in self.names], dtype=np.float64)  # [P]
         for parameter, value in zip(self.parameters, values, strict=True):
             if not np.isfinite(value):

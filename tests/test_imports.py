@@ -1,0 +1,57 @@
+"""The two halves live on different machines: each loads without the other's heavy libraries, and answers at once."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parent.parent
+
+FORBIDDEN = {
+    "catalogs": ("vtk", "vtkmodules", "pyvista", "torch"),
+    "render": ("torch",),
+    "insitu": ("torch",),
+    "surrogate": ("vtk", "vtkmodules", "pyvista", "render", "insitu"),
+    "native": ("torch", "vtk", "vtkmodules", "pyvista"),
+}
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_every_module_of_a_package_loads_without_the_other_half(package: str) -> None:
+    program = (
+        "import importlib, pkgutil, sys\n"
+        f"package = importlib.import_module({package!r})\n"
+        "for module in pkgutil.walk_packages(package.__path__, package.__name__ + '.'):\n"
+        "    if not module.name.endswith('__main__'):\n"
+        "        importlib.import_module(module.name)\n"
+        f"print([name for name in {FORBIDDEN[package]!r} if name in sys.modules])\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], cwd=PROJECT, capture_output=True, text=True, timeout=120)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip().splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("package", ["insitu", "catalogs", "surrogate"])
+def test_help_answers_within_half_a_second(package: str) -> None:
+    command = [sys.executable, "-c", f"from {package}.cli import main; main()", "--help"]
+    seconds = []
+    for _ in range(5):
+        started = time.perf_counter()
+        result = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=60)
+        seconds.append(time.perf_counter() - started)
+        assert result.returncode == 0, result.stderr
+        assert "Usage" in result.stdout
+    assert min(seconds) < 0.5, f"fastest of five took {min(seconds):.2f} s"
+
+
+def test_the_packages_themselves_load_nothing_heavy() -> None:
+    program = (
+        "import sys, insitu, render, catalogs, surrogate, native\n"
+        "print([name for name in ('torch', 'vtkmodules', 'pyvista', 'scipy', 'matplotlib') if name in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", program], cwd=PROJECT, capture_output=True, text=True, timeout=60)
+    assert result.stdout.strip() == "[]", result.stdout + result.stderr
