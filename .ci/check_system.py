@@ -1,4 +1,4 @@
-"""Say in one sentence which system packages are missing, before anything is built or crashes (standard library only)."""
+"""Say in one sentence which system packages are missing, before anything is built or crashes (no dependencies)."""
 
 from __future__ import annotations
 
