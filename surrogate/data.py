@@ -1,0 +1,121 @@
+"""A catalog's images in memory, as training reads them: 8-bit, with normalized cameras and parameters."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog, Member
+from surrogate.gaussians import Normalization
+
+
+@dataclass(frozen=True, eq=False)
+class ImageRow:
+    """One image of a catalog: member `name`, view number, and its row's split."""
+
+    member: Member
+    view: int
+    split: str
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """One image to learn from.
+
+    Attributes
+    ----------
+    camera : in normalized coordinates.
+    parameters : (P,) float32, normalized to [-1, 1] over their bounds.
+    pixels : (H, W, 4) uint8 premultiplied RGBA, or (H, W, 3) uint8 RGB where the catalog's images are opaque.
+    """
+
+    camera: Camera
+    parameters: Tensor  # [P]
+    pixels: NDArray[np.uint8]  # [H, W, 3 or 4]
+
+    def image(self) -> Tensor:
+        """The pixels as float32 in [0, 1], (H, W, C)."""
+        return torch.from_numpy(self.pixels).to(torch.float32).mul_(1.0 / 255.0)
+
+
+def row_split(member_split: str, view_split: str) -> str:
+    """The split of one image: test where member or view is test, else validation where either is, else train."""
+    return next((s for s in ("test", "validation") if s in (member_split, view_split)), "train")
+
+
+def rows(catalog: Catalog) -> list[ImageRow]:
+    """Every image of one appearance, in the order of members and views."""
+    return [
+        ImageRow(member, view, row_split(member.split, split))
+        for member in catalog.members
+        for view, split in enumerate(member.view_splits)
+    ]
+
+
+def training_rows(catalog: Catalog) -> list[ImageRow]:
+    """The images to learn from; raises ValueError where there are none."""
+    kept = [row for row in rows(catalog) if row.split == "train"]
+    if not kept:
+        raise ValueError(
+            f"catalog {catalog.path} holds no training images: at least one member of split train with a view of "
+            "split train is needed"
+        )
+    return kept
+
+
+def validation_rows(catalog: Catalog, count: int) -> list[ImageRow]:
+    """`count` images spread evenly over those kept for choices: of validation members where there are any."""
+    kept = [row for row in rows(catalog) if row.split == "validation"]
+    kept = [row for row in kept if row.member.split == "validation"] or kept
+    if not kept or not count:
+        return []
+    return [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, count).round().astype(int))]
+
+
+def load_examples(
+    catalog: Catalog, appearance: str, wanted: Sequence[ImageRow], normalization: Normalization
+) -> list[Example]:
+    """The images of `wanted` rows, decoded in parallel, (len(wanted)) examples in order."""
+    cameras: dict[tuple[str, int], Camera] = {}
+    parameters = {
+        row.member.name: torch.from_numpy(catalog.plan.space.normalize(_values(catalog, row.member))).to(torch.float32)
+        for row in wanted
+    }
+    for row in wanted:
+        cameras[row.member.name, row.view] = normalization.camera(row.member.cameras[row.view])
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        pixels: Iterable[NDArray[np.uint8]] = pool.map(lambda row: _pixels(catalog, appearance, row), wanted)
+        return [
+            Example(cameras[row.member.name, row.view], parameters[row.member.name], image)
+            for row, image in zip(wanted, pixels, strict=True)
+        ]
+
+
+def foreground_color(examples: Iterable[Example], background: Sequence[float] | None) -> NDArray[np.float64]:
+    """Mean straight RGB (3,) of what is not background, over a few images; mid-grey where all is background."""
+    total, weight = np.zeros(3), 0.0
+    for example in examples:
+        pixels = example.pixels.reshape(-1, example.pixels.shape[2]) / 255.0  # [H * W, C]
+        if background is None:
+            total, weight = total + pixels[:, :3].sum(0), weight + pixels[:, 3].sum()
+        else:
+            shown = np.abs(pixels - np.asarray(background)).max(1) > 2.0 / 255.0
+            total, weight = total + pixels[shown].sum(0), weight + float(shown.sum())
+    return total / weight if weight > 0 else np.full(3, 0.5)
+
+
+def _pixels(catalog: Catalog, appearance: str, row: ImageRow) -> NDArray[np.uint8]:
+    image = catalog.image(row.member, appearance, row.view, dtype="uint8")  # [H, W, 4]
+    return image if catalog.plan.background is None else np.ascontiguousarray(image[..., :3])
+
+
+def _values(catalog: Catalog, member: Member) -> NDArray[np.float64]:
+    return np.array([member.parameters[name] for name in catalog.plan.space.names], dtype=np.float64)  # [P]

@@ -1,0 +1,80 @@
+"""Relocation of Gaussians that have become invisible: their number stays, their places follow the need.
+
+Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo", section 3.3: a dead Gaussian moves onto a
+living one, chosen in proportion to its opacity, and the Gaussians that now share a place get the opacity and scale
+with which together they look like the one before (equation 9).
+
+In an ensemble a Gaussian may be invisible in one member and needed in another, so what counts is a decayed running
+maximum of the *deformed* opacity over the members seen lately, not the canonical opacity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+MOST_SHARING = 16  # Gaussians that may come to share one place at once
+
+
+@dataclass(frozen=True, eq=False)
+class Relocation:
+    """Which Gaussians move onto which: `moved` (D,) take the places of `sources` (D,); `sharing` (D,) share it then."""
+
+    moved: Tensor  # [D] int64
+    sources: Tensor  # [D] int64
+    sharing: Tensor  # [D] int64
+
+
+def plan_relocation(peaks: Tensor, dead_opacity: float, random: np.random.Generator) -> Relocation | None:
+    """Dead Gaussians and where they go, from `peaks` (N,), each Gaussian's recent largest opacity.
+
+    None where no Gaussian is dead, or none is alive to be moved onto.
+    """
+    opacities = peaks.numpy().astype(np.float64)  # [N]
+    alive = opacities >= dead_opacity
+    moved = np.flatnonzero(~alive)
+    if not len(moved) or not alive.any():
+        return None
+    chances = np.where(alive, opacities, 0.0)
+    sources = random.choice(len(opacities), len(moved), p=chances / chances.sum())  # [D]
+    sharing = 1 + np.bincount(sources, minlength=len(opacities))[sources]  # [D]
+    return Relocation(
+        torch.from_numpy(moved), torch.from_numpy(sources), torch.from_numpy(np.minimum(sharing, MOST_SHARING))
+    )
+
+
+def relocate(relocation: Relocation, rows: Mapping[str, Tensor], moments: Mapping[str, tuple[Tensor, ...]]) -> None:
+    """Move Gaussians in place: `rows` are all tensors with a row per Gaussian, `moments` the optimizer's for them.
+
+    `rows` holds at least `opacity_logits` (N,) and `log_scales` (N, 3).  Moments of all concerned start anew.
+    """
+    moved, sources = relocation.moved, relocation.sources
+    logits, log_scales = share(rows["opacity_logits"][sources], rows["log_scales"][sources], relocation.sharing)
+    rows["opacity_logits"][sources] = logits
+    rows["log_scales"][sources] = log_scales
+    for name, tensor in rows.items():
+        tensor[moved] = tensor[sources]
+        for moment in moments.get(name, ()):
+            moment[moved] = 0.0
+            moment[sources] = 0.0
+
+
+def share(opacity_logits: Tensor, log_scales: Tensor, sharing: Tensor) -> tuple[Tensor, Tensor]:
+    """Opacity logits (D,) and log scales (D, 3) of each of `sharing` (D,) Gaussians that replace one.
+
+    Equation 9 of Kheradmand et al.: o' = 1 - (1 - o)^(1/n), and scales are multiplied by
+    o / sum_{i=1..n} sum_{k=0..i-1} binom(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1).
+    """
+    opacity = opacity_logits.double().sigmoid()  # [D]
+    each = 1.0 - (1.0 - opacity) ** (1.0 / sharing)  # [D]
+    total = torch.zeros_like(each)  # [D]
+    for i in range(1, int(sharing.max()) + 1):
+        terms = sum(math.comb(i - 1, k) * (-1) ** k / math.sqrt(k + 1) * each ** (k + 1) for k in range(i))
+        total += torch.where(sharing >= i, terms, 0.0)
+    factor = opacity / total  # [D]
+    return torch.logit(each, eps=1e-6).float(), log_scales + factor.log().float()[:, None]

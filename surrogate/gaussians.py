@@ -1,0 +1,102 @@
+"""The Gaussians: their parameters as they are optimized, and as they are drawn.
+
+Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering", section 4: a Gaussian has a mean,
+a covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a colour in spherical harmonics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from catalogs.cameras import Camera
+
+NAMES = ("means", "log_scales", "quats", "opacity_logits", "colors")
+SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussians:
+    """N Gaussians in unconstrained parameters (float32), in the coordinates of a `Normalization`.
+
+    Attributes
+    ----------
+    means : (N, 3).
+    log_scales : (N, 3), logarithms of the standard deviations along the principal axes.
+    quats : (N, 4), rotations as w, x, y, z, of any length but zero.
+    opacity_logits : (N,), opacity is their sigmoid.
+    colors : (N, 3 K), K spherical-harmonics coefficients of 3 channels each; K = 1 (the colour itself) or 4 (and the
+        three of degree 1, ordered y, z, x as is usual).
+    """
+
+    means: Tensor  # [N, 3]
+    log_scales: Tensor  # [N, 3]
+    quats: Tensor  # [N, 4]
+    opacity_logits: Tensor  # [N]
+    colors: Tensor  # [N, 3 K]
+
+    def __len__(self) -> int:
+        return self.means.shape[0]
+
+    @property
+    def color_degree(self) -> int:
+        return 0 if self.colors.shape[1] == 3 else 1
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The parameters by name."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    def scales(self) -> Tensor:
+        """Standard deviations along the principal axes, (N, 3)."""
+        return self.log_scales.exp()
+
+    def opacities(self) -> Tensor:
+        """Opacities in (0, 1), (N,)."""
+        return self.opacity_logits.sigmoid()
+
+    def colors_from(self, position: Tensor) -> Tensor:
+        """Colours (N, 3) as seen from `position` (3,), in the Gaussians' coordinates; not clamped."""
+        if self.color_degree == 0:
+            return self.colors
+        towards = torch.nn.functional.normalize(self.means - position, dim=1)  # [N, 3]
+        x, y, z = towards.unbind(1)  # each [N]
+        harmonics = SH_C1 * torch.stack([-y, z, -x], dim=1)  # [N, 3]
+        linear = self.colors[:, 3:].unflatten(1, (3, 3))  # [N, 3 harmonics, 3 channels]
+        return self.colors[:, :3] + torch.einsum("nh,nhc->nc", harmonics, linear)
+
+
+@dataclass(frozen=True, eq=False)
+class Normalization:
+    """The map from world coordinates to those of the Gaussians: (world - center) / extent.
+
+    It is taken in float64, so that boxes far from the origin (coordinates around 1e6) lose nothing; the box becomes
+    [-1, 1] along its longest side.  A uniform scale leaves perspective images unchanged.
+    """
+
+    center: NDArray[np.float64]  # [3]
+    extent: float
+
+    @classmethod
+    def of_box(cls, bounds: ArrayLike) -> Normalization:
+        """The normalization of a world box (low (3,), high (3,))."""
+        low, high = np.asarray(bounds, dtype=np.float64)  # [3], [3]
+        extent = float((high - low).max()) / 2.0
+        if not (np.isfinite(extent) and extent > 0):
+            raise ValueError(
+                f"the box of the volume must be finite and have a size, got {low.tolist()}, {high.tolist()}"
+            )
+        return cls((low + high) / 2.0, extent)
+
+    def points(self, world: ArrayLike) -> NDArray[np.float64]:
+        """World points (..., 3) in the Gaussians' coordinates."""
+        return (np.asarray(world, dtype=np.float64) - self.center) / self.extent
+
+    def camera(self, camera: Camera) -> Camera:
+        """The camera that sees normalized points where `camera` sees world points."""
+        matrix = camera.world_to_camera.copy()  # [4, 4]
+        matrix[:3, 3] = (camera.rotation @ self.center + camera.world_to_camera[:3, 3]) / self.extent
+        return Camera(matrix, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)

@@ -1,0 +1,82 @@
+"""Where the Gaussians start: on points that the hook sampled from the fields by opacity, or anywhere in the box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.appearance import VolumeRendering
+from catalogs.catalog import Catalog
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.sampling import generator
+from surrogate.settings import TrainingSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """M sampled points: places in normalized coordinates (M, 3) and straight RGB (M, 3), or None where unknown."""
+
+    places: NDArray[np.float64]  # [M, 3]
+    colors: NDArray[np.float64] | None  # [M, 3]
+
+
+def sampled_points(catalog: Catalog, appearance: str, normalization: Normalization) -> Points | None:
+    """The points of all training members' summaries, or None where the catalog has none.
+
+    Their colours are those of the transfer function, where `appearance` has one.
+    """
+    summaries = [m.summary() for m in catalog.members if m.split == "train"]
+    kept = [s for s in summaries if s is not None and len(s.points)]
+    if not kept:
+        return None
+    places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
+    shown = next(a for a in catalog.plan.appearances if a.name == appearance)
+    if not isinstance(shown, VolumeRendering):
+        return Points(places, None)
+    return Points(places, shown.transfer_function.colors(np.concatenate([s.point_values for s in kept])))
+
+
+def initial_gaussians(
+    settings: TrainingSettings, box: NDArray[np.float64], points: Points | None, color: NDArray[np.float64]
+) -> Gaussians:
+    """The Gaussians that training starts from.
+
+    Parameters
+    ----------
+    box : (2, 3), low and high corner of the volume in normalized coordinates.
+    points : where to put them; None puts them uniformly in the box.
+    color : (3,), straight RGB of a Gaussian whose point has no colour of its own.
+
+    Raises ValueError where `settings.initialization` is "in-situ" and there are no points.
+    """
+    if settings.initialization == "in-situ" and points is None:
+        raise ValueError(
+            'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
+            'set it to "auto" or "random"'
+        )
+    count, random = settings.gaussians, generator(settings.seed, "initialization")
+    spacing = float(np.prod(box[1] - box[0]) / count) ** (1.0 / 3.0) or float((box[1] - box[0]).max()) / count
+    colors = np.broadcast_to(color, (count, 3))  # [N, 3]
+    if points is None or settings.initialization == "random":
+        places = random.uniform(box[0], box[1], (count, 3))  # [N, 3]
+    else:
+        chosen = random.choice(len(points.places), count, replace=len(points.places) < count)  # [N]
+        places = points.places[chosen] + random.normal(0.0, 0.25 * spacing, (count, 3))  # [N, 3]
+        colors = colors if points.colors is None else points.colors[chosen]
+    flat = np.zeros((count, 9 * settings.color_degree))
+    opacity_logit = float(np.log(settings.initial_opacity / (1.0 - settings.initial_opacity)))
+    return Gaussians(
+        means=_float32(places),
+        log_scales=torch.full((count, 3), float(np.log(settings.initial_scale * spacing))),
+        quats=torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
+        opacity_logits=torch.full((count,), opacity_logit),
+        colors=_float32(np.concatenate([colors, flat], axis=1)),
+    )
+
+
+def _float32(array: NDArray[np.float64]) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array)).to(torch.float32)

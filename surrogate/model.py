@@ -1,0 +1,189 @@
+"""A trained surrogate: Gaussians and their deformation, ready to be looked at from anywhere at any parameters."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors.torch
+import torch
+from numpy.typing import NDArray
+
+from catalogs.cameras import Camera
+from catalogs.parameters import ParameterSpace
+from surrogate.checkpoints import write_atomically
+from surrogate.deformation import Deformation, load_deformation
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.rasterizer import Rasterizer
+
+SCHEMA = 1
+TENSORS, RECORD = "model.safetensors", "model.json"
+
+
+@dataclass(frozen=True, eq=False)
+class DeformedGaussians:
+    """The Gaussians of one member: `render` shows them; world units everywhere.
+
+    Made by `Surrogate.at`; nothing here depends on the parameters any more, so moving the camera costs only drawing.
+    """
+
+    gaussians: Gaussians  # in normalized coordinates
+    parameters: Mapping[str, float]
+    normalization: Normalization
+    rasterizer: Rasterizer
+
+    def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
+        """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].
+
+        With a `background` (red, green, blue) it is opaque: composited on that colour, alpha 1.
+        """
+        with torch.no_grad():
+            rendering = self.rasterizer.draw(self.gaussians, self.normalization.camera(camera))
+        color, alpha = rendering.color.numpy(), rendering.alpha.numpy()[..., None]  # [H, W, 3], [H, W, 1]
+        if background is not None:
+            color = color + (1.0 - alpha) * np.asarray(background, dtype=np.float32)
+            alpha = np.ones_like(alpha)
+        return np.clip(np.concatenate([color, alpha], axis=-1), 0.0, 1.0)
+
+    @property
+    def means(self) -> NDArray[np.float64]:
+        """Centres in world units, (N, 3)."""
+        return self.gaussians.means.double().numpy() * self.normalization.extent + self.normalization.center
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """Standard deviations along the principal axes in world units, (N, 3)."""
+        return self.gaussians.scales().double().numpy() * self.normalization.extent
+
+    @property
+    def opacities(self) -> NDArray[np.float32]:
+        """Opacities, (N,)."""
+        return self.gaussians.opacities().numpy()
+
+    def __len__(self) -> int:
+        return len(self.gaussians)
+
+    def __repr__(self) -> str:
+        at = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
+        return f"<DeformedGaussians at {at or 'no parameters'}: {len(self):,} Gaussians>"
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """A trained ensemble.
+
+    >>> picture = Surrogate.load("runs/tgv-dvr/surrogate").at(Re=1830.0).render(camera)   # doctest: +SKIP
+
+    Attributes
+    ----------
+    gaussians : the canonical ones, in normalized coordinates.
+    deformation : how the parameters move them.
+    space : the parameters' names, units and bounds.
+    normalization : between world and normalized coordinates.
+    rasterizer : the constants it was trained with.
+    background : the colour behind the volume in the images it was trained on; None where they had alpha.
+    training : how it came to be: `seconds`, `steps`, `settings`, `curve`, `appearance`, `fingerprint`.
+    """
+
+    gaussians: Gaussians
+    deformation: Deformation
+    space: ParameterSpace
+    normalization: Normalization
+    rasterizer: Rasterizer
+    background: tuple[float, float, float] | None = None
+    training: Mapping[str, Any] = field(default_factory=dict)
+
+    def at(self, **parameters: float) -> DeformedGaussians:
+        """The ensemble at `parameters`, all of them by name, in their units.
+
+        Raises ValueError for missing, unknown or non-finite ones; warns where one lies out of bounds.
+        """
+        values = self.space.values(parameters)  # [P]
+        normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
+        with torch.no_grad():
+            deformed = self.deformation.offsets(self.gaussians, normalized).applied_to(self.gaussians)
+        named = dict(zip(self.space.names, values.tolist(), strict=True))
+        return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
+
+    @property
+    def megabytes(self) -> float:
+        """Size of the model's tensors, 10^6 bytes."""
+        tensors = (*self.gaussians.tensors().values(), *self.deformation.tensors().values())
+        return sum(tensor.numel() * tensor.element_size() for tensor in tensors) / 1e6
+
+    @staticmethod
+    def exists(directory: str | os.PathLike[str]) -> bool:
+        """Whether `directory` holds a finished surrogate."""
+        return (Path(directory) / RECORD).is_file()
+
+    def save(self, directory: str | os.PathLike[str]) -> None:
+        """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`."""
+        directory = Path(directory)
+        directory.mkdir(parents=True, exist_ok=True)
+        tensors = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
+        tensors |= {f"deformation.{name}": tensor for name, tensor in self.deformation.tensors().items()}
+        content = safetensors.torch.save({name: tensor.detach().contiguous() for name, tensor in tensors.items()})
+        write_atomically(directory / TENSORS, content)
+        record = {
+            "schema": SCHEMA,
+            "tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()},
+            "parameters": self.space.to_json(),
+            "normalization": {"center": self.normalization.center.tolist(), "extent": self.normalization.extent},
+            "deformation": {"kind": self.deformation.kind, **self.deformation.record()},
+            "rasterizer": self.rasterizer.to_json(),
+            "background": self.background,
+            "training": dict(self.training),
+        }
+        write_atomically(directory / RECORD, json.dumps(record, indent=1).encode())
+
+    @classmethod
+    def load(cls, directory: str | os.PathLike[str]) -> Surrogate:
+        """The surrogate that was saved into `directory`.
+
+        Raises FileNotFoundError where there is none, ValueError for one of a newer schema or whose files are damaged.
+        """
+        directory = Path(directory)
+        path = directory / RECORD
+        if not path.is_file():
+            raise FileNotFoundError(f"there is no trained surrogate in {directory}: {path} is missing")
+        try:
+            record = json.loads(path.read_text(encoding="utf-8"))
+            if record["schema"] > SCHEMA:
+                raise ValueError(f"its schema is {record['schema']}, this version reads up to {SCHEMA}: update it")
+            content = (directory / record["tensors"]["file"]).read_bytes()
+            if hashlib.sha256(content).hexdigest() != record["tensors"]["sha256"]:
+                raise ValueError(f"{record['tensors']['file']} does not belong to it or is damaged: train anew")
+            return cls._of(record, safetensors.torch.load(content))
+        except (ValueError, KeyError, TypeError, OSError) as error:
+            reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise ValueError(f"{path} can't be read: {reason}") from error
+
+    @classmethod
+    def _of(cls, record: Mapping[str, Any], tensors: Mapping[str, torch.Tensor]) -> Surrogate:
+        parts: dict[str, dict[str, torch.Tensor]] = {"gaussians": {}, "deformation": {}}
+        for name, tensor in tensors.items():
+            part, key = name.split(".", 1)
+            parts[part][key] = tensor
+        normalization, background = record["normalization"], record["background"]
+        return cls(
+            gaussians=Gaussians(**parts["gaussians"]),
+            deformation=load_deformation(record["deformation"]["kind"], parts["deformation"], record["deformation"]),
+            space=ParameterSpace.from_json(record["parameters"]),
+            normalization=Normalization(np.array(normalization["center"]), float(normalization["extent"])),
+            rasterizer=Rasterizer(**record["rasterizer"]),
+            background=None if background is None else tuple(background),
+            training=record["training"],
+        )
+
+    def __repr__(self) -> str:
+        bounds = ", ".join(f"{p.name} {p.low:g}..{p.high:g} {p.unit}".strip() for p in self.space.parameters)
+        return (
+            f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
+            f"{self.deformation.kind} deformation, {self.megabytes:.1f} MB>"
+        )

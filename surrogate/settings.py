@@ -1,0 +1,147 @@
+"""What training may be told: the `[training]` table of a scene, checked."""
+
+from __future__ import annotations
+
+import math
+import typing
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal
+
+Initialization = Literal["auto", "in-situ", "random"]
+Background = Literal["auto", "random", "white", "black"]
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Every choice of a training run; two runs with equal settings on equal catalogs end bit for bit alike.
+
+    Lengths (`mean_rate`, `mean_offset`) are in units of half the longest side of the catalog's box.  Rates are
+    Adam's step sizes at the start of a stage.
+
+    Attributes
+    ----------
+    seed : seeds everything that is drawn at random.
+    appearance : which of the catalog's appearances is learnt; "" means the first.
+    gaussians : how many Gaussians, constant through training (dead ones are relocated).
+    initialization : "in-situ" places them on the points that the hook sampled by opacity, "random" uniformly in the
+        box, "auto" takes the points where the catalog has them.
+    initial_opacity, initial_scale : opacity of a fresh Gaussian, and its standard deviation in units of the mean
+        distance between Gaussians spread evenly through the box.
+    color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading).
+    background : on what images with alpha are compared: a colour drawn per step ("random", also "auto"), white or
+        black.  Opaque images are always compared on their own background.
+    canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members) and of stage 2
+        (the same, deformed by the simulation parameters).
+    latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
+        that embeds the parameters.
+    latent_spread : standard deviation of the latent vectors at the start of stage 2.
+    mean_rate ... color_rate : of the canonical Gaussians.  latent_rate, embedding_rate : of the deformation.
+    canonical_rate_factor : what stage 2 multiplies the canonical rates by.
+    final_rate_factor : what all rates have decayed to, exponentially, at the end of a stage.
+    mean_offset ... color_offset : how far one unit of the deformation's output moves each quantity.
+    ssim_weight : of 1 - SSIM in the loss, beside the mean absolute error.
+    relocation_interval : steps between relocations of dead Gaussians; 0 turns them off.
+    relocation_stop : fraction of a stage after which no Gaussian is relocated.
+    dead_opacity : a Gaussian is dead where the decayed maximum of its deformed opacity lies below this.
+    peak_decay : what that maximum is multiplied by per step.
+    alpha_floor, dilation : the rasterizer's smallest visible alpha, and the variance (pixels squared) added to
+        every projected Gaussian.
+    backend : of `surrogate.splatting.render`.
+    validation_interval, validation_images : steps between looks at how many fixed validation images; 0 for none.
+    checkpoint_seconds : time between checkpoints.
+    """
+
+    seed: int = 0
+    appearance: str = ""
+    gaussians: int = 10_000
+    initialization: Initialization = "auto"
+    initial_opacity: float = 0.1
+    initial_scale: float = 0.5
+    color_degree: int = 0
+    background: Background = "auto"
+
+    canonical_steps: int = 2_000
+    deformation_steps: int = 10_000
+    latent_size: int = 16
+    hidden_width: int = 64
+    latent_spread: float = 0.25
+
+    mean_rate: float = 1.5e-3
+    log_scale_rate: float = 6e-3
+    quat_rate: float = 3e-3
+    opacity_rate: float = 3e-2
+    color_rate: float = 1.5e-2
+    latent_rate: float = 5e-2
+    embedding_rate: float = 1e-2
+    canonical_rate_factor: float = 0.3
+    final_rate_factor: float = 0.05
+
+    mean_offset: float = 0.05
+    log_scale_offset: float = 0.2
+    quat_offset: float = 0.1
+    opacity_offset: float = 1.0
+    color_offset: float = 0.5
+
+    ssim_weight: float = 0.2
+    relocation_interval: int = 100
+    relocation_stop: float = 0.7
+    dead_opacity: float = 0.01
+    peak_decay: float = 0.995
+    alpha_floor: float = 1.0 / 255.0
+    dilation: float = 0.1
+    backend: str = "cpu"
+
+    validation_interval: int = 500
+    validation_images: int = 16
+    checkpoint_seconds: float = 30.0
+
+    def __post_init__(self) -> None:
+        for name in ("gaussians", "canonical_steps", "latent_size", "hidden_width"):
+            _require(getattr(self, name) >= 1, self, name, "at least 1")
+        for name in ("seed", "deformation_steps", "relocation_interval", "validation_interval", "validation_images"):
+            _require(getattr(self, name) >= 0, self, name, "at least 0")
+        for name in ("initial_opacity", "dead_opacity"):
+            _require(0 < getattr(self, name) < 1, self, name, "between 0 and 1")
+        for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor"):
+            _require(0 <= getattr(self, name) <= 1, self, name, "in [0, 1]")
+        for field in fields(self):
+            positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
+            _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
+        _require(self.color_degree in (0, 1), self, "color_degree", "0 or 1")
+        _require(self.dilation >= 0, self, "dilation", "at least 0")
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> TrainingSettings:
+        """Settings from a scene's `[training]` table; keys that are absent keep their defaults.
+
+        Raises ValueError naming an unknown key, a value of the wrong type or one out of range.
+        """
+        types = typing.get_type_hints(cls)
+        unknown = sorted(set(table) - set(types))
+        if unknown:
+            raise ValueError(f"training: unknown keys {unknown}; known are {sorted(types)}")
+        return cls(**{name: _typed(name, value, types[name]) for name, value in table.items()})
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values that `from_table` turns back into the same settings."""
+        return asdict(self)
+
+
+def _typed(name: str, value: Any, kind: Any) -> Any:
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    options = typing.get_args(kind)
+    if options:
+        if value not in options:
+            raise ValueError(f"training.{name} must be one of {list(options)}, got {value!r}")
+    elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise ValueError(f"training.{name} must be of type {kind.__name__}, got {value!r}")
+    elif kind is float and not math.isfinite(value):
+        raise ValueError(f"training.{name} must be finite, got {value!r}")
+    return value
+
+
+def _require(condition: bool, settings: TrainingSettings, name: str, what: str) -> None:
+    if not condition:
+        raise ValueError(f"training.{name} must be {what}, got {getattr(settings, name)!r}")

@@ -1,0 +1,133 @@
+"""One stage of training, step by step, with all the state that it must remember between steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from surrogate.data import Example
+from surrogate.densify import plan_relocation, relocate
+from surrogate.losses import image_loss
+from surrogate.optimizer import Adam
+from surrogate.rasterizer import Rasterizer
+from surrogate.sampling import ShuffledEpochs, generator
+from surrogate.settings import TrainingSettings
+from surrogate.splatting import Rendering
+from surrogate.stage import Stage
+
+WHITE = (1.0, 1.0, 1.0)
+MOST_DECIBELS = 60.0  # where PSNR is capped, so that an empty picture does not make a mean infinite
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """What a run learns from, and the few images that only watch it.
+
+    `background` (3,) is the colour that opaque images show behind the volume, None where images have alpha.
+    """
+
+    examples: Sequence[Example]
+    validation: Sequence[Example]
+    background: tuple[float, float, float] | None
+
+
+class StageRun:
+    """Optimizes a stage's tensors in place; `restore` continues where `tensors` and `record` were taken."""
+
+    def __init__(self, stage: Stage, settings: TrainingSettings, data: TrainingData) -> None:
+        self.stage, self.settings, self.data = stage, settings, data
+        self.step = 0
+        self._adam = Adam(stage.tensors, stage.rates)
+        self._peaks = torch.zeros(len(stage.tensors["means"]))  # [N], decayed maximum of the deformed opacities
+        self._order = ShuffledEpochs(len(data.examples), settings.seed)
+        self._rasterizer = Rasterizer.of(settings)
+
+    def advance(self) -> float:
+        """One step: draw, compare, move, and relocate where it is due.  Returns the loss."""
+        settings, example = self.settings, self.data.examples[self._order[self.step]]
+        gaussians = self.stage.gaussians_at(example.parameters)
+        rendering = self._rasterizer.draw(gaussians, example.camera)
+        background = self._background()
+        image, target = composite(rendering, background), composite_pixels(example, background)
+        loss = image_loss(image, target, ssim_weight=settings.ssim_weight)
+        loss.backward()
+        self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
+        with torch.no_grad():
+            self._peaks.mul_(settings.peak_decay)
+            torch.maximum(self._peaks, gaussians.opacities(), out=self._peaks)
+            self.step += 1
+            if self._relocation_due():
+                self._relocate()
+        return float(loss.detach())
+
+    def validate(self) -> float | None:
+        """Mean PSNR (dB) over the validation images, full frame on white; None where there are none."""
+        if not self.data.validation:
+            return None
+        with torch.no_grad():
+            return sum(map(self._decibels, self.data.validation)) / len(self.data.validation)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything that is remembered between steps, beside the step itself."""
+        moments = self._adam.moments()
+        return (
+            dict(self.stage.tensors)
+            | {f"moments.first.{name}": first for name, (first, _) in moments.items()}
+            | {f"moments.second.{name}": second for name, (_, second) in moments.items()}
+            | {"peaks": self._peaks}
+        )
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        """Take up the state of a run that had these `tensors()` after `step` steps."""
+        self.step = step
+        with torch.no_grad():
+            for name, tensor in self.stage.tensors.items():
+                tensor.copy_(tensors[name])
+        self._peaks.copy_(tensors["peaks"])
+        moments = {n: (tensors[f"moments.first.{n}"], tensors[f"moments.second.{n}"]) for n in self.stage.tensors}
+        self._adam.restore(moments, step)
+
+    def _background(self) -> tuple[float, ...]:
+        if self.data.background is not None:
+            return self.data.background
+        if self.settings.background in ("white", "black"):
+            return WHITE if self.settings.background == "white" else (0.0, 0.0, 0.0)
+        return tuple(generator(self.settings.seed, "background", self.step).random(3).tolist())
+
+    def _relocation_due(self) -> bool:
+        interval = self.settings.relocation_interval
+        return bool(
+            interval and self.step % interval == 0 and self.step <= self.settings.relocation_stop * self.stage.steps
+        )
+
+    def _relocate(self) -> None:
+        random = generator(self.settings.seed, "relocation", self.step)
+        relocation = plan_relocation(self._peaks, self.settings.dead_opacity, random)
+        if relocation is not None:
+            rows: dict[str, Any] = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
+            relocate(relocation, rows, self._adam.moments())
+            self._peaks[relocation.moved] = self._peaks[relocation.sources]
+
+    def _decibels(self, example: Example) -> float:
+        rendering = self._rasterizer.draw(self.stage.gaussians_at(example.parameters), example.camera)
+        background = self.data.background or WHITE
+        difference = composite(rendering, background).clamp(0.0, 1.0) - composite_pixels(example, background)
+        error = max(float(difference.double().square().mean()), 10.0 ** (-MOST_DECIBELS / 10.0))
+        return -10.0 * float(torch.tensor(error, dtype=torch.float64).log10())
+
+
+def composite(rendering: Rendering, background: Sequence[float]) -> Tensor:
+    """The picture (H, W, 3) over a background colour (3,)."""
+    return rendering.color + (1.0 - rendering.alpha).unsqueeze(-1) * torch.tensor(background)
+
+
+def composite_pixels(example: Example, background: Sequence[float]) -> Tensor:
+    """The example's picture (H, W, 3) over a background colour (3,); opaque pictures as they are."""
+    image = example.image()  # [H, W, C]
+    if image.shape[2] == 3:
+        return image
+    return image[..., :3] + (1.0 - image[..., 3:]) * torch.tensor(background)
