@@ -1,1 +1,20 @@
+"""A field, an appearance and cameras in; pictures out (VTK, off screen)."""
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_EXPORTS = {
+    "Grid": "render.grids",
+    "to_grid": "render.grids",
+    "render_views": "render.views",
+}
+
+__all__ = ["Grid", "render_views", "to_grid"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _EXPORTS:
+        return getattr(import_module(_EXPORTS[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,221 @@
+"""One off-screen OpenGL window per process, and pictures read back from it."""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import os
+import sys
+import threading
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.cameras import Camera
+
+SYSTEM_PACKAGES = "libegl1 libgl1-mesa-dri (or, for software rendering without EGL, libosmesa6)"
+OSMESA_LIBRARIES = ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")  # the names that VTK tries
+
+
+class Window:
+    """An off-screen OpenGL window that draws one `vtkRenderer` at a time.
+
+    It opens with EGL, else OSMesa on Linux; with the platform's own window elsewhere.  A process needs one
+    (`open_window`): a new one costs about 25 ms, and every renderer can use it in turn.  An OpenGL context
+    belongs to the thread that made it, so a window refuses to draw in another thread or in a forked child.
+
+    Raises RuntimeError where the machine offers no usable OpenGL, naming the system packages to install.
+    """
+
+    def __init__(self) -> None:
+        self._window, self.backend = _usable_window()
+        self._process, self._thread = os.getpid(), threading.get_ident()
+        self._float_pass: Any = None
+
+    def add(self, renderer: Any) -> None:
+        """Take in a `vtkRenderer`: transparent black background, drawn only when asked."""
+        renderer.SetBackground(0.0, 0.0, 0.0)  # any other colour would be added into the picture where alpha < 1
+        renderer.SetBackgroundAlpha(0.0)
+        renderer.DrawOff()
+        self._window.AddRenderer(renderer)
+
+    def remove(self, renderer: Any) -> None:
+        """Let go of a `vtkRenderer` and free what it holds in graphics memory."""
+        if self._usable_here():
+            renderer.SetPass(None)
+            self._window.RemoveRenderer(renderer)
+
+    def draw(self, renderer: Any, width: int, height: int, *, float_output: bool = False) -> NDArray[Any]:
+        """Draw `renderer` alone; premultiplied RGBA [height, width, 4], top row first, uint8 or float32 in [0, 1]."""
+        if not self._usable_here():
+            raise RuntimeError(
+                "the OpenGL window was opened in another thread or before a fork: render in the thread that opened it, "
+                "and start worker processes with the 'spawn' method"
+            )
+        if self._window.GetSize() != (width, height):
+            self._window.SetSize(width, height)
+        renderer.SetPass(self._float_target() if float_output else None)
+        renderer.DrawOn()
+        try:
+            self._window.Render()
+            image = self._read_float(width, height) if float_output else self._read_bytes(width, height)
+        finally:
+            renderer.DrawOff()
+        return image[::-1].copy()  # OpenGL's rows start at the bottom
+
+    def close(self) -> None:
+        """Free the OpenGL context; the window cannot be used afterwards."""
+        if self._usable_here():
+            if self._float_pass is not None:
+                self._float_pass.ReleaseGraphicsResources(self._window)
+                self._float_pass = None
+            self._window.Finalize()
+
+    def _usable_here(self) -> bool:
+        return (os.getpid(), threading.get_ident()) == (self._process, self._thread)
+
+    def _float_target(self) -> Any:
+        from vtkmodules.vtkRenderingOpenGL2 import vtkFramebufferPass, vtkRenderStepsPass, vtkTextureObject
+
+        if self._float_pass is None:
+            self._float_pass = vtkFramebufferPass()
+            self._float_pass.SetColorFormat(vtkTextureObject.Float32)
+            self._float_pass.SetDepthFormat(vtkTextureObject.Fixed32)  # the window's own: else rays end at once
+            self._float_pass.SetDelegatePass(vtkRenderStepsPass())
+        return self._float_pass
+
+    def _read_float(self, width: int, height: int) -> NDArray[np.float32]:
+        from vtkmodules.vtkCommonCore import VTK_FLOAT
+
+        image = np.empty((height, width, 4), dtype=np.float32)
+        pixels = self._float_pass.GetColorTexture().Download()
+        if not pixels.Download2D(VTK_FLOAT, image, (width, height), 4, (0, 0)):
+            raise RuntimeError(f"reading a {width} x {height} float picture back from OpenGL failed")
+        return image
+
+    def _read_bytes(self, width: int, height: int) -> NDArray[np.uint8]:
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+
+        pixels = vtkUnsignedCharArray()
+        self._window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, pixels)
+        return vtk_to_numpy(pixels).reshape(height, width, 4)
+
+
+_opened: dict[int, Window] = {}  # process id -> its window: OpenGL contexts are per process and dear
+
+
+def open_window() -> Window:
+    """This process's window, opened at the first call."""
+    window = _opened.get(os.getpid())
+    if window is None:
+        if _opened:
+            raise RuntimeError(
+                "this process was forked after its parent had opened an OpenGL window, which breaks the driver's "
+                "threads: start worker processes with the 'spawn' method"
+            )
+        window = _opened[os.getpid()] = Window()
+        atexit.register(_close_all)
+    return window
+
+
+def aim(renderer: Any, camera: Camera, near: float, far: float) -> None:
+    """Point the VTK camera of `renderer` like `camera`, with clipping planes at `near` and `far` (world units).
+
+    The projection is set as an explicit matrix, so that unequal focal lengths and off-centre principal points
+    come out exactly (VTK's `SetWindowCenter` and view angle know neither pixels nor two focal lengths).
+    """
+    from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+    view = renderer.GetActiveCamera()
+    view.SetPosition(*camera.position)
+    view.SetFocalPoint(*(camera.position + camera.forward))
+    view.SetViewUp(*camera.up)
+    view.SetClippingRange(near, far)
+    matrix = vtkMatrix4x4()
+    for (row, column), value in np.ndenumerate(projection_matrix(camera, near, far)):
+        matrix.SetElement(row, column, value)
+    view.SetExplicitProjectionTransformMatrix(matrix)
+    view.UseExplicitProjectionTransformMatrixOn()
+
+
+def projection_matrix(camera: Camera, near: float, far: float) -> NDArray[np.float64]:
+    """OpenGL clip matrix (4, 4) of a pinhole camera, for eye axes x right, y up, z backward.
+
+    Hartley & Zisserman's K written as the frustum of the OpenGL specification, section "Viewing volumes".
+    """
+    return np.array(
+        [
+            [2.0 * camera.fx / camera.width, 0.0, 1.0 - 2.0 * camera.cx / camera.width, 0.0],
+            [0.0, 2.0 * camera.fy / camera.height, 2.0 * camera.cy / camera.height - 1.0, 0.0],
+            [0.0, 0.0, -(far + near) / (far - near), -2.0 * far * near / (far - near)],
+            [0.0, 0.0, -1.0, 0.0],
+        ]
+    )
+
+
+def clipping_range(camera: Camera, bounds: tuple[NDArray[np.float64], NDArray[np.float64]]) -> tuple[float, float]:
+    """(near, far) planes, world units, that enclose the part of the box `bounds` (low (3,), high (3,)) in front."""
+    low, high = bounds
+    corners = np.array([[(low, high)[b >> k & 1][k] for k in range(3)] for b in range(8)])  # [8, 3]
+    depths = camera.project(corners)[1]  # [8]
+    size = float(np.linalg.norm(high - low))
+    far = max(float(depths.max()) + 1e-3 * size, 1e-3 * size)
+    return max(float(depths.min()) - 1e-3 * size, 1e-4 * far), far
+
+
+def _usable_window() -> tuple[Any, str]:
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
+
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    shown = vtkObject.GetGlobalWarningDisplay()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # a refused backend is no news: the next is tried
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        for backend, make in _backends():
+            window = make()
+            window.SetOffScreenRendering(True)
+            window.SetShowWindow(False)
+            window.SetMultiSamples(0)  # multisampled windows neither keep alpha exactly nor sample volumes better
+            window.SetAlphaBitPlanes(1)
+            window.SetSize(64, 64)
+            if window.SupportsOpenGL():
+                return window, backend
+    finally:
+        vtkLogger.SetStderrVerbosity(vtkLogger.ConvertToVerbosity(verbosity))
+        vtkObject.SetGlobalWarningDisplay(shown)
+    raise RuntimeError(
+        f"no usable OpenGL on this machine: install the system packages {SYSTEM_PACKAGES}"
+        " with, on Debian or Ubuntu, `sudo apt-get install`"
+    )
+
+
+def _backends() -> list[tuple[str, Any]]:
+    """Ways to open a window here, best first; only those whose library loads, because VTK crashes without OSMesa."""
+    import vtkmodules.vtkRenderingOpenGL2 as opengl
+
+    if not sys.platform.startswith("linux"):
+        from vtkmodules.vtkRenderingCore import vtkRenderWindow
+
+        return [("native", vtkRenderWindow)]
+    found = []
+    if _loads("libEGL.so.1"):
+        found.append(("EGL", opengl.vtkEGLRenderWindow))
+    if any(map(_loads, OSMESA_LIBRARIES)):
+        found.append(("OSMesa", opengl.vtkOSOpenGLRenderWindow))
+    return found
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _close_all() -> None:
+    for window in _opened.values():
+        window.close()
+    _opened.clear()
