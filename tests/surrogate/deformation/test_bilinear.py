@@ -1,0 +1,86 @@
+import pytest
+import torch
+
+from surrogate.deformation import BilinearDeformation, Offsets, load_deformation
+from surrogate.gaussians import Gaussians
+from surrogate.settings import TrainingSettings
+
+
+def canonical(count: int, color_columns: int, dtype: torch.dtype = torch.float32) -> Gaussians:
+    generator = torch.Generator().manual_seed(1)
+    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, color_columns))
+    return Gaussians(*(torch.randn(shape, generator=generator, dtype=dtype) for shape in shapes))
+
+
+def random_deformation(gaussians: Gaussians, parameters: int, dtype: torch.dtype) -> BilinearDeformation:
+    settings = TrainingSettings(latent_size=5, hidden_width=7)
+    made = BilinearDeformation.create(gaussians, parameters, settings)
+    generator = torch.Generator().manual_seed(2)
+    tensors = {n: torch.randn(t.shape, generator=generator, dtype=dtype) for n, t in made.tensors().items()}
+    return BilinearDeformation(**tensors, units=made.units.to(dtype))
+
+
+def flat(offsets: Offsets) -> torch.Tensor:
+    columns = (offsets.means, offsets.log_scales, offsets.quats, offsets.opacity_logits[:, None], offsets.colors)
+    return torch.cat(columns, dim=1)
+
+
+@pytest.mark.parametrize("parameters", [1, 3])
+@pytest.mark.parametrize("color_columns", [3, 12])
+def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, color_columns: int) -> None:
+    gaussians = canonical(11, color_columns)
+    deformation = BilinearDeformation.create(gaussians, parameters, TrainingSettings())
+    for tensor in deformation.tensors().values():
+        tensor.requires_grad_()
+    offsets = flat(deformation.offsets(gaussians, torch.linspace(-1, 1, parameters)))
+    assert offsets.shape == (11, 11 + color_columns)
+    assert not offsets.any()
+    offsets.sum().backward()
+    assert deformation.weights_out.grad is not None
+    assert deformation.weights_out.grad.abs().min() > 0
+
+
+def test_offsets_are_each_latent_times_the_embedding_in_their_units() -> None:
+    gaussians = canonical(6, 3, torch.float64)
+    deformation = random_deformation(gaussians, 2, torch.float64)
+    p = torch.tensor([0.3, -0.8], dtype=torch.float64)
+    offsets = flat(deformation.offsets(gaussians, p))
+    settings, latent, columns = TrainingSettings(), 5, 14
+    units = [settings.mean_offset, settings.log_scale_offset, settings.quat_offset, settings.opacity_offset]
+    column_units = [units[0]] * 3 + [units[1]] * 3 + [units[2]] * 4 + [units[3]] + [settings.color_offset] * 3
+    for i in range(6):
+        for c in range(columns):
+            expected = 0.0
+            for mode in range(latent):
+                row = mode * columns + c
+                hidden = deformation.weights_in @ p + deformation.biases_in
+                hidden = hidden / (1.0 + torch.exp(-hidden))
+                value = float(deformation.weights_out[row] @ hidden + deformation.biases_out[row])
+                expected += float(deformation.latents[i, mode]) * value
+            assert float(offsets[i, c]) == pytest.approx(expected * column_units[c], rel=1e-6)
+
+
+def test_gradients_agree_with_finite_differences() -> None:
+    gaussians = canonical(4, 3, torch.float64)
+    deformation = random_deformation(gaussians, 3, torch.float64)
+    names = list(deformation.tensors())
+
+    def offsets(parameters: torch.Tensor, *tensors: torch.Tensor) -> torch.Tensor:
+        moved = BilinearDeformation(**dict(zip(names, tensors, strict=True)), units=deformation.units)
+        return flat(moved.offsets(gaussians, parameters))
+
+    inputs = [torch.tensor([0.1, -0.5, 0.9], dtype=torch.float64), *deformation.tensors().values()]
+    assert torch.autograd.gradcheck(offsets, [tensor.requires_grad_() for tensor in inputs])
+
+
+def test_it_survives_being_saved() -> None:
+    gaussians = canonical(5, 12)
+    deformation = random_deformation(gaussians, 2, torch.float32)
+    loaded = load_deformation(deformation.kind, deformation.tensors(), deformation.record())
+    p = torch.tensor([0.2, 0.4])
+    torch.testing.assert_close(flat(loaded.offsets(gaussians, p)), flat(deformation.offsets(gaussians, p)), rtol=0, atol=0)
+
+
+def test_an_unknown_kind_is_named() -> None:
+    with pytest.raises(ValueError, match="unknown deformation 'warp'"):
+        load_deformation("warp", {}, {})
