@@ -6,7 +6,6 @@ import contextlib
 import fcntl
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +15,9 @@ import safetensors
 import safetensors.torch
 from torch import Tensor
 
+from catalogs import durable
 from catalogs.appearance import appearance_to_json
-from catalogs.catalog import Catalog
+from catalogs.catalog import Catalog, Member
 from surrogate.settings import TrainingSettings
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -35,7 +35,7 @@ class Checkpoint:
         """Replace the checkpoint in `directory` atomically; one file, so that its parts can't disagree."""
         tensors = {name: tensor.detach().contiguous() for name, tensor in self.tensors.items()}
         metadata = {"record": json.dumps(self.record)}
-        write_atomically(directory / CHECKPOINT, safetensors.torch.save(tensors, metadata))
+        durable.replace(directory / CHECKPOINT, safetensors.torch.save(tensors, metadata))
 
     @classmethod
     def load(cls, directory: Path) -> Checkpoint | None:
@@ -51,25 +51,6 @@ class Checkpoint:
             raise ValueError(f"{path} is not a checkpoint ({error}): delete it to train anew") from error
 
 
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to `path`: readers see the old file or the new one, never a part, even after a crash."""
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
-
-
 @contextlib.contextmanager
 def locked(directory: Path) -> Iterator[None]:
     """Hold `directory` for one training run; raises RuntimeError where another process trains there."""
@@ -78,6 +59,7 @@ def locked(directory: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise RuntimeError(f"another process is training in {directory}: wait for it or stop it") from None
+        durable.remove_abandoned(directory)
         yield
 
 
@@ -87,22 +69,22 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
     appearance = settings.appearance or plan.appearances[0].name
     values = {
         "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},
-        "space": plan.space.to_json(),
+        "plan": {k: v for k, v in plan.to_json().items() if k not in ("appearances", "provenance")},
         "appearances": [appearance_to_json(a) for a in plan.appearances if a.name == appearance],
-        "bounds": plan.bounds,
-        "background": plan.background,
-        "members": [
-            {
-                "name": member.name,
-                "parameters": dict(member.parameters),
-                "split": member.split,
-                "views": list(member.view_splits),
-                "cameras": [camera.to_json() for camera in member.cameras],
-                "bytes": [
-                    catalog.image_path(member, appearance, view).stat().st_size for view in range(len(member.cameras))
-                ],
-            }
-            for member in catalog.members
-        ],
+        "members": [_identity(catalog, member, appearance) for member in catalog.members],
     }
-    return hashlib.sha256(json.dumps(values, sort_keys=True, default=list).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def _identity(catalog: Catalog, member: Member, appearance: str) -> dict[str, Any]:
+    """What makes a member's images what they are, as far as can be told without reading them."""
+    paths = [catalog.image_path(member, appearance, view) for view in range(len(member.cameras))]
+    own = member.cameras is not catalog.plan.cameras
+    return {
+        "name": member.name,
+        "parameters": dict(member.parameters),
+        "split": member.split,
+        "views": list(member.view_splits),
+        "cameras": [camera.to_json() for camera in member.cameras] if own else None,
+        "bytes": [path.stat().st_size for path in paths],
+    }

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -17,13 +18,15 @@ from catalogs.catalog import Catalog, Member
 from surrogate.gaussians import Normalization
 
 
-@dataclass(frozen=True, eq=False)
-class ImageRow:
-    """One image of a catalog: member `name`, view number, and its row's split."""
+class ImageRow(NamedTuple):
+    """One image of a catalog, whichever the appearance."""
 
     member: Member
     view: int
-    split: str
+
+    @property
+    def split(self) -> str:
+        return self.member.row_split(self.view)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,18 +49,9 @@ class Example:
         return torch.from_numpy(self.pixels).to(torch.float32).mul_(1.0 / 255.0)
 
 
-def row_split(member_split: str, view_split: str) -> str:
-    """The split of one image: test where member or view is test, else validation where either is, else train."""
-    return next((s for s in ("test", "validation") if s in (member_split, view_split)), "train")
-
-
 def rows(catalog: Catalog) -> list[ImageRow]:
     """Every image of one appearance, in the order of members and views."""
-    return [
-        ImageRow(member, view, row_split(member.split, split))
-        for member in catalog.members
-        for view, split in enumerate(member.view_splits)
-    ]
+    return [ImageRow(member, view) for member in catalog.members for view in range(len(member.cameras))]
 
 
 def training_rows(catalog: Catalog) -> list[ImageRow]:
@@ -84,17 +78,14 @@ def load_examples(
     catalog: Catalog, appearance: str, wanted: Sequence[ImageRow], normalization: Normalization
 ) -> list[Example]:
     """The images of `wanted` rows, decoded in parallel, (len(wanted)) examples in order."""
-    cameras: dict[tuple[str, int], Camera] = {}
-    parameters = {
-        row.member.name: torch.from_numpy(catalog.plan.space.normalize(_values(catalog, row.member))).to(torch.float32)
-        for row in wanted
-    }
-    for row in wanted:
-        cameras[row.member.name, row.view] = normalization.camera(row.member.cameras[row.view])
+    names = {row.member.name: row.member for row in wanted}
+    parameters = {name: _parameters(catalog, member) for name, member in names.items()}
+    views = {id(camera): camera for row in wanted for camera in (row.member.cameras[row.view],)}  # most are shared
+    cameras = {key: normalization.camera(camera) for key, camera in views.items()}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        pixels: Iterable[NDArray[np.uint8]] = pool.map(lambda row: _pixels(catalog, appearance, row), wanted)
+        pixels = pool.map(lambda row: _pixels(catalog, appearance, row), wanted)
         return [
-            Example(cameras[row.member.name, row.view], parameters[row.member.name], image)
+            Example(cameras[id(row.member.cameras[row.view])], parameters[row.member.name], image)
             for row, image in zip(wanted, pixels, strict=True)
         ]
 
@@ -117,5 +108,6 @@ def _pixels(catalog: Catalog, appearance: str, row: ImageRow) -> NDArray[np.uint
     return image if catalog.plan.background is None else np.ascontiguousarray(image[..., :3])
 
 
-def _values(catalog: Catalog, member: Member) -> NDArray[np.float64]:
-    return np.array([member.parameters[name] for name in catalog.plan.space.names], dtype=np.float64)  # [P]
+def _parameters(catalog: Catalog, member: Member) -> Tensor:
+    values = [member.parameters[name] for name in catalog.plan.space.names]  # [P]
+    return torch.from_numpy(catalog.plan.space.normalize(values)).to(torch.float32)

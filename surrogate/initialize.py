@@ -24,13 +24,23 @@ class Points:
     colors: NDArray[np.float64] | None  # [M, 3]
 
 
-def sampled_points(catalog: Catalog, appearance: str, normalization: Normalization) -> Points | None:
-    """The points of all training members' summaries, or None where the catalog has none.
+def initial_points(
+    settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
+) -> Points | None:
+    """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
 
-    Their colours are those of the transfer function, where `appearance` has one.
+    Their colours are those of the transfer function, where `appearance` has one.  Raises ValueError where
+    `settings.initialization` is "in-situ" and the catalog has no points.
     """
+    if settings.initialization == "random":
+        return None
     summaries = [m.summary() for m in catalog.members if m.split == "train"]
     kept = [s for s in summaries if s is not None and len(s.points)]
+    if not kept and settings.initialization == "in-situ":
+        raise ValueError(
+            'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
+            'set it to "auto" or "random"'
+        )
     if not kept:
         return None
     places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
@@ -50,18 +60,11 @@ def initial_gaussians(
     box : (2, 3), low and high corner of the volume in normalized coordinates.
     points : where to put them; None puts them uniformly in the box.
     color : (3,), straight RGB of a Gaussian whose point has no colour of its own.
-
-    Raises ValueError where `settings.initialization` is "in-situ" and there are no points.
     """
-    if settings.initialization == "in-situ" and points is None:
-        raise ValueError(
-            'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
-            'set it to "auto" or "random"'
-        )
     count, random = settings.gaussians, generator(settings.seed, "initialization")
     spacing = float(np.prod(box[1] - box[0]) / count) ** (1.0 / 3.0) or float((box[1] - box[0]).max()) / count
     colors = np.broadcast_to(color, (count, 3))  # [N, 3]
-    if points is None or settings.initialization == "random":
+    if points is None:
         places = random.uniform(box[0], box[1], (count, 3))  # [N, 3]
     else:
         chosen = random.choice(len(points.places), count, replace=len(points.places) < count)  # [N]

@@ -15,9 +15,9 @@ import safetensors.torch
 import torch
 from numpy.typing import NDArray
 
+from catalogs import durable
 from catalogs.cameras import Camera
 from catalogs.parameters import ParameterSpace
-from surrogate.checkpoints import write_atomically
 from surrogate.deformation import Deformation, load_deformation
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
@@ -129,7 +129,7 @@ class Surrogate:
         tensors = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
         tensors |= {f"deformation.{name}": tensor for name, tensor in self.deformation.tensors().items()}
         content = safetensors.torch.save({name: tensor.detach().contiguous() for name, tensor in tensors.items()})
-        write_atomically(directory / TENSORS, content)
+        durable.replace(directory / TENSORS, content)
         record = {
             "schema": SCHEMA,
             "tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()},
@@ -140,7 +140,7 @@ class Surrogate:
             "background": self.background,
             "training": dict(self.training),
         }
-        write_atomically(directory / RECORD, json.dumps(record, indent=1).encode())
+        durable.replace(directory / RECORD, json.dumps(record, indent=1).encode())
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> Surrogate:

@@ -21,7 +21,7 @@ from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.data import foreground_color, load_examples, training_rows, validation_rows
 from surrogate.deformation import KINDS, Deformation
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialize import initial_gaussians, sampled_points
+from surrogate.initialize import Points, initial_gaussians, initial_points
 from surrogate.interruption import Interruption
 from surrogate.model import Surrogate
 from surrogate.progress import ProgressReport, TrainingProgress
@@ -51,18 +51,18 @@ def train(
     the catalog has nothing to learn from; RuntimeError where another process is training there.
     """
     directory = Path(directory)
+    source = _Source(settings, catalog)
     mark = fingerprint(settings, catalog)
     if Surrogate.exists(directory):
         finished = Surrogate.load(directory)
         _check_mark(finished.training.get("fingerprint"), mark, directory)
         return finished
-    data_source = _Source(settings, catalog)
     directory.mkdir(parents=True, exist_ok=True)
     with locked(directory):
         checkpoint = Checkpoint.load(directory)
         if checkpoint is not None:
             _check_mark(checkpoint.record["fingerprint"], mark, directory)
-        run = _Run(settings, data_source, directory, mark, progress)
+        run = _Run(settings, source, directory, mark, progress)
         surrogate = run.finish(checkpoint)
         surrogate.save(directory)
         (directory / CHECKPOINT).unlink(missing_ok=True)
@@ -77,6 +77,7 @@ class _Source:
     catalog: Catalog
     appearance: str = field(init=False)
     normalization: Normalization = field(init=False)
+    points: Points | None = field(init=False)
 
     def __post_init__(self) -> None:
         names = [a.name for a in self.catalog.plan.appearances]
@@ -84,8 +85,11 @@ class _Source:
         if appearance not in names:
             raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
         training_rows(self.catalog)
+        normalization = Normalization.of_box(self.catalog.plan.bounds)
         object.__setattr__(self, "appearance", appearance)
-        object.__setattr__(self, "normalization", Normalization.of_box(self.catalog.plan.bounds))
+        object.__setattr__(self, "normalization", normalization)
+        points = initial_points(self.settings, self.catalog, appearance, normalization)
+        object.__setattr__(self, "points", points)
 
     def data(self) -> TrainingData:
         """All images that training needs, decoded."""
@@ -100,8 +104,7 @@ class _Source:
         """What stage 1 starts from."""
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
-        points = sampled_points(self.catalog, self.appearance, self.normalization)
-        return initial_gaussians(self.settings, box, points, foreground_color(some, data.background))
+        return initial_gaussians(self.settings, box, self.points, foreground_color(some, data.background))
 
 
 class _Run:

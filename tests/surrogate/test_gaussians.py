@@ -17,10 +17,10 @@ def some_gaussians(count: int, degree: int) -> Gaussians:
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e8])
 def test_a_normalized_camera_sees_normalized_points_where_the_camera_sees_world_points(offset: float) -> None:
     low = np.array([offset, offset + 1.0, offset - 2.0])
-    normalization = Normalization.of_box((low, low + [4.0, 2.0, 1.0]))
+    normalization = Normalization.of_box((low, low + np.array([4.0, 2.0, 1.0])))
     random = np.random.default_rng(1)
     world = low + random.random((20, 3)) * [4.0, 2.0, 1.0]
-    camera = Camera.look_at(low + [9.0, 7.0, 5.0], low + 1.0, vertical_fov_degrees=30, width=64, height=48)
+    camera = Camera.look_at(low + np.array([9.0, 7.0, 5.0]), low + 1.0, vertical_fov_degrees=30, width=64, height=48)
     expected, depths = camera.project(world)
     pixels, normalized_depths = normalization.camera(camera).project(normalization.points(world))
     # float64 itself resolves 6e-8 at 3e8, which is 1e-6 pixels here

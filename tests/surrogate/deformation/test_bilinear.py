@@ -78,7 +78,9 @@ def test_it_survives_being_saved() -> None:
     deformation = random_deformation(gaussians, 2, torch.float32)
     loaded = load_deformation(deformation.kind, deformation.tensors(), deformation.record())
     p = torch.tensor([0.2, 0.4])
-    torch.testing.assert_close(flat(loaded.offsets(gaussians, p)), flat(deformation.offsets(gaussians, p)), rtol=0, atol=0)
+    torch.testing.assert_close(
+        flat(loaded.offsets(gaussians, p)), flat(deformation.offsets(gaussians, p)), rtol=0, atol=0
+    )
 
 
 def test_an_unknown_kind_is_named() -> None:

@@ -1,0 +1,137 @@
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from catalogs.cameras import Camera
+from catalogs.parameters import Parameter, ParameterSpace
+from surrogate import Surrogate
+from surrogate.deformation import BilinearDeformation
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.splatting import render
+
+CENTER, EXTENT = np.array([1e6, -2e6, 5.0]), 40.0
+CAMERA = Camera.look_at(CENTER + np.array([90.0, 120.0, 60.0]), CENTER, vertical_fov_degrees=35, width=24, height=20)
+
+
+def some_surrogate(color_columns: int = 3) -> Surrogate:
+    torch.manual_seed(3)
+    shapes = ((30, 3), (30, 3), (30, 4), (30,), (30, color_columns))
+    means, log_scales, quats, logits, colors = (torch.randn(shape) for shape in shapes)
+    gaussians = Gaussians(0.4 * means, 0.2 * log_scales - 1.6, quats, logits, colors.sigmoid())
+    deformation = BilinearDeformation.create(gaussians, 2, TrainingSettings(latent_size=4, hidden_width=8))
+    torch.nn.init.normal_(deformation.weights_out, std=0.3)
+    space = ParameterSpace((Parameter("Re", 1500.0, 2500.0), Parameter("time", 0.0, 2.0, "s")))
+    return Surrogate(
+        gaussians, deformation, space, Normalization(CENTER, EXTENT), Rasterizer(backend="reference"), (1.0, 0.5, 0.0)
+    )
+
+
+def test_a_saved_surrogate_draws_the_same_pictures(tmp_path: Path) -> None:
+    surrogate = some_surrogate(color_columns=12)
+    surrogate.save(tmp_path / "model")
+    loaded = Surrogate.load(tmp_path / "model")
+    expected = surrogate.at(Re=1830.0, time=0.4).render(CAMERA)
+    np.testing.assert_array_equal(loaded.at(Re=1830.0, time=0.4).render(CAMERA), expected)
+    assert loaded.background == (1.0, 0.5, 0.0)
+    assert expected[..., 3].max() > 0.2
+    assert sorted(path.name for path in (tmp_path / "model").iterdir()) == ["model.json", "model.safetensors"]
+
+
+def test_what_is_drawn_is_what_the_world_units_say() -> None:
+    deformed = some_surrogate().at(Re=2500.0, time=2.0)
+    shifted = np.eye(4)
+    shifted[:3, :3] = CAMERA.rotation
+    shifted[:3, 3] = CAMERA.rotation @ CENTER + CAMERA.world_to_camera[:3, 3]
+    near = Camera(shifted, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height)
+    drawn = render(
+        torch.from_numpy(deformed.means - CENTER).float(),
+        torch.from_numpy(deformed.scales).float(),
+        deformed.gaussians.quats,
+        torch.from_numpy(deformed.opacities),
+        deformed.gaussians.colors,
+        near,
+        near=deformed.rasterizer.near * EXTENT,
+        dilation=deformed.rasterizer.dilation,
+        alpha_floor=deformed.rasterizer.alpha_floor,
+        backend="reference",
+    )
+    picture = deformed.render(CAMERA)
+    assert picture.shape == (20, 24, 4)
+    assert picture.dtype == np.float32
+    np.testing.assert_allclose(picture[..., 3], drawn.alpha.numpy(), atol=2e-4)
+    np.testing.assert_allclose(picture[..., :3], drawn.color.numpy().clip(0, 1), atol=2e-4)
+
+
+def test_a_background_makes_it_opaque() -> None:
+    deformed = some_surrogate().at(Re=1500.0, time=1.0)
+    clear, opaque = deformed.render(CAMERA), deformed.render(CAMERA, background=(0.0, 0.5, 1.0))
+    assert (opaque[..., 3] == 1.0).all()
+    np.testing.assert_allclose(opaque[..., :3], clear[..., :3] + (1 - clear[..., 3:]) * [0.0, 0.5, 1.0], atol=1e-6)
+
+
+def test_parameters_move_the_gaussians() -> None:
+    surrogate = some_surrogate()
+    low, high = surrogate.at(Re=1500.0, time=0.0), surrogate.at(Re=2500.0, time=0.0)
+    assert np.abs(low.means - high.means).max() > 1e-3 * EXTENT
+    np.testing.assert_array_equal(surrogate.at(time=0.0, Re=1500.0).means, low.means)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({"Re": 1600.0}, r"missing \['time'\]"),
+        ({"Re": 1600.0, "time": 1.0, "Ma": 0.1}, r"unknown \['Ma'\]"),
+        ({"re": 1600.0, "time": 1.0}, r"missing \['Re'\], unknown \['re'\]"),
+        ({"Re": math.nan, "time": 1.0}, "Re must be finite"),
+    ],
+)
+def test_wrong_parameters_are_named(parameters: dict[str, float], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        some_surrogate().at(**parameters)
+
+
+def test_extrapolation_warns() -> None:
+    with pytest.warns(UserWarning, match=r"Re = 2600 lies outside its bounds \[1500, 2500\]"):
+        some_surrogate().at(Re=2600.0, time=1.0)
+
+
+def test_printing_shows_what_it_is() -> None:
+    surrogate = some_surrogate()
+    assert repr(surrogate) == ("<Surrogate of Re 1500..2500, time 0..2 s: 30 Gaussians, bilinear deformation, 0.0 MB>")
+    assert repr(surrogate.at(Re=1830.0, time=1.0)) == "<DeformedGaussians at Re=1830, time=1: 30 Gaussians>"
+
+
+def test_a_missing_surrogate_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="no trained surrogate in"):
+        Surrogate.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("damage", "complaint"),
+    [
+        (lambda record, folder: record.update(schema=99), "its schema is 99, this version reads up to"),
+        (lambda record, folder: record.pop("normalization"), "lacks 'normalization'"),
+        (lambda record, folder: record["deformation"].update(kind="warp"), "unknown deformation 'warp'"),
+        (lambda record, folder: (folder / "model.safetensors").write_bytes(b"half"), "is damaged: train anew"),
+        (lambda record, folder: (folder / "model.safetensors").unlink(), "model.safetensors"),
+    ],
+)
+def test_damaged_files_are_named(tmp_path: Path, damage: object, complaint: str) -> None:
+    some_surrogate().save(tmp_path)
+    record = json.loads((tmp_path / "model.json").read_text())
+    damage(record, tmp_path)  # type: ignore[operator]
+    (tmp_path / "model.json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=complaint):
+        Surrogate.load(tmp_path)
+
+
+def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
+    (tmp_path / "model.json").write_text("{")
+    with pytest.raises(ValueError, match=r"model\.json can't be read"):
+        Surrogate.load(tmp_path)

@@ -1,0 +1,257 @@
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.catalog import Catalog
+from surrogate import Surrogate, TrainingProgress, TrainingSettings, train
+from tests.surrogate.blobs import Blobs
+
+QUICK = TrainingSettings(
+    gaussians=60, canonical_steps=15, deformation_steps=25, validation_interval=10, relocation_interval=5
+)
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+def decibels(surrogate: Surrogate, blobs: Blobs, p: float) -> float:
+    """Mean PSNR on white over views that no member was seen from."""
+    scores = []
+    for camera in blobs.cameras(2)[12::5]:
+        truth, picture = blobs.picture(p, camera), surrogate.at(p=p).render(camera)
+        on_white = [image[..., :3] + 1.0 - image[..., 3:] for image in (truth, picture)]
+        scores.append(-10.0 * np.log10(np.mean((on_white[0] - on_white[1].clip(0, 1)) ** 2)))
+    return float(np.mean(scores))
+
+
+def test_unseen_parameters_and_views_are_recovered(make_catalog, tmp_path: Path) -> None:
+    blobs = Blobs()
+    members = [("train", p) for p in (0.0, 0.25, 0.5, 0.75, 1.0)] + [("validation", 0.6)]
+    catalog = make_catalog(blobs, members=members, view_splits=("train",) * 12)
+    settings = TrainingSettings(gaussians=150, canonical_steps=400, deformation_steps=1200)
+    surrogate = train(settings, catalog, tmp_path / "surrogate")
+    canonical = Surrogate.load(tmp_path / "surrogate").training["curve"][0]
+    assert decibels(surrogate, blobs, 0.4) > 28.0
+    assert surrogate.training["curve"][-1]["psnr"] > canonical["psnr"] + 4.0
+
+
+def test_a_finished_run_has_nothing_to_do(make_catalog, tmp_path: Path) -> None:
+    catalog, seen = make_catalog(), []
+    first = train(QUICK, catalog, tmp_path / "surrogate")
+    before = contents(tmp_path / "surrogate")
+    again = train(QUICK, catalog, tmp_path / "surrogate", progress=seen.append)
+    assert seen == []
+    assert contents(tmp_path / "surrogate") == before
+    assert again.training["curve"] == first.training["curve"]
+
+
+def test_progress_says_where_training_stands(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("surrogate.training.REPORT_SECONDS", 0.0)
+    seen: list[TrainingProgress] = []
+    catalog = make_catalog(members=(("train", 0.0), ("train", 1.0), ("validation", 0.5)))
+    train(QUICK, catalog, tmp_path / "surrogate", progress=seen.append)
+    steps = [progress.step for progress in seen]
+    assert steps == sorted(steps)
+    assert {progress.stage for progress in seen} == {"loading", "canonical", "deformation"}
+    last = seen[-1]
+    assert last.step == last.steps == 40
+    assert last.rate > 0
+    assert last.seconds_left == 0
+    assert last.psnr is not None
+    assert "40 / 40" in str(last)
+    assert "steps/s" in str(last)
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_other_settings_or_data_are_refused_and_nothing_changes(make_catalog, tmp_path: Path, finished: bool) -> None:
+    catalog, folder = make_catalog(), tmp_path / "surrogate"
+    if finished:
+        train(QUICK, catalog, folder)
+    else:
+        interrupt_after(20, QUICK, catalog, folder)
+    before = contents(folder)
+    other = make_catalog(members=(("train", 0.0), ("train", 0.9)), name="other.cdb")
+    for settings, data in ((TrainingSettings(gaussians=61), catalog), (QUICK, other)):
+        with pytest.raises(ValueError, match="delete or rename that folder"):
+            train(settings, data, folder)
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {"members": (("train", 0.5),)},
+        {"members": (("train", 0.5),), "view_splits": ("train",)},
+        {"blank": True},
+        {"background": (1.0, 1.0, 1.0)},
+        {"background": (0.2, 0.0, 0.4), "blank": True},
+    ],
+    ids=["one member", "one view of one member", "empty images", "opaque images", "opaque empty images"],
+)
+@pytest.mark.parametrize("color_degree", [0, 1])
+def test_the_smallest_ensembles_train(make_catalog, tmp_path: Path, case: dict, color_degree: int) -> None:
+    catalog = make_catalog(**case)
+    settings = TrainingSettings(**QUICK.to_json() | {"color_degree": color_degree})
+    surrogate = train(settings, catalog, tmp_path / "surrogate")
+    picture = surrogate.at(p=0.5).render(catalog.members[0].cameras[0])
+    assert np.isfinite(picture).all()
+    assert np.isfinite([point["loss"] for point in surrogate.training["curve"]]).all()
+
+
+def test_an_ensemble_without_a_deformation_stage_is_static(make_catalog, tmp_path: Path) -> None:
+    settings = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 0})
+    surrogate = train(settings, make_catalog(), tmp_path / "surrogate")
+    camera = Blobs().cameras()[0]
+    np.testing.assert_array_equal(surrogate.at(p=0.0).render(camera), surrogate.at(p=1.0).render(camera))
+
+
+def test_a_constant_parameter_does_no_harm(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog(members=(("train", 0.5), ("validation", 0.5001)))
+    surrogate = train(QUICK, catalog, tmp_path / "surrogate")
+    assert np.isfinite(surrogate.at(p=0.0).means).all()
+
+
+def test_a_world_far_from_the_origin_is_learnt_alike(make_catalog, tmp_path: Path) -> None:
+    near = make_catalog(Blobs(), name="near.cdb")
+    far = make_catalog(Blobs(origin=(1e6, -2e6, 3e5), unit=50.0), name="far.cdb")
+    a, b = (train(QUICK, c, tmp_path / n) for c, n in ((near, "a"), (far, "b")))
+    assert a.training["curve"][-1]["loss"] == pytest.approx(b.training["curve"][-1]["loss"], rel=0.02)
+    np.testing.assert_allclose(b.at(p=0.5).means.mean(0), [1e6, -2e6, 3e5], atol=25.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"appearance": "isosurface"}, r"must be one of the catalog's \['drawn'\], got 'isosurface'"),
+        ({"initialization": "in-situ"}, "no training member of this catalog has sampled points"),
+    ],
+)
+def test_what_the_catalog_lacks_is_named(make_catalog, tmp_path: Path, settings: dict, complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        train(TrainingSettings.from_table(settings), make_catalog(), tmp_path / "surrogate")
+
+
+def test_a_catalog_without_training_images_changes_nothing(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog(members=(("test", 0.5),))
+    with pytest.raises(ValueError, match="holds no training images"):
+        train(QUICK, catalog, tmp_path / "surrogate")
+    assert not (tmp_path / "surrogate").exists()
+
+
+def test_two_processes_never_train_in_one_folder(make_catalog, tmp_path: Path) -> None:
+    catalog, folder = make_catalog(), tmp_path / "surrogate"
+    long = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 100_000})
+    process = start(long, catalog, folder)
+    try:
+        wait_for_checkpoint(folder, process)
+        with pytest.raises(RuntimeError, match="another process is training"):
+            train(long, catalog, folder)
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, -signal.SIGINT), (signal.SIGTERM, 128 + signal.SIGTERM)])
+def test_an_interrupted_run_goes_on_where_it_stopped(make_catalog, tmp_path: Path, number: int, code: int) -> None:
+    catalog, folder = make_catalog(), tmp_path / "surrogate"
+    settings = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 400, "checkpoint_seconds": 1e6})
+    process = start(settings, catalog, folder, announce=True)
+    assert process.stdout is not None
+    process.stdout.readline()
+    process.send_signal(number)
+    assert process.wait(timeout=60) == code
+    assert (folder / "checkpoint.safetensors").exists()
+    resumed = train(settings, catalog, folder)
+    undisturbed = train(settings, catalog, tmp_path / "undisturbed")
+    assert outcome(folder) == outcome(tmp_path / "undisturbed")
+    assert resumed.training["seconds"] > 0
+    assert undisturbed.training["steps"] == 415
+
+
+def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(make_catalog, tmp_path: Path) -> None:
+    catalog, folder = make_catalog(), tmp_path / "surrogate"
+    settings = TrainingSettings(
+        **QUICK.to_json() | {"canonical_steps": 60, "deformation_steps": 120, "checkpoint_seconds": 0.002}
+    )
+    train(settings, catalog, tmp_path / "undisturbed")
+    chance, kills = random.Random(1), 0
+    while not Surrogate.exists(folder) and kills < 40:
+        process = start(settings, catalog, folder, announce=True)
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(chance.uniform(0.0, 0.15))
+        process.send_signal(signal.SIGKILL)
+        kills += process.wait() == -signal.SIGKILL
+        assert [path.name for path in folder.glob("*.safetensors")] != []
+        if kills == 4:
+            break
+    train(settings, catalog, folder)
+    assert kills >= 2
+    assert outcome(folder) == outcome(tmp_path / "undisturbed")
+    assert sorted(path.name for path in folder.glob("[!.]*")) == ["model.json", "model.safetensors"]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def outcome(folder: Path) -> tuple[bytes, list[dict]]:
+    """Everything that a run ends with, but for the time it took."""
+    curve = json.loads((folder / "model.json").read_text())["training"]["curve"]
+    return (folder / "model.safetensors").read_bytes(), [{**point, "seconds": None} for point in curve]
+
+
+def start(
+    settings: TrainingSettings, catalog: Catalog, folder: Path, *, announce: bool = False
+) -> subprocess.Popen[str]:
+    """Train in another process; with `announce` it writes a line when its steps begin."""
+    program = (
+        "import sys, json\n"
+        "import surrogate.training\n"
+        "from catalogs.catalog import Catalog\n"
+        "from surrogate import TrainingSettings, train\n"
+        "surrogate.training.REPORT_SECONDS = 0.01\n"
+        "said = []\n"
+        "def tell(progress):\n"
+        "    if progress.stage != 'loading' and not said:\n"
+        "        said.append(print('training', flush=True))\n"
+        "settings = TrainingSettings.from_table(json.loads(sys.argv[1]))\n"
+        "train(settings, Catalog.open(sys.argv[2]), sys.argv[3], progress=tell)\n"
+    )
+    arguments = [json.dumps(settings.to_json()), str(catalog.path), str(folder)]
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        cwd=PROJECT,
+        stdout=subprocess.PIPE if announce else None,
+        text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+
+
+def wait_for_checkpoint(folder: Path, process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + 60
+    while not (folder / ".lock").exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(0.2)
+
+
+def interrupt_after(steps: int, settings: TrainingSettings, catalog: Catalog, folder: Path) -> None:
+    """Train for a while in this process, then press Ctrl-C."""
+    raised = []
+
+    def press(progress: TrainingProgress) -> None:
+        if progress.step >= steps and not raised:
+            raised.append(os.kill(os.getpid(), signal.SIGINT))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("surrogate.training.REPORT_SECONDS", 0.0)
+        with pytest.raises(KeyboardInterrupt):
+            train(settings, catalog, folder, progress=press)
