@@ -181,7 +181,7 @@ def _some(holes: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
 def _triple(name: str, value: ArrayLike) -> Triple:
     numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if np.ndim(value) == 0 else np.asarray(value)
     if numbers.shape != (3,) or not np.isfinite(numbers.astype(np.float64)).all():
-        raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value}")
+        raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
     x, y, z = map(float, numbers)
     return x, y, z
 

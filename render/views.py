@@ -7,16 +7,21 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, VolumeRendering
+from catalogs.appearance import Appearance, Isosurface, VolumeRendering
 from catalogs.cameras import Camera
 from render.grids import Grid
+from render.isosurface import IsosurfaceRenderer
 from render.volume import VolumeRenderer
 
 
-def renderer(grid: Grid, appearance: Appearance, *, sample_distance: float | None = None) -> VolumeRenderer:
+def renderer(
+    grid: Grid, appearance: Appearance, *, sample_distance: float | None = None
+) -> VolumeRenderer | IsosurfaceRenderer:
     """An open renderer (a context manager with `render(camera)`) of `grid` under `appearance`."""
     if isinstance(appearance, VolumeRendering):
         return VolumeRenderer(grid, appearance, sample_distance=sample_distance)
+    if isinstance(appearance, Isosurface):
+        return IsosurfaceRenderer(grid, appearance)
     raise TypeError(f"{type(appearance).__name__} {appearance.name!r} cannot be rendered from a field")
 
 

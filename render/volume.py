@@ -11,22 +11,24 @@ from numpy.typing import NDArray
 from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.cameras import Camera
 from render.grids import Grid
-from render.window import Window, aim, clipping_range, open_window
+from render.placement import Placement
+from render.shaders import replacements
+from render.window import Window, aim, open_window
 
-# VTK's stock shader takes its first sample a whole step inside the volume; the midpoint rule wants half a step.
-HALF_STEP = ("//VTK::Base::Init", "//VTK::Base::Init\n  g_rayOrigin -= 0.5 * g_dirStep;\n")
+FARTHEST = 1e6  # widths of the transfer function
 
 
 class VolumeRenderer:
     """Pictures of one field under one transfer function: upload once, draw many views, free on exit.
 
+    VTK draws the volume's box and holds its texture; the ray-caster's inner loop is `render.shaders`.
+
     Parameters
     ----------
-    sample_distance : distance between samples along a ray, world units; by default half the smallest spacing.
-    half_step : sample at the middle of each step (midpoint rule) instead of at its end as stock VTK does.
+    sample_distance : longest distance between samples along a ray, world units (each ray is cut into equal
+        steps no longer than this); by default half the smallest spacing.
 
-    Values are clamped to the transfer function's range and mapped to [0, 1] before VTK sees them, because its
-    lookup tables span the range of the data and lose the transfer function in data far wider than it.
+    Shaded volumes are lit by a headlight at the eye, two-sided, by central differences of the field.
     """
 
     def __init__(
@@ -35,21 +37,21 @@ class VolumeRenderer:
         appearance: VolumeRendering,
         *,
         sample_distance: float | None = None,
-        half_step: bool = True,
         window: Window | None = None,
     ) -> None:
         distance = default_sample_distance(grid) if sample_distance is None else float(sample_distance)
         if not (np.isfinite(distance) and distance > 0):
             raise ValueError(f"sample_distance must be a positive length in world units, got {sample_distance}")
         self.sample_distance = distance
-        self._bounds = grid.bounds
+        self._placement = Placement.of(grid)
         self._window = window or open_window()
-        self._renderer = _volume_scene(grid, appearance, distance, half_step)
+        self._renderer = _volume_scene(grid, appearance, self._placement, distance)
         self._window.add(self._renderer)
 
     def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
         """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
-        aim(self._renderer, camera, *clipping_range(camera, self._bounds))
+        local = self._placement.camera(camera)
+        aim(self._renderer, local, *self._placement.clipping_range(local))
         return self._window.draw(self._renderer, camera.width, camera.height, float_output=float_output)
 
     def close(self) -> None:
@@ -72,63 +74,66 @@ def default_sample_distance(grid: Grid) -> float:
     return 0.5 * min(grid.spacing)
 
 
-def _volume_scene(grid: Grid, appearance: VolumeRendering, distance: float, half_step: bool) -> Any:
+def _volume_scene(grid: Grid, appearance: VolumeRendering, placement: Placement, distance: float) -> Any:
     from vtkmodules.vtkRenderingCore import vtkRenderer, vtkVolume
     from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 
     mapper = vtkOpenGLGPUVolumeRayCastMapper()
-    mapper.SetInputData(image_data(_normalized(grid.values, appearance.transfer_function), grid))
+    mapper.SetInputData(image_data(texture_values(grid, appearance.transfer_function), placement))
     mapper.SetAutoAdjustSampleDistances(False)
     mapper.SetLockSampleDistanceToInputSpacing(False)
     mapper.SetUseJittering(False)
-    mapper.SetSampleDistance(distance)
+    mapper.SetSampleDistance(distance / placement.scale)
     volume = vtkVolume()
     volume.SetMapper(mapper)
-    volume.SetProperty(_volume_property(appearance))
-    if half_step:
-        volume.GetShaderProperty().AddFragmentShaderReplacement(HALF_STEP[0], True, HALF_STEP[1], False)
+    volume.SetProperty(_plain_property(appearance.shaded))
+    shader = volume.GetShaderProperty()
+    code = replacements(
+        appearance.transfer_function, placement.scale, shaded=appearance.shaded, holes=grid.holes is not None
+    )
+    for tag, replacement in code.items():
+        shader.AddFragmentShaderReplacement(tag, True, replacement, False)
     renderer = vtkRenderer()
     renderer.AddVolume(volume)
     return renderer
 
 
-def _volume_property(appearance: VolumeRendering) -> Any:
+def _plain_property(shaded: bool) -> Any:
+    """Linear interpolation; the colours are the shader's, but VTK wants a transfer function to exist."""
     from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
     from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumeProperty
 
-    transfer = appearance.transfer_function
-    low, high = transfer.bounds
-    colors, opacities = vtkColorTransferFunction(), vtkPiecewiseFunction()
-    for value, *rgb in transfer.color_points:
-        colors.AddRGBPoint((value - low) / (high - low), *rgb)
-    for value, opacity in transfer.opacity_points:
-        opacities.AddPoint((value - low) / (high - low), opacity)
     form = vtkVolumeProperty()
-    form.SetColor(colors)
-    form.SetScalarOpacity(opacities)
-    form.SetScalarOpacityUnitDistance(transfer.opacity_unit_distance)
+    form.SetColor(vtkColorTransferFunction())
+    form.SetScalarOpacity(vtkPiecewiseFunction())
     form.SetInterpolationTypeToLinear()
-    form.SetShade(appearance.shaded)
+    form.SetShade(shaded)
     return form
 
 
-def _normalized(values: NDArray[np.float32], transfer: TransferFunction) -> NDArray[np.float32]:
-    """`values` with the transfer function's range mapped to [0, 1], and clamped to it."""
+def texture_values(grid: Grid, transfer: TransferFunction) -> NDArray[np.float32]:
+    """Samples (nz, ny, nx, 1 or 2) as `render.shaders.replacements` expects them.
+
+    The transfer function's bounds become 0 and 1.  Values beyond them stay beyond, because interpolation comes
+    before clamping, but no further than `FARTHEST`, so that single precision never overflows in between.
+    """
     low, high = transfer.bounds
-    scaled = np.empty_like(values)
-    for plane, source in zip(scaled, values, strict=True):  # float64 for one plane at a time
-        plane[...] = (np.clip(source.astype(np.float64), low, high) - low) / (high - low)
-    return scaled
+    texture = np.zeros((*grid.shape, 1 if grid.holes is None else 2), dtype=np.float32)
+    for plane, values in zip(texture, grid.values, strict=True):  # float64 for one plane at a time
+        plane[..., 0] = np.clip((values.astype(np.float64) - low) / (high - low), -FARTHEST, FARTHEST)
+    if grid.holes is not None:
+        texture[..., 1] = grid.holes
+    return texture
 
 
-def image_data(values: NDArray[np.float32], grid: Grid) -> Any:
-    """`values` (nz, ny, nx) as a vtkImageData that shares their memory, placed like `grid`."""
+def image_data(values: NDArray[np.float32], placement: Placement) -> Any:
+    """`values` (nz, ny, nx, components) as a vtkImageData that shares their memory, in the unit sphere."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkImageData
 
     image = vtkImageData()
-    image.SetDimensions(*values.shape[::-1])
-    image.SetSpacing(*grid.spacing)
-    image.SetOrigin(*grid.origin)
-    image.GetPointData().SetScalars(numpy_to_vtk(values.reshape(-1)))
+    image.SetDimensions(*values.shape[2::-1])
+    image.SetSpacing(*placement.spacing)
+    image.SetOrigin(*placement.low)
+    image.GetPointData().SetScalars(numpy_to_vtk(values.reshape(-1, values.shape[3])))
     return image

@@ -121,7 +121,7 @@ def open_window() -> Window:
 
 
 def aim(renderer: Any, camera: Camera, near: float, far: float) -> None:
-    """Point the VTK camera of `renderer` like `camera`, with clipping planes at `near` and `far` (world units).
+    """Point the VTK camera of `renderer` like `camera`, with clipping planes at `near` and `far`.
 
     The projection is set as an explicit matrix, so that unequal focal lengths and off-centre principal points
     come out exactly (VTK's `SetWindowCenter` and view angle know neither pixels nor two focal lengths).
@@ -153,16 +153,6 @@ def projection_matrix(camera: Camera, near: float, far: float) -> NDArray[np.flo
             [0.0, 0.0, -1.0, 0.0],
         ]
     )
-
-
-def clipping_range(camera: Camera, bounds: tuple[NDArray[np.float64], NDArray[np.float64]]) -> tuple[float, float]:
-    """(near, far) planes, world units, that enclose the part of the box `bounds` (low (3,), high (3,)) in front."""
-    low, high = bounds
-    corners = np.array([[(low, high)[b >> k & 1][k] for k in range(3)] for b in range(8)])  # [8, 3]
-    depths = camera.project(corners)[1]  # [8]
-    size = float(np.linalg.norm(high - low))
-    far = max(float(depths.max()) + 1e-3 * size, 1e-3 * size)
-    return max(float(depths.min()) - 1e-3 * size, 1e-4 * far), far
 
 
 def _usable_window() -> tuple[Any, str]:
@@ -199,7 +189,7 @@ def _backends() -> list[tuple[str, Any]]:
         from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
         return [("native", vtkRenderWindow)]
-    found = []
+    found: list[tuple[str, Any]] = []
     if _loads("libEGL.so.1"):
         found.append(("EGL", opengl.vtkEGLRenderWindow))
     if any(map(_loads, OSMESA_LIBRARIES)):

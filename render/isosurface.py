@@ -1,0 +1,145 @@
+"""Isosurfaces: extracted once per member, drawn from every view."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.appearance import Isosurface
+from catalogs.cameras import Camera
+from render.grids import Grid
+from render.placement import Placement
+from render.volume import image_data
+from render.window import Window, aim, open_window
+
+SUPERSAMPLING = 2  # pixels are the mean of SUPERSAMPLING**2: cheaper than, and as smooth as, multisampling
+
+# Blinn-Phong with light and eye in one direction (a headlight at the eye), seen from both sides.
+HEADLIGHT = """
+  float facing = abs(dot(normalize(normalVCVSOutput), normalize(vertexVC.xyz)));
+  vec3 shade = ({ambient:.9e} + {diffuse:.9e} * facing) * vec3({red:.9e}, {green:.9e}, {blue:.9e})
+    + vec3({specular:.9e} * pow(facing, {power:.9e}));
+  gl_FragData[0] = vec4(clamp(shade, 0.0, 1.0), 1.0);
+"""
+
+
+class IsosurfaceRenderer:
+    """Pictures of one isosurface: extract once, draw many views, free on exit.
+
+    The surface is the flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central
+    differences; grid cells with a hole at a corner have none.  An empty surface is valid: its pictures are empty.
+    """
+
+    def __init__(self, grid: Grid, appearance: Isosurface, *, window: Window | None = None) -> None:
+        self._placement = Placement.of(grid)
+        surface = extract(grid, appearance.isovalue, self._placement)
+        self.triangles = int(surface.GetNumberOfPolys())
+        self._window = window or open_window()
+        self._renderer = _surface_scene(surface, appearance) if self.triangles else None
+        if self._renderer is not None:
+            self._window.add(self._renderer)
+
+    def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
+        """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
+        if self._renderer is None:
+            return np.zeros((camera.height, camera.width, 4), dtype=np.float32 if float_output else np.uint8)
+        local = self._placement.camera(camera).resized(SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height)
+        aim(self._renderer, local, *self._placement.clipping_range(local))
+        return box_average(self._window.draw(self._renderer, local.width, local.height, float_output=float_output))
+
+    def close(self) -> None:
+        """Free the surface, here and in graphics memory."""
+        if self._renderer is not None:
+            self._window.remove(self._renderer)
+            self._renderer = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def extract(grid: Grid, isovalue: float, placement: Placement) -> Any:
+    """The surface as vtkPolyData: triangles with point normals, in the unit sphere of `placement`."""
+    from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
+
+    contour = vtkFlyingEdges3D()
+    contour.SetInputData(image_data(grid.values[..., None], placement))
+    contour.SetValue(0, isovalue)
+    contour.ComputeNormalsOn()
+    contour.ComputeGradientsOff()
+    contour.ComputeScalarsOff()
+    contour.Update()
+    surface = contour.GetOutput()
+    if grid.holes is not None and surface.GetNumberOfPolys():
+        surface = _without_holes(surface, grid.holes, placement)
+    return surface
+
+
+def box_average(image: NDArray[Any]) -> NDArray[Any]:
+    """`image` [2 H, 2 W, 4] -> [H, W, 4], the mean over 2 x 2 pixels; uint8 is rounded to the nearest."""
+    n = SUPERSAMPLING
+    height, width = image.shape[0] // n, image.shape[1] // n
+    blocks = image.reshape(height, n, width, n, image.shape[2])
+    if image.dtype == np.uint8:
+        total = blocks.sum(axis=(1, 3), dtype=np.uint16)
+        return ((total + n * n // 2) // (n * n)).astype(np.uint8)
+    return blocks.mean(axis=(1, 3), dtype=np.float32)
+
+
+def _without_holes(surface: Any, holes: NDArray[np.bool_], placement: Placement) -> Any:
+    """`surface` without the triangles in grid cells that touch a hole (each triangle lies in one cell)."""
+    from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray, vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+
+    points = vtk_to_numpy(surface.GetPoints().GetData())  # [P, 3]
+    triangles = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 3)  # [T, 3]
+    middles = points[triangles].mean(axis=1, dtype=np.float64)  # [T, 3]
+    cells = ((middles - placement.low) / placement.spacing).astype(np.int64)  # [T, 3] as x, y, z
+    cells = np.clip(cells, 0, np.array(holes.shape[::-1]) - 2)
+    touching = np.zeros(tuple(n - 1 for n in holes.shape), dtype=bool)
+    for corner in range(8):
+        z, y, x = (slice(corner >> k & 1, (corner >> k & 1) + touching.shape[a]) for a, k in ((0, 2), (1, 1), (2, 0)))
+        touching |= holes[z, y, x]
+    kept = triangles[~touching[cells[:, 2], cells[:, 1], cells[:, 0]]]
+    polygons = vtkCellArray()
+    polygons.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(kept, dtype=np.int64).reshape(-1), deep=True))
+    left = vtkPolyData()
+    left.SetPoints(surface.GetPoints())
+    left.SetPolys(polygons)
+    left.GetPointData().SetNormals(surface.GetPointData().GetNormals())
+    return left
+
+
+def _surface_scene(surface: Any, appearance: Isosurface) -> Any:
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkLight, vtkPolyDataMapper, vtkRenderer
+
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputData(surface)
+    mapper.ScalarVisibilityOff()
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    red, green, blue = appearance.color
+    code = HEADLIGHT.format(
+        ambient=appearance.ambient,
+        diffuse=appearance.diffuse,
+        specular=appearance.specular,
+        power=appearance.specular_power,
+        red=red,
+        green=green,
+        blue=blue,
+    )
+    actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
+    light = vtkLight()  # a positional one makes VTK hand positions and normals to the fragment shader
+    light.SetLightTypeToHeadlight()
+    light.PositionalOn()
+    renderer = vtkRenderer()
+    renderer.AddLight(light)
+    renderer.AddActor(actor)
+    return renderer
