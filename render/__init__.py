@@ -9,9 +9,11 @@ _EXPORTS = {
     "Grid": "render.grids",
     "to_grid": "render.grids",
     "render_views": "render.views",
+    "SampleDistance": "render.quality",
+    "choose_sample_distance": "render.quality",
 }
 
-__all__ = ["Grid", "render_views", "to_grid"]
+__all__ = ["Grid", "SampleDistance", "choose_sample_distance", "render_views", "to_grid"]
 
 
 def __getattr__(name: str) -> Any:
