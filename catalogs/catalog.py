@@ -4,6 +4,7 @@
           catalog.json                   what a table can't hold: parameter space, cameras, appearances, conventions
           members/<name>/member.json     parameters, split, provenance
                          rows.csv        its part of the table
+                         cameras.json    its own cameras, where they are not shared
                          field.npz       the field's summary
                          <appearance>/<view>.png
 
@@ -350,6 +351,9 @@ class Catalog:
             )
         member = writer.member
         durable.write(writer.path / "rows.csv", cinema.format_rows(self._rows(member)).encode())
+        if not self.plan.cameras:
+            cameras = json.dumps([c.to_json() for c in member.cameras])
+            durable.write(writer.path / "cameras.json", cameras.encode())
         durable.write(writer.path / "member.json", json.dumps(self._record(member), indent=1, allow_nan=False).encode())
         with durable.locked(self.path / LOCK):
             self._refuse_duplicate(member)
@@ -357,12 +361,11 @@ class Catalog:
         self.rebuild_table()
 
     def _record(self, member: Member) -> dict[str, Any]:
-        own = member.cameras is not self.plan.cameras
         return {
             "name": member.name,
             "parameters": dict(member.parameters),
             "split": member.split,
-            "cameras": [c.to_json() for c in member.cameras] if own else None,
+            "own_cameras": not self.plan.cameras,
             "view_splits": list(member.view_splits),
             "provenance": dict(member.provenance),
         }
@@ -388,10 +391,11 @@ class Catalog:
                 ]
 
     def _refuse_duplicate(self, member: Member) -> None:
-        for other in self.members:
-            if other.name == member.name or other.parameters == member.parameters:
+        for path in self._member_paths():
+            parameters = _read_json(path / "member.json").get("parameters")
+            if path.name == member.name or parameters == dict(member.parameters):
                 raise CatalogError(
-                    f"member {other.name} with parameters {dict(other.parameters)} is in {self.path} already: "
+                    f"member {path.name} with parameters {parameters} is in {self.path} already: "
                     f"nothing was written for {member.name}"
                 )
 
@@ -402,12 +406,12 @@ class Catalog:
     def _read_member(self, path: Path) -> Member:
         record = _read_json(path / "member.json")
         try:
-            cameras = record["cameras"]
+            own = _read_json(path / "cameras.json", list) if record["own_cameras"] else None
             return Member(
                 name=record["name"],
                 parameters={name: float(record["parameters"][name]) for name in self.plan.space.names},
                 split=record["split"],
-                cameras=self.plan.cameras if cameras is None else tuple(Camera.from_json(c) for c in cameras),
+                cameras=self.plan.cameras if own is None else tuple(Camera.from_json(c) for c in own),
                 view_splits=tuple(record["view_splits"]),
                 path=path,
                 provenance=record["provenance"],
@@ -430,13 +434,13 @@ def _check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
         raise CatalogError(f"a view's split must be one of {SPLITS}, got {strange}")
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path, kind: type = dict) -> Any:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise CatalogError(f"{path} is missing: is {path.parent} a catalog made by gs-surrogate?") from None
     except ValueError as error:
         raise CatalogError(f"{path} is damaged: {error}") from error
-    if not isinstance(record, dict):
-        raise CatalogError(f"{path} is damaged: it must hold an object")
+    if not isinstance(record, kind):
+        raise CatalogError(f"{path} is damaged: it must hold a {kind.__name__}")
     return record

@@ -14,9 +14,11 @@ import secrets
 import shutil
 import socket
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 PARTIAL = ".partial"
+SYNCS_AT_ONCE = 16
 
 
 def write(path: Path, data: bytes) -> None:
@@ -53,11 +55,16 @@ def replace(path: Path, data: bytes) -> None:
 
 
 def commit_folder(partial: Path, target: Path) -> None:
-    """Make everything below `partial` durable, then let it appear as `target`, whole."""
-    for folder, _, files in os.walk(partial, topdown=False):
-        for name in sorted(files):
-            sync(Path(folder) / name)
-        sync(Path(folder))
+    """Make everything below `partial` durable, then let it appear as `target`, whole.
+
+    Files are synced side by side, so that the file system commits many at once.
+    """
+    folders = [Path(folder) for folder, _, _ in os.walk(partial, topdown=False)]
+    files = [path for folder in folders for path in sorted(folder.iterdir()) if path.is_file()]
+    with ThreadPoolExecutor(SYNCS_AT_ONCE) as pool:
+        list(pool.map(sync, files))
+    for folder in folders:
+        sync(folder)
     rename(partial, target)
     sync(target.parent)
 

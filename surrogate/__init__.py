@@ -1,4 +1,4 @@
-"""The surrogate: Gaussians fitted to a catalog's images, deformed by the ensemble's parameters."""
+"""Deformable Gaussians fitted to a Cinema catalog: any view, any parameter, in milliseconds."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    "DeformedGaussians": "surrogate.model",
-    "Surrogate": "surrogate.model",
-    "TrainingProgress": "surrogate.progress",
-    "TrainingSettings": "surrogate.settings",
-    "train": "surrogate.training",
+    "Surrogate": "model",
+    "TrainingSettings": "settings",
+    "train": "training",
+    "render": "splatting",
 }
 
-__all__ = ["DeformedGaussians", "Surrogate", "TrainingProgress", "TrainingSettings", "train"]
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
-        raise AttributeError(f"module 'surrogate' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)

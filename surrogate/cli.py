@@ -1,0 +1,218 @@
+"""The `surrogate` command: train, evaluate, look at what came out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from catalogs.catalog import Catalog
+    from catalogs.scene import Scene
+    from surrogate.model import Surrogate
+
+SCENE = click.argument("scene", type=click.Path(dir_okay=False, path_type=Path))
+RUNS = click.option(
+    "--runs", default="runs", show_default=True, help="Folder of all results.", type=click.Path(path_type=Path)
+)
+LINE_WIDTH = 110
+
+
+class _Failure(click.ClickException):
+    """What the user can mend, in one line."""
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
+
+
+@main.command()
+@SCENE
+@RUNS
+def train(scene: Path, runs: Path) -> None:
+    """Train the surrogate of SCENE (a TOML file) from its catalog; goes on where it was interrupted."""
+    loaded, catalog = _open(scene, runs)
+    from surrogate.model import Surrogate
+    from surrogate.training import train as run
+
+    directory = loaded.run_directory(runs) / "surrogate"
+    finished = Surrogate.exists(directory)
+    line = _Line()
+    try:
+        surrogate = run(_settings(loaded), catalog, directory, progress=line.show)
+    except (ValueError, RuntimeError, OSError) as error:
+        line.end()
+        raise _Failure(str(error)) from error
+    line.end()
+    seconds = surrogate.training["seconds"]
+    click.echo(f"{directory}: nothing to do" if finished else f"{surrogate!r} after {seconds:.0f} s -> {directory}")
+
+
+@main.command()
+@SCENE
+@RUNS
+def evaluate(scene: Path, runs: Path) -> None:
+    """Write the report of SCENE's surrogate: tables, pictures, report.json."""
+    loaded, catalog = _open(scene, runs)
+    from surrogate.report import is_current, write_report
+
+    folder = loaded.run_directory(runs)
+    surrogate = _load(folder / "surrogate")
+    if is_current(folder / "report", surrogate):
+        click.echo(f"{folder / 'report' / 'report.md'}: nothing to do")
+        return
+    from surrogate.evaluate import evaluate as run
+
+    line = _Line()
+    started = time.perf_counter()
+    try:
+        evaluation = run(surrogate, catalog, progress=line.count)
+        line.end()
+        record = write_report(
+            folder / "report", loaded.name, surrogate, catalog, evaluation, dataset_seconds=_dataset_seconds(folder)
+        )
+    except (ValueError, OSError) as error:
+        line.end()
+        raise _Failure(str(error)) from error
+    _summarize(record)
+    click.echo(f"{folder / 'report' / 'report.md'} ({time.perf_counter() - started:.0f} s)")
+
+
+@main.command()
+@click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("-p", "--parameters", multiple=True, metavar="NAME=VALUE", help="One per parameter, e.g. -p Re=1800.")
+@click.option("--view", default=0, show_default=True, help="Number of a viewpoint of the catalog.")
+@click.option(
+    "--background", default="", metavar="R,G,B", help="Colour in [0, 1] behind the picture; else transparent."
+)
+@click.option("-o", "--output", default="surrogate.png", show_default=True, type=click.Path(path_type=Path))
+def render(run: Path, parameters: tuple[str, ...], view: int, background: str, output: Path) -> None:
+    """Draw one picture from the results in RUN (such as runs/tgv-dvr)."""
+    from catalogs.catalog import Catalog, CatalogError
+    from catalogs.images import write_image
+
+    surrogate = _load(run / "surrogate")
+    try:
+        catalog = Catalog.open(run / "catalog.cdb")
+        values = dict(_assignment(text) for text in parameters)
+        cameras = catalog.plan.cameras or catalog.members[0].cameras
+        if not 0 <= view < len(cameras):
+            raise ValueError(f"view must lie in 0..{len(cameras) - 1}, got {view}")
+        behind = [float(part) for part in background.split(",")] if background else surrogate.background
+        picture = surrogate.at(**values).render(cameras[view], background=behind)
+        write_image(output, picture)
+    except (CatalogError, ValueError, OSError) as error:
+        raise _Failure(str(error)) from error
+    click.echo(f"{output}: {picture.shape[1]}x{picture.shape[0]}, view {view}, {values}")
+
+
+@main.command()
+@click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
+def show(run: Path) -> None:
+    """Say what the surrogate in RUN is and how it was trained."""
+    surrogate = _load(run / "surrogate")
+    click.echo(repr(surrogate))
+    for name, value in surrogate.training["settings"].items():
+        click.echo(f"  {name:<22} {value}")
+    click.echo(f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps")
+
+
+def _open(path: Path, runs: Path) -> tuple[Scene, Catalog]:
+    from catalogs.catalog import Catalog, CatalogError
+    from catalogs.scene import Scene
+
+    try:
+        scene = Scene.load(path)
+        folder = scene.run_directory(runs) / "catalog.cdb"
+        if not folder.is_dir():
+            raise FileNotFoundError(f"{folder} does not exist yet: make it with `make dataset SCENE={scene.name}`")
+        return scene, Catalog.open(folder)
+    except (CatalogError, ValueError, FileNotFoundError) as error:
+        raise _Failure(str(error)) from error
+
+
+def _settings(scene: Scene) -> Any:
+    from surrogate.settings import TrainingSettings
+
+    try:
+        return TrainingSettings.from_table(scene.training)
+    except ValueError as error:
+        raise _Failure(f"scene {scene.path}: {error}") from error
+
+
+def _load(directory: Path) -> Surrogate:
+    from surrogate.model import Surrogate
+
+    try:
+        return Surrogate.load(directory)
+    except (FileNotFoundError, ValueError) as error:
+        raise _Failure(f"{error} (`make train` makes one)") from error
+
+
+def _dataset_seconds(folder: Path) -> float | None:
+    import json
+
+    try:
+        return float(json.loads((folder / "dataset.json").read_text())["seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    name, sign, value = text.partition("=")
+    try:
+        if not sign:
+            raise ValueError
+        return name.strip(), float(value)
+    except ValueError:
+        raise _Failure(f"parameters are given as NAME=VALUE, got {text!r}") from None
+
+
+def _summarize(record: Mapping[str, Any]) -> None:
+    for views in ("seen_views", "unseen_views"):
+        for parameters in ("seen_parameters", "unseen_parameters"):
+            values = [record[metric][views][parameters] for metric in ("psnr", "ssim")]
+            if None not in values:
+                label = f"{views}, {parameters}".replace("_", " ")
+                click.echo(f"  {label:<38} {values[0]:6.2f} dB   SSIM {values[1]:.4f}")
+    for entry in record["trivial_predictors"]:
+        value = entry["psnr"]["unseen_views"]["unseen_parameters"]
+        if value is not None:
+            click.echo(f"  {entry['name']:<38.38} {value:6.2f} dB   (unseen views, unseen parameters)")
+
+
+class _Line:
+    """One line that is written over on a terminal, and now and then a new one elsewhere."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._last, self._stage, self._started = 0.0, "", time.perf_counter()
+
+    def show(self, progress: object) -> None:
+        """Show where training stands."""
+        now = time.perf_counter()
+        if now - self._last < (0.2 if self._terminal else 15.0):
+            return
+        self._last = now
+        if self._terminal:
+            click.echo(f"\r{progress!s:<{LINE_WIDTH}.{LINE_WIDTH}}", nl=False, err=True)
+        else:
+            click.echo(str(progress), err=True)
+
+    def count(self, stage: str, done: int, total: int) -> None:
+        """Show how many of how many are done, with a rate and the time left."""
+        if stage != self._stage:
+            self._stage, self._started = stage, time.perf_counter()
+        rate = done / max(time.perf_counter() - self._started, 1e-9)
+        left = (total - done) / rate
+        self.show(f"{stage}  {done} / {total} images  {rate:.0f}/s  {int(left) // 60}:{int(left) % 60:02d} left")
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._terminal and self._last:
+            click.echo(err=True)

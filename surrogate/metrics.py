@@ -1,0 +1,84 @@
+"""How alike two pictures are: PSNR, PSNR of the foreground, and SSIM, each of one image; means are taken over images.
+
+Pictures are compared as a person sees them: composited on the background (white where images have alpha) and cut to [0, 1].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import native
+
+WHITE = (1.0, 1.0, 1.0)
+MOST_DECIBELS = 60.0  # identical pictures would make a mean infinite
+ALPHA_VISIBLE = 1.0 / 255.0
+COLOR_VISIBLE = 2.0 / 255.0
+
+DEFINITIONS = {
+    "psnr": "10 log10(1 / mean squared error) over all pixels and channels of one image, on white (or on the data's own "
+    f"background), cut to [0, 1], at most {MOST_DECIBELS:.0f} dB; then the mean over images",
+    "psnr_foreground": "the same over pixels that are foreground in the truth or in the prediction (alpha > 1/255; opaque "
+    "images: more than 2/255 from the background in any channel); images without any are left out and counted",
+    "ssim": "Wang et al. 2004: 11x11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03, zeros beyond the border, mean over "
+    "pixels and channels of one image; then the mean over images",
+}
+
+
+@dataclass(frozen=True)
+class Score:
+    """The metrics of one image; `psnr_foreground` is nan where neither picture has a foreground."""
+
+    psnr: float
+    ssim: float
+    psnr_foreground: float
+
+
+def composite(rgba: NDArray[Any], background: Sequence[float]) -> NDArray[np.float32]:
+    """Premultiplied RGBA (H, W, 4) on a background colour, cut to [0, 1]: (H, W, 3) float32."""
+    pixels = rgba.astype(np.float32) / 255.0 if rgba.dtype == np.uint8 else rgba
+    behind = np.asarray(background, dtype=np.float32)
+    return np.clip(pixels[..., :3] + (1.0 - pixels[..., 3:]) * behind, 0.0, 1.0).astype(np.float32)
+
+
+def decibels(squared_error: float) -> float:
+    """PSNR in dB of a mean squared error for values in [0, 1], at most `MOST_DECIBELS`."""
+    return -10.0 * math.log10(max(squared_error, 10.0 ** (-MOST_DECIBELS / 10.0)))
+
+
+def psnr(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
+    """PSNR in dB of two pictures of equal shape with values in [0, 1]."""
+    difference = truth.astype(np.float64) - prediction
+    return decibels(float(np.mean(difference * difference)))
+
+
+def ssim(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
+    """Mean structural similarity of two pictures (H, W, C); see `DEFINITIONS`."""
+    pair = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
+    _, similarity, _ = native.image_loss(*pair, 1.0, 1)
+    return float(similarity)
+
+
+def foreground(rgba: NDArray[Any], background: Sequence[float] | None) -> NDArray[np.bool_]:
+    """Which pixels (H, W) of a picture show something; `background` is None where its alpha says so."""
+    pixels = rgba.astype(np.float32) / 255.0 if rgba.dtype == np.uint8 else rgba
+    if background is None:
+        return pixels[..., 3] > ALPHA_VISIBLE + 1e-6
+    return (np.abs(pixels[..., :3] - np.asarray(background, dtype=np.float32)) > COLOR_VISIBLE + 1e-6).any(axis=-1)
+
+
+def score(truth: NDArray[Any], prediction: NDArray[Any], background: Sequence[float] | None) -> Score:
+    """Compare premultiplied RGBA pictures (H, W, 4), uint8 or float32.
+
+    `background` is the colour behind opaque images, None where images have alpha.
+    """
+    behind = WHITE if background is None else background
+    true, predicted = composite(truth, behind), composite(prediction, behind)
+    shown = foreground(truth, background) | foreground(prediction, background)  # [H, W]
+    inside = psnr(true[shown], predicted[shown]) if shown.any() else math.nan
+    return Score(psnr(true, predicted), ssim(true, predicted), inside)

@@ -1,0 +1,216 @@
+"""The report of a run: `report.json` for programs, `report.md` and pictures for people."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from catalogs import durable
+from catalogs.catalog import Catalog
+from surrogate import report_pictures
+from surrogate.evaluate import METRICS, PARAMETERS, VERSION, VIEWS, Evaluation, Scored, mean
+from surrogate.metrics import DEFINITIONS
+from surrogate.model import Surrogate
+from surrogate.provenance import commit, machine
+
+RECORD = "report.json"
+
+
+def fingerprint(surrogate: Surrogate) -> str:
+    """Changes when the model, its catalog or the evaluation's code version do."""
+    return f"{VERSION}:{surrogate.training['fingerprint']}:{surrogate.training['seconds']}"
+
+
+def is_current(directory: Path, surrogate: Surrogate) -> bool:
+    """Whether `directory` holds a report of exactly this surrogate."""
+    try:
+        record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return bool(record.get("fingerprint") == fingerprint(surrogate))
+
+
+def write_report(
+    directory: Path,
+    scene: str,
+    surrogate: Surrogate,
+    catalog: Catalog,
+    evaluation: Evaluation,
+    *,
+    dataset_seconds: float | None = None,
+) -> dict[str, Any]:
+    """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents."""
+    record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds)
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    durable.remove_abandoned(directory.parent)
+    partial = durable.partial_name(directory)
+    partial.mkdir()
+    try:
+        pictures = report_pictures.draw(partial, surrogate, catalog, evaluation)
+        (partial / "report.md").write_text(_page(record, pictures), encoding="utf-8")
+        (partial / RECORD).write_text(json.dumps(record, indent=1, allow_nan=False), encoding="utf-8")
+        if directory.exists():
+            retired = durable.partial_name(directory)
+            durable.rename(directory, retired)
+            durable.commit_folder(partial, directory)
+            shutil.rmtree(retired, ignore_errors=True)
+        else:
+            durable.commit_folder(partial, directory)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return record
+
+
+def summarize(
+    scene: str, surrogate: Surrogate, evaluation: Evaluation, *, dataset_seconds: float | None
+) -> dict[str, Any]:
+    """The contents of `report.json`; null where the data set has no such images."""
+    tables: dict[str, Any] = {m: _table(evaluation.cells, m) for m in METRICS}
+    unseen = {v: {"unseen_parameters": evaluation.cells[v]["unseen_parameters"]} for v in VIEWS}
+    return {
+        "scene": scene,
+        "commit": commit(),
+        "machine": machine(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "fingerprint": fingerprint(surrogate),
+        "seed": surrogate.training["settings"]["seed"],
+        "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
+        "model_megabytes": surrogate.megabytes,
+        "gaussians": len(surrogate.gaussians),
+        "milliseconds": dict(evaluation.milliseconds),
+        "milliseconds_spread": {name: list(pair) for name, pair in evaluation.spread.items()},
+        **tables,
+        "images": {v: {p: len(evaluation.cells[v][p]) for p in PARAMETERS} for v in VIEWS},
+        "empty_images": sum(_empty(s) for v in unseen.values() for group in v.values() for s in group),
+        "validation": {m: mean(evaluation.validation, m) for m in METRICS} | {"images": len(evaluation.validation)},
+        "trivial_predictors": [
+            {
+                "name": result.name,
+                "borrowed_view_degrees": result.degrees,
+                **{m: {v: {"unseen_parameters": mean(result.scores[v], m)} for v in VIEWS} for m in METRICS},
+            }
+            for result in evaluation.baselines
+        ],
+        "settings": surrogate.training["settings"],
+        "curve": surrogate.training["curve"],
+        "definitions": DEFINITIONS,
+    }
+
+
+def _table(cells: Mapping[str, Mapping[str, Sequence[Scored]]], metric: str) -> dict[str, dict[str, float | None]]:
+    return {v: {p: mean(cells[v][p], metric) for p in PARAMETERS} for v in VIEWS}
+
+
+def _empty(scored: Scored) -> bool:
+    return scored.score.psnr_foreground != scored.score.psnr_foreground
+
+
+def _number(value: float | None, digits: int = 2) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
+    seconds, milliseconds, spread = record["seconds"], record["milliseconds"], record["milliseconds_spread"]
+    machine_line = f"{record['machine']['processor']}, {record['machine']['cores']} cores"
+    lines = [
+        f"# {record['scene']}",
+        "",
+        f"Commit `{record['commit']}`, {machine_line}, seed {record['seed']}, {record['made']}.",
+        "",
+        "## How good",
+        "",
+        *_quality_table(record),
+        "",
+        f"Validation ({record['validation']['images']} images; all choices were made on these): "
+        f"{_number(record['validation']['psnr'])} dB, SSIM {_number(record['validation']['ssim'], 4)}.",
+        "",
+        "## Beside trivial predictors",
+        "",
+        *_baseline_table(record),
+        "",
+        "## How fast, how large",
+        "",
+        _row("", ""),
+        _row("---", "---"),
+        _row("making the data set", f"{_number(seconds['dataset'], 0)} s"),
+        _row(
+            "training",
+            f"{_number(seconds['train'], 0)} s, {record['settings']['canonical_steps']} + "
+            f"{record['settings']['deformation_steps']} steps",
+        ),
+        _row("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
+        *(
+            _row(label, f"{milliseconds[name]:.2f} ms (median; {spread[name][0]:.2f} to {spread[name][1]:.2f})")
+            for name, label in (("parameter_change", "a parameter change"), ("view_change", "a view change"))
+        ),
+        "",
+    ]
+    for title, name in pictures.items():
+        lines += [f"## {title}", "", f"![{title}]({name})", ""]
+    lines += ["## Definitions", "", *(f"- **{name}**: {text}." for name, text in record["definitions"].items()), ""]
+    return "\n".join(lines)
+
+
+def _quality_table(record: Mapping[str, Any]) -> list[str]:
+    lines = [
+        _row("views", "parameters", "PSNR (dB)", "PSNR of the foreground (dB)", "SSIM", "images"),
+        _row(*["---"] * 6),
+    ]
+    for views in VIEWS:
+        for parameters in PARAMETERS:
+            values = [record[m][views][parameters] for m in ("psnr", "psnr_foreground", "ssim")]
+            lines.append(
+                _row(
+                    views.split("_")[0],
+                    parameters.split("_")[0],
+                    _number(values[0]),
+                    _number(values[1]),
+                    _number(values[2], 4),
+                    str(record["images"][views][parameters]),
+                )
+            )
+    return lines
+
+
+def _baseline_table(record: Mapping[str, Any]) -> list[str]:
+    if not record["trivial_predictors"]:
+        return ["The data set has no unseen parameters, or no training members to predict them from."]
+    lines = [
+        "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
+        "the last column is the surrogate's lead at unseen views (negative: behind).",
+        "",
+        _row(
+            "", "PSNR, seen views", "PSNR, unseen views", "foreground, unseen views", "SSIM, unseen views", "lead (dB)"
+        ),
+        _row(*["---"] * 6),
+    ]
+    own = record["psnr"]["unseen_views"]["unseen_parameters"]
+    for entry in [{"name": "**surrogate**", **record}, *record["trivial_predictors"]]:
+        at = {m: {v: entry[m][v]["unseen_parameters"] for v in VIEWS} for m in METRICS}
+        other = at["psnr"]["unseen_views"]
+        lead = "" if own is None or other is None or entry["name"] == "**surrogate**" else f"{own - other:+.2f}"
+        lines.append(
+            _row(
+                entry["name"],
+                _number(at["psnr"]["seen_views"]),
+                _number(other),
+                _number(at["psnr_foreground"]["unseen_views"]),
+                _number(at["ssim"]["unseen_views"], 4),
+                lead,
+            )
+        )
+    borrowed = max(entry["borrowed_view_degrees"] for entry in record["trivial_predictors"])
+    if borrowed:
+        lines += [
+            "",
+            f"The training members lack some of these views; the nearest one, up to {borrowed:.1f}° away, stands in.",
+        ]
+    return lines
