@@ -181,7 +181,7 @@ def _world_to_camera(matrix: NDArray[np.float64], place: str) -> NDArray[np.floa
         raise ExchangeError(f"{place}: transform_matrix is not rigid (axes of length {np.round(stretch, 4).tolist()})")
     exact = np.eye(4)
     exact[:3, :3], exact[:3, 3] = rotation, matrix[:3, 3]
-    return np.linalg.inv(exact @ OPENGL_TO_OPENCV)
+    return np.asarray(np.linalg.inv(exact @ OPENGL_TO_OPENCV), dtype=np.float64)
 
 
 def _size(path: Path) -> tuple[int, int]:

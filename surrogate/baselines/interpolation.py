@@ -62,7 +62,7 @@ def ridge(known: NDArray[np.float64], wanted: NDArray[np.float64], *, degree: in
     """Ridge regression on all monomials up to `degree`."""
     features, targets = _monomials(known, degree), _monomials(wanted, degree)  # [M, F], [T, F]
     gram = features @ features.T + penalty * len(known) * np.eye(len(known))  # [M, M]
-    return np.linalg.solve(gram, features @ targets.T).T
+    return np.asarray(np.linalg.solve(gram, features @ targets.T).T, dtype=np.float64)
 
 
 def radial(known: NDArray[np.float64], wanted: NDArray[np.float64], *, length: float, penalty: float) -> Weights:
