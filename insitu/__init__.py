@@ -1,1 +1,31 @@
+"""Rendering beside a running simulation: a field comes in, its pictures stay, the field may go.
 
+`render_member` is the hook for a loop; `Session` holds a catalog open over many members; `run_ensemble` spreads
+members over processes.  Names load on first use, so importing this package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_HOMES = {
+    "RenderedMember": "insitu.hook",
+    "Session": "insitu.hook",
+    "render_member": "insitu.hook",
+    "EnsembleResult": "insitu.ensemble",
+    "run_ensemble": "insitu.ensemble",
+    "probe_fields": "insitu.probe",
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

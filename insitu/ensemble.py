@@ -1,0 +1,274 @@
+"""Many members: rendered over processes, one catalog, nothing lost when some fail or the whole is interrupted."""
+
+from __future__ import annotations
+
+import errno
+import os
+import time as clock
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from catalogs.catalog import Catalog
+from catalogs.parameters import ParameterSpace
+from catalogs.scene import PlannedMember
+from insitu.hook import RenderedMember, Session
+from insitu.kept import drop_field, keep_field, kept_field
+from insitu.planning import Pilot, Wishes, check_agreement, check_complete, combine_pilots, measure_pilot, plan_catalog
+from insitu.progress import EnsembleProgress, Tracker
+from insitu.workers import Crew, Report, channel, single_threaded
+
+PILOTS = 2
+STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
+
+
+class FieldSource(Protocol):
+    """Where the fields of an ensemble's members come from; pickled into every worker process.
+
+    `identity` says in JSON values what a field depends on besides its parameters.  `dear` fields are computed
+    only once: those of the pilot run are kept on disk until they are rendered.
+    """
+
+    @property
+    def identity(self) -> Mapping[str, Any]: ...
+
+    @property
+    def dear(self) -> bool: ...
+
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
+        """The member's field (anything `as_grid` takes); `progress` is told the fraction done."""
+        ...
+
+
+@dataclass(frozen=True)
+class EnsembleResult:
+    """What became of the members: rendered now, already there before, failed (with why), and the seconds it took."""
+
+    rendered: tuple[RenderedMember, ...]
+    skipped: tuple[str, ...]
+    failures: Mapping[str, str]
+    seconds: float
+
+    def __repr__(self) -> str:
+        images = sum(m.images for m in self.rendered)
+        parts = [f"{len(self.rendered)} members rendered ({images} images) in {self.seconds:.1f} s"]
+        if self.skipped:
+            parts.append(f"{len(self.skipped)} were there already")
+        if self.failures:
+            parts.append(f"{len(self.failures)} failed")
+        return "EnsembleResult: " + ", ".join(parts) + "".join(f"\n  {n}: {why}" for n, why in self.failures.items())
+
+
+def run_ensemble(
+    catalog: str | os.PathLike[str],
+    members: Sequence[PlannedMember],
+    source: FieldSource,
+    wishes: Wishes = Wishes(),  # noqa: B008 - frozen
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    shard: tuple[int, int] | None = None,
+    nan: str = "refuse",
+    kept: Path | None = None,
+    progress: Callable[[EnsembleProgress], None] | None = None,
+) -> EnsembleResult:
+    """Render every member that the catalog lacks.
+
+    A new catalog is planned first, on pilot members whose parameters lie farthest apart: its box holds their boxes,
+    its sample distance is the finest that any of them needs.
+
+    Parameters
+    ----------
+    catalog : the `.cdb` directory, made when absent; `wishes` are what it fixes, or must agree with.
+    members : all members of the ensemble; those already in the catalog are skipped.
+    source : yields their fields, in the worker processes.
+    workers : processes of the default pool (spawned, one thread each); by default one per available core.
+    executor : any `concurrent.futures.Executor` instead, such as mpi4py's or dask's; its workers must see the
+        same file system.  Progress then moves by whole members.
+    shard : (i, n), i from 1 to n: take only every n-th member, starting with the i-th.  n machines that write to one
+        shared catalog each take one.
+    nan : as in `render_member`.
+    kept : folder for the fields of dear pilots until they are rendered.
+    progress : called a few times a second.
+
+    A member that fails is reported in the result; the others go on, unless the disk is full.  KeyboardInterrupt stops
+    the workers, leaves no partial member behind and is raised on; the same call then goes on where it stopped.
+
+    Raises ValueError where the plan is incomplete or another than the catalog's; nothing is written then.
+    """
+    started = clock.perf_counter()
+    path = Path(catalog)
+    mine = _shard(members, shard)
+    present = _present(path, wishes)
+    todo = [m for m in mine if m.name not in present]
+    skipped = tuple(m.name for m in mine if m.name in present)
+    if not todo:
+        return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
+    count = min(workers or available_cores(), len(todo))
+    with single_threaded(), Crew(count, executor) as crew:
+        run = _Run(path, source, nan, kept, crew, progress or (lambda state: None))
+        if not path.exists():
+            space, _ = check_complete(wishes)
+            run.plan(pilot_members(members, space), wishes, len(todo))
+        rendered, failures = run.render(todo)
+    return EnsembleResult(tuple(rendered), skipped, failures, clock.perf_counter() - started)
+
+
+def pilot_members(members: Sequence[PlannedMember], space: ParameterSpace, count: int = PILOTS) -> list[PlannedMember]:
+    """Up to `count` training members that lie far apart: the lowest corner's, then ever the farthest from those taken.
+
+    Farthest-point sampling (Gonzalez 1985) in parameters normalized to their bounds.
+    """
+    training = [m for m in members if m.split == "train"] or list(members)
+    points = space.normalize([[m.parameters[n] for n in space.names] for m in training])  # [M, P]
+    taken = [int(np.argmin(points.sum(axis=1)))]
+    distances = np.linalg.norm(points - points[taken[0]], axis=1)  # [M]
+    while len(taken) < min(count, len(training)):
+        taken.append(int(np.argmax(distances)))
+        distances = np.minimum(distances, np.linalg.norm(points - points[taken[-1]], axis=1))
+    return [training[i] for i in taken]
+
+
+def available_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    member: RenderedMember
+    field_seconds: float | None  # None: read from the pilot run
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One call of `run_ensemble`: what its tasks share."""
+
+    path: Path
+    source: FieldSource
+    nan: str
+    kept: Path | None
+    crew: Crew
+    show: Callable[[EnsembleProgress], None]
+
+    def plan(self, pilots: Sequence[PlannedMember], wishes: Wishes, members: int) -> None:
+        """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
+        tracker = Tracker(members, 0, field_share=1.0)
+        found: dict[str, Pilot] = {}
+        failures: dict[str, BaseException] = {}
+
+        def done(name: str, pilot: Pilot) -> None:
+            tracker.idle(name)
+            found[name] = pilot
+
+        tasks = {m.name: partial(_measure, self.source, m, self.nan, self.kept, wishes) for m in pilots}
+        self.crew.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
+        if not found:
+            raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
+        plan = plan_catalog(combine_pilots([found[m.name] for m in pilots if m.name in found]), wishes)
+        try:
+            Catalog.create(self.path, plan)
+        except (ValueError, FileExistsError):
+            _present(self.path, wishes)  # another shard was first: its plan holds, if ours agrees with it
+
+    def render(self, members: Sequence[PlannedMember]) -> tuple[list[RenderedMember], dict[str, str]]:
+        plan = Catalog.open(self.path).plan
+        images = len(plan.cameras) * len(plan.appearances)
+        tracker = Tracker(len(members), images, field_share=0.5 if self.source.dear else 0.02)
+        rendered: list[RenderedMember] = []
+        failures: dict[str, str] = {}
+
+        def done(name: str, drawn: _Drawn) -> None:
+            tracker.done(name, drawn.member.images)
+            if drawn.field_seconds is not None:
+                tracker.timed(drawn.field_seconds, drawn.member.seconds)
+            rendered.append(drawn.member)
+            if self.kept is not None:
+                drop_field(self.kept, name)
+
+        def failed(name: str, error: BaseException) -> None:
+            tracker.failed(name)
+            failures[name] = f"{type(error).__name__}: {error}"
+
+        tasks = {m.name: partial(_render, self.path, self.source, m, self.nan, self.kept) for m in members}
+        self.crew.run(tasks, done, failed, partial(self._tick, tracker), _is_hopeless)
+        return rendered, failures
+
+    def _tick(self, tracker: Tracker, reports: Iterable[Report]) -> None:
+        for report in reports:
+            tracker.report(report)
+        self.show(tracker.snapshot())
+
+
+def _measure(source: FieldSource, member: PlannedMember, nan: str, kept: Path | None, wishes: Wishes) -> Pilot:
+    """In a worker: a pilot's field, kept if dear, and what the plan needs of it."""
+    from insitu.adapters import as_grid
+
+    field, _ = _field(source, member, kept)
+    if source.dear and kept is not None:
+        keep_field(kept, member.name, _identity(source, member), field)
+    channel().send(Report(member.name, "pilot", 0.0))
+    return measure_pilot(as_grid(field, nan=nan), wishes)
+
+
+def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, kept: Path | None) -> _Drawn:
+    """In a worker: a member's field, rendered into the catalog."""
+    field, seconds = _field(source, member, kept)
+
+    def progress(images: int) -> None:
+        channel().send(Report(member.name, "render", 0.0, images))
+
+    progress(0)
+    with Session(path, nan=nan, progress=progress) as session:
+        rendered = session.render_member(
+            field,
+            member.parameters,
+            name=member.name,
+            split=member.split,
+            time=getattr(field, "time", None),
+            provenance={"source": dict(source.identity)},
+        )
+    return _Drawn(rendered, seconds)
+
+
+def _field(source: FieldSource, member: PlannedMember, kept: Path | None) -> tuple[Any, float | None]:
+    """The member's field, and the seconds it took unless it was kept from the pilot run."""
+    started = clock.perf_counter()
+    if source.dear and kept is not None:
+        field = kept_field(kept, member.name, _identity(source, member))
+        if field is not None:
+            return field, None
+    channel().send(Report(member.name, "simulate" if source.dear else "read", 0.0))
+    field = source.field(member, lambda fraction: channel().send(Report(member.name, "simulate", fraction)))
+    return field, clock.perf_counter() - started
+
+
+def _identity(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
+    return {"source": dict(source.identity), "parameters": dict(member.parameters)}
+
+
+def _is_hopeless(error: BaseException) -> bool:
+    return isinstance(error, OSError) and error.errno in STOPPING
+
+
+def _present(path: Path, wishes: Wishes) -> set[str]:
+    """Names of the members that the catalog, if there is one, holds; raises where it disagrees with the wishes."""
+    if not path.exists():
+        return set()
+    catalog = Catalog.open(path)
+    check_agreement(catalog, wishes)
+    return {m.name for m in catalog.members}
+
+
+def _shard(members: Sequence[PlannedMember], shard: tuple[int, int] | None) -> list[PlannedMember]:
+    if shard is None:
+        return list(members)
+    index, count = shard
+    if not 1 <= index <= count:
+        raise ValueError(f"shard must be i/n with 1 <= i <= n, got {index}/{count}")
+    return list(members[index - 1 :: count])

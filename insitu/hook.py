@@ -1,0 +1,365 @@
+"""The hook: render one member of an ensemble into a catalog, from anybody's simulation loop."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time as clock
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.appearance import Appearance, VolumeRendering
+from catalogs.catalog import Catalog, MemberWriter
+from catalogs.parameters import SPLITS, ParameterSpace
+from catalogs.scene import ViewPlan
+from insitu.adapters import as_grid
+from insitu.boxes import Box, box_of, check_inside, shrunken
+from insitu.memory import PeakMemory
+from insitu.planning import (
+    Wishes,
+    appearances_from,
+    check_agreement,
+    measure_pilot,
+    plan_catalog,
+    space_from,
+)
+from insitu.summarize import summarize
+
+if TYPE_CHECKING:
+    from render.grids import Grid
+
+LONGEST_NAME = 80
+
+
+@dataclass(frozen=True)
+class RenderedMember:
+    """What rendering one member wrote and what it cost.
+
+    Attributes
+    ----------
+    name, path : the member and its directory in the catalog.
+    images : how many images were written.
+    render_seconds, write_seconds, seconds : drawing, encoding and storing, and everything together.
+    extra_memory : bytes of resident memory the call added at its peak (see `insitu.memory.PeakMemory`).
+    range : the field's smallest and largest finite value.
+    clipped_fraction : share of the field's values outside the ensemble's value range.
+    warnings : what was recorded with the member besides: parameters out of bounds, transparent values.
+    """
+
+    name: str
+    path: Path
+    images: int
+    render_seconds: float
+    write_seconds: float
+    seconds: float
+    extra_memory: int
+    range: tuple[float, float]
+    clipped_fraction: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def images_per_second(self) -> float:
+        return self.images / self.seconds
+
+    def __repr__(self) -> str:
+        lines = [
+            f"RenderedMember {self.name}: {self.images} images in {self.seconds:.1f} s "
+            f"({self.images_per_second:.0f}/s; render {self.render_seconds:.1f} s, write {self.write_seconds:.1f} s), "
+            f"{self.extra_memory / 1e6:.0f} MB extra memory",
+            f"  values {self.range[0]:.6g} to {self.range[1]:.6g}, {100 * self.clipped_fraction:.2f} % clipped",
+            f"  {self.path}",
+        ]
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+
+class Session:
+    """A catalog held open while the members of an ensemble arrive one at a time.
+
+    The first member of a new catalog fixes what was left open: the cameras stand around `bounds`, or around that
+    member's box; the sample distance is chosen on it.  Everything stays fixed from then on, in physical units:
+    nothing is normalized per member.  With a catalog that exists (made earlier, or by another process meanwhile) every
+    argument given must agree with it, else ValueError names the differences.
+
+    A later member that reaches out of the ensemble's box is refused (ValueError): the cameras are not set for it.
+    One that is smaller is rendered where it is, with a warning unless `bounds` were given, since spacing or origin may
+    have been forgotten.
+
+    Use it as a context manager.  Parameters are those of `render_member` and of `insitu.planning.Wishes`.
+
+    Examples
+    --------
+    >>> with insitu.Session("tgv.cdb", space={"Re": (1500, 2500)}, appearances=[volume]) as session:  # doctest: +SKIP
+    ...     for reynolds in (1500, 2000, 2500):
+    ...         print(session.render_member(simulate(reynolds), {"Re": reynolds}, spacing=(dx, dx, dx)))
+    """
+
+    def __init__(
+        self,
+        catalog: str | os.PathLike[str],
+        *,
+        space: ParameterSpace | Mapping[str, tuple[float, float]] | None = None,
+        appearances: Appearance | Iterable[Appearance] | None = None,
+        views: ViewPlan | None = None,
+        bounds: Box | None = None,
+        target_decibels: float | None = None,
+        sample_distance: float | Mapping[str, float] | None = None,
+        image_format: str | None = None,
+        provenance: Mapping[str, Any] | None = None,
+        nan: str = "refuse",
+        progress: Callable[[int], None] | None = None,
+    ) -> None:
+        self.path = Path(catalog)
+        self._wishes = Wishes(
+            space=space_from(space),
+            appearances=appearances_from(appearances),
+            views=views,
+            bounds=bounds,
+            target_decibels=target_decibels,
+            sample_distance=sample_distance,
+            image_format=image_format,
+            provenance=provenance or {},
+        )
+        self._nan = nan
+        self._progress = progress
+        self._catalog = self._opened() if self.path.exists() else None
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"Session({str(self.path)!r}, {'not made yet' if self._catalog is None else self._catalog!r})"
+
+    @property
+    def catalog(self) -> Catalog | None:
+        """The catalog, or None before its first member."""
+        return self._catalog
+
+    def close(self) -> None:
+        """Let go of the catalog; the render window belongs to the process and serves the next session."""
+        self._catalog = None
+
+    def render_member(
+        self,
+        field: Any,
+        parameters: Mapping[str, float],
+        *,
+        name: str | None = None,
+        split: str = "train",
+        time: float | None = None,
+        spacing: Sequence[float] | None = None,
+        origin: Sequence[float] | None = None,
+        array: str | None = None,
+        nan: str | None = None,
+        provenance: Mapping[str, Any] | None = None,
+    ) -> RenderedMember:
+        """Render one member; arguments, result and errors as those of the function `render_member`."""
+        started, memory = clock.perf_counter(), PeakMemory()
+        if split not in SPLITS:
+            raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
+        self._check_parameters(parameters, name)
+        grid = as_grid(field, spacing=spacing, origin=origin, array=array, nan=nan or self._nan)
+        memory.sample()
+        catalog = self._catalog = self._catalog or self._created(grid)
+        check_inside(grid, catalog.plan.bounds)
+        notes = _notes(grid, parameters, catalog)
+        for note in notes:
+            warnings.warn(note, stacklevel=2)
+        recorded: dict[str, Any] = {**(provenance or {}), "bounds": box_of(grid)}
+        if time is not None:
+            recorded["time"] = float(time)
+        if notes:
+            recorded["warnings"] = notes
+        name = name or member_name(parameters)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # out of bounds is already said and recorded
+            opened = catalog.begin_member(name, parameters, split=split, provenance=recorded)
+        with _named_disk_errors(name, self.path), opened as writer:
+            drawn = self._draw(grid, catalog, writer, memory)
+            summary = summarize(grid, catalog.plan.appearances, tuple(catalog.plan.provenance["value_range"]))
+            memory.sample()
+            writer.write_summary(summary)
+        return RenderedMember(
+            name=name,
+            path=catalog.path / "members" / name,
+            images=drawn.images,
+            render_seconds=drawn.render,
+            write_seconds=drawn.write,
+            seconds=clock.perf_counter() - started,
+            extra_memory=memory.extra_bytes,
+            range=(summary.minimum, summary.maximum),
+            clipped_fraction=summary.clipped_fraction,
+            warnings=tuple(notes),
+        )
+
+    def _opened(self) -> Catalog:
+        catalog = Catalog.open(self.path)
+        check_agreement(catalog, self._wishes)
+        return catalog
+
+    def _created(self, grid: Grid) -> Catalog:
+        plan = plan_catalog(measure_pilot(grid, self._wishes), self._wishes)
+        try:
+            return Catalog.create(self.path, plan)
+        except (ValueError, FileExistsError):
+            if not (self.path / "catalog.json").exists():
+                raise
+            return self._opened()  # another process was first: its plan holds, if the arguments agree with it
+
+    def _check_parameters(self, parameters: Mapping[str, float], name: str | None) -> None:
+        space = self._catalog.plan.space if self._catalog else self._wishes.space
+        if space is None:
+            return  # a new catalog without a space: plan_catalog says what is missing
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            values = space.values(parameters)
+        if self._catalog is None:
+            return
+        for member in self._catalog.members:
+            if member.name == (name or member_name(parameters)):
+                raise ValueError(f"member {member.name} is already in {self.path}: give another name")
+            if np.array_equal([member.parameters[n] for n in space.names], values):
+                raise ValueError(f"member {member.name} in {self.path} already has the parameters {dict(parameters)}")
+
+    def _draw(self, grid: Grid, catalog: Catalog, writer: MemberWriter, memory: PeakMemory) -> _Drawn:
+        """Render every appearance from every view, one image in memory at a time."""
+        from render import render_views
+
+        render, write, images = 0.0, 0.0, 0
+        distances = catalog.plan.provenance.get("sample_distances", {})
+        for appearance in catalog.plan.appearances:
+            distance = distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None
+            exact = catalog.plan.image_format == "exr"
+            before = clock.perf_counter()
+            pictures = render_views(
+                grid, appearance, catalog.plan.cameras, sample_distance=distance, float_output=exact
+            )
+            for view, rgba in enumerate(pictures):
+                between = clock.perf_counter()
+                writer.write_image(appearance.name, view, rgba)
+                after = clock.perf_counter()
+                render, write, images = render + between - before, write + after - between, images + 1
+                memory.sample()
+                if self._progress is not None:
+                    self._progress(images)
+                before = clock.perf_counter()
+        return _Drawn(render, write, images)
+
+
+def render_member(
+    field: Any,
+    parameters: Mapping[str, float],
+    *,
+    catalog: str | os.PathLike[str],
+    space: ParameterSpace | Mapping[str, tuple[float, float]] | None = None,
+    appearances: Appearance | Iterable[Appearance] | None = None,
+    views: ViewPlan | None = None,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    array: str | None = None,
+    name: str | None = None,
+    split: str = "train",
+    nan: str = "refuse",
+    target_decibels: float | None = None,
+    sample_distance: float | Mapping[str, float] | None = None,
+    time: float | None = None,
+    bounds: Box | None = None,
+) -> RenderedMember:
+    """Render one member of an ensemble into a Cinema catalog; afterwards its field may go.
+
+    The first call makes the catalog and fixes its plan; later calls, from this process or another, may leave the plan's
+    arguments out, and must agree with the catalog where they state them.  A one-member `Session`.
+
+    Parameters
+    ----------
+    field : numpy array (z, y, x), with `spacing`; or a pyvista or VTK data set; see `insitu.adapters.as_grid`.
+    parameters : the member's simulation parameters by name, in the units of `space`.  A value out of bounds is
+        rendered, with a warning that is also recorded.
+    catalog : the `.cdb` directory.
+    space : the ensemble's parameters, `ParameterSpace` or `{name: (low, high)}`; needed by the first call.
+    appearances : transfer functions and isovalues, in the field's physical units; needed by the first call.
+    views : viewpoints and frame, by default 252 on the icosphere at 256 x 256 pixels.
+    spacing, origin : of an array, (x, y, z), world units.
+    array : which array of a data set.
+    name : the member's name in the catalog, by default from its parameters.
+    split : "train", "validation" or "test".
+    nan : "refuse" NaN and infinity, or show them "transparent".
+    target_decibels, sample_distance : how exact volume rendering must be (50 dB), or its step in world units.
+    time : the simulation's time, recorded.
+    bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
+
+    Raises
+    ------
+    ValueError : the field, the parameters or the plan are not acceptable; nothing was written.
+    OSError : the disk is full or not writable; nothing of the member was kept.
+    """
+    with Session(
+        catalog,
+        space=space,
+        appearances=appearances,
+        views=views,
+        bounds=bounds,
+        target_decibels=target_decibels,
+        sample_distance=sample_distance,
+        nan=nan,
+    ) as session:
+        return session.render_member(
+            field, parameters, name=name, split=split, time=time, spacing=spacing, origin=origin, array=array
+        )
+
+
+def member_name(parameters: Mapping[str, float]) -> str:
+    """A member's default name: its parameters, or their digest where that would be long."""
+    text = "_".join(f"{name}-{float(value)!r}" for name, value in parameters.items())
+    text = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    return text if len(text) <= LONGEST_NAME else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    render: float
+    write: float
+    images: int
+
+
+@contextmanager
+def _named_disk_errors(name: str, path: Path) -> Iterator[None]:
+    """Adds member and remedy to an OSError on its way out."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(
+            error.errno,
+            f"{error.strerror}: member {name} could not be stored and nothing of it was kept; "
+            "make room or permission, then render it again",
+            str(path),
+        ) from error
+
+
+def _notes(grid: Grid, parameters: Mapping[str, float], catalog: Catalog) -> list[str]:
+    """What deserves a warning about this member."""
+    notes = [
+        f"parameter {p.name} = {float(parameters[p.name]):g} lies outside its bounds [{p.low:g}, {p.high:g}]: "
+        "predictions there extrapolate"
+        for p in catalog.plan.space.parameters
+        if not p.low <= float(parameters[p.name]) <= p.high
+    ]
+    if catalog.plan.provenance.get("bounds_from") != "given" and shrunken(grid, catalog.plan.bounds):
+        notes.append(
+            f"the member's box {box_of(grid)} is not the first member's {catalog.plan.bounds}, around which the "
+            "cameras stand: check spacing and origin"
+        )
+    return notes

@@ -1,0 +1,257 @@
+"""What an ensemble fixes before its first member, and whether later members agree with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.appearance import Appearance, VolumeRendering, appearance_to_json
+from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.scene import ViewPlan
+from insitu.boxes import Box, box_of, cameras_around, check_inside, checked_box, same_box
+from insitu.summarize import value_range
+
+if TYPE_CHECKING:
+    from render.grids import Grid
+
+TARGET_DECIBELS = 50.0
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a caller wants fixed for the ensemble; None leaves it to the catalog or, in a new one, to a default.
+
+    Attributes
+    ----------
+    space : the parameters and their bounds.
+    appearances : how the field is shown.
+    views : the viewpoints and the frame; the 252 of the icosphere at 256 x 256 by default.
+    bounds : world box (low, high) that every member fits in; the first member's by default.
+    target_decibels : PSNR that volume rendering must reach against a converged reference, 50 by default.
+    sample_distance : step of the rays in world units instead, one for all or by appearance.
+    image_format : "png" (8 bits) or "exr" (float32).
+    provenance : further JSON values to record in a new catalog.
+    """
+
+    space: ParameterSpace | None = None
+    appearances: tuple[Appearance, ...] | None = None
+    views: ViewPlan | None = None
+    bounds: Box | None = None
+    target_decibels: float | None = None
+    sample_distance: float | Mapping[str, float] | None = None
+    image_format: str | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.bounds is not None:
+            object.__setattr__(self, "bounds", checked_box(self.bounds))
+        if self.target_decibels is not None and not self.target_decibels > 0:
+            raise ValueError(f"target_decibels must be positive, got {self.target_decibels}")
+        if self.sample_distance is not None and self.target_decibels is not None:
+            raise ValueError("give target_decibels or sample_distance, not both: the one is chosen to reach the other")
+        steps = self.sample_distance.values() if isinstance(self.sample_distance, Mapping) else [self.sample_distance]
+        if any(s is not None and not (np.isfinite(s) and s > 0) for s in steps):
+            raise ValueError(f"sample_distance must be positive (world units), got {self.sample_distance}")
+
+
+def space_from(space: ParameterSpace | Mapping[str, tuple[float, float]] | None) -> ParameterSpace | None:
+    """A parameter space, also from `{name: (low, high)}`."""
+    if space is None or isinstance(space, ParameterSpace):
+        return space
+    return ParameterSpace(tuple(Parameter(name, float(low), float(high)) for name, (low, high) in space.items()))
+
+
+def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> tuple[Appearance, ...] | None:
+    """One appearance or several, as a tuple."""
+    if appearances is None:
+        return None
+    return tuple(appearances) if isinstance(appearances, Iterable) else (appearances,)
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """What the plan of a new catalog needs to know of one member's field, or of several, before member 1.
+
+    Attributes
+    ----------
+    bounds : world box that holds the field.
+    values : smallest and largest finite value.
+    distances, decibels : by volume rendering, the sample distance (world units) that reaches the target and the PSNR
+        measured there; empty where the sample distance is given.
+    """
+
+    bounds: Box
+    values: tuple[float, float]
+    distances: Mapping[str, float] = field(default_factory=dict)
+    decibels: Mapping[str, float] = field(default_factory=dict)
+
+
+def measure_pilot(grid: Grid, wishes: Wishes) -> Pilot:
+    """Look at one member: its box, its range and, unless given, the sample distance its pictures need."""
+    _, appearances = check_complete(wishes)
+    bounds = wishes.bounds or box_of(grid)
+    check_inside(grid, bounds)
+    values = (float(grid.values.min()), float(grid.values.max()))
+    volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
+    if wishes.sample_distance is not None or not volumes:
+        return Pilot(bounds, values)
+    from render import choose_sample_distance
+
+    cameras = cameras_around(bounds, wishes.views or ViewPlan())
+    chosen = {a.name: choose_sample_distance(grid, a, cameras, target_decibels(wishes)) for a in volumes}
+    return Pilot(
+        bounds,
+        values,
+        {name: float(c.distance) for name, c in chosen.items()},
+        {name: round(float(c.decibels), 2) for name, c in chosen.items()},
+    )
+
+
+def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
+    """One pilot for all: the box around their boxes, the widest range, the finest sample distance."""
+    boxes = np.array([p.bounds for p in pilots])  # [K, 2, 3]
+    finest = {
+        name: min(range(len(pilots)), key=lambda i, name=name: pilots[i].distances[name])  # type: ignore[misc]
+        for name in pilots[0].distances
+    }
+    return Pilot(
+        checked_box((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0))),
+        (min(p.values[0] for p in pilots), max(p.values[1] for p in pilots)),
+        {name: pilots[i].distances[name] for name, i in finest.items()},
+        {name: pilots[i].decibels[name] for name, i in finest.items()},
+    )
+
+
+def check_complete(wishes: Wishes) -> tuple[ParameterSpace, tuple[Appearance, ...]]:
+    """The space and appearances of a new catalog; raises ValueError without: no field can stand in for them."""
+    if wishes.space is None or not wishes.appearances:
+        missing = "space" if wishes.space is None else "appearances"
+        raise ValueError(
+            f"a new catalog needs {missing}=, because what is fixed for the ensemble cannot come from its first member "
+            "(`insitu probe` suggests a transfer function)"
+        )
+    if isinstance(wishes.sample_distance, Mapping):
+        _given_distances(wishes.sample_distance, wishes.appearances)
+    return wishes.space, wishes.appearances
+
+
+def plan_catalog(pilot: Pilot, wishes: Wishes) -> CatalogPlan:
+    """The plan of a new catalog: the wishes, and what they leave open decided from `pilot`."""
+    space, appearances = check_complete(wishes)
+    views = wishes.views or ViewPlan()
+    provenance: dict[str, Any] = {
+        **wishes.provenance,
+        "bounds_from": "given" if wishes.bounds else "pilot members",
+        "software": _software(),
+        "value_range": list(value_range(appearances, pilot.values)),
+    }
+    if wishes.sample_distance is not None:
+        provenance["sample_distances"] = _given_distances(wishes.sample_distance, appearances)
+    elif pilot.distances:
+        provenance["target_decibels"] = target_decibels(wishes)
+        provenance["sample_distances"] = dict(pilot.distances)
+        provenance["measured_decibels"] = dict(pilot.decibels)
+    return CatalogPlan(
+        space=space,
+        appearances=appearances,
+        cameras=cameras_around(pilot.bounds, views),
+        view_splits=views.splits(),
+        bounds=pilot.bounds,
+        image_format=wishes.image_format or "png",
+        provenance=provenance,
+    )
+
+
+def target_decibels(wishes: Wishes) -> float:
+    return TARGET_DECIBELS if wishes.target_decibels is None else wishes.target_decibels
+
+
+def check_agreement(catalog: Catalog, wishes: Wishes) -> None:
+    """Raise ValueError naming everything in which `wishes` differ from what the catalog has fixed."""
+    plan = catalog.plan
+    differences = []
+    if wishes.space is not None:
+        differences += differing(wishes.space.to_json(), plan.space.to_json(), "space")
+    if wishes.appearances is not None:
+        wanted = [appearance_to_json(a) for a in wishes.appearances]
+        differences += differing(wanted, [appearance_to_json(a) for a in plan.appearances], "appearances")
+    if wishes.bounds is not None and not same_box(wishes.bounds, plan.bounds):
+        differences.append(f"bounds: {wishes.bounds} here, {plan.bounds} in the catalog")
+    if wishes.views is not None:
+        differences += _differing_views(wishes.views, plan)
+    if wishes.image_format is not None:
+        differences += differing(wishes.image_format, plan.image_format, "image_format")
+    if wishes.target_decibels is not None:
+        differences += differing(wishes.target_decibels, plan.provenance.get("target_decibels"), "target_decibels")
+    if wishes.sample_distance is not None:
+        wanted_distances = _given_distances(wishes.sample_distance, plan.appearances)
+        differences += differing(wanted_distances, plan.provenance.get("sample_distances"), "sample_distances")
+    for key, value in wishes.provenance.items():
+        differences += differing(value, plan.provenance.get(key), key)
+    if differences:
+        raise ValueError(
+            f"catalog {catalog.path} was made with another plan, and every member must share it: "
+            + "; ".join(differences)
+            + ". Take the catalog's values (leave the argument out), or write to a new catalog"
+        )
+
+
+def differing(wanted: Any, stored: Any, place: str) -> list[str]:
+    """Sentences naming each leaf in which two JSON-like values differ, both as written to disk."""
+    wanted, stored = _plain(wanted), _plain(stored)
+    if isinstance(wanted, dict) and isinstance(stored, dict):
+        keys = [*wanted, *(k for k in stored if k not in wanted)]
+        return [s for k in keys for s in differing(wanted.get(k), stored.get(k), f"{place}.{k}")]
+    if isinstance(wanted, list) and isinstance(stored, list) and len(wanted) == len(stored):
+        names = [w.get("name", i) if isinstance(w, dict) else i for i, w in enumerate(wanted)]
+        pairs = zip(names, wanted, stored, strict=True)
+        return [s for name, w, t in pairs for s in differing(w, t, f"{place}.{name}")]
+    return [] if wanted == stored else [f"{place}: {_short(wanted)} here, {_short(stored)} in the catalog"]
+
+
+def _given_distances(distance: float | Mapping[str, float], appearances: Sequence[Appearance]) -> dict[str, float]:
+    names = [a.name for a in appearances if isinstance(a, VolumeRendering)]
+    if not isinstance(distance, Mapping):
+        return {name: float(distance) for name in names}
+    if set(distance) != set(names):
+        raise ValueError(f"sample_distance must name the volume renderings {names}, got {sorted(distance)}")
+    return {name: float(distance[name]) for name in names}
+
+
+def _differing_views(views: ViewPlan, plan: CatalogPlan) -> list[str]:
+    wanted = cameras_around(plan.bounds, views)
+    if len(wanted) != len(plan.cameras):
+        return [f"views: {len(wanted)} here, {len(plan.cameras)} in the catalog"]
+    for mine, theirs in zip(wanted, plan.cameras, strict=True):
+        for name in ("width", "height", "fx", "fy"):
+            if not np.isclose(getattr(mine, name), getattr(theirs, name), rtol=1e-9):
+                return [f"views: camera {name} {getattr(mine, name):g} here, {getattr(theirs, name):g} in the catalog"]
+        slack = 1e-6 * (1.0 + float(np.abs(mine.position).max()))
+        if not np.allclose(mine.world_to_camera, theirs.world_to_camera, rtol=0, atol=slack):
+            return ["views: the cameras stand elsewhere (fill) than in the catalog"]
+    return []
+
+
+def _plain(value: Any) -> Any:
+    return json.loads(json.dumps(value))
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _software() -> dict[str, str]:
+    found = {}
+    for package in ("gs-surrogate", "vtk", "numpy"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,93 @@
+"""What pilot members' fields hold, so that transfer functions can be fixed before the first member is rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insitu.adapters import as_grid
+
+if TYPE_CHECKING:
+    from render.grids import Grid
+
+SAMPLES = 200_000  # values kept per member: quantiles to about 0.1 %
+QUANTILES = (0.001, 0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
+BAR = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """The pooled values of pilot members, each weighing the same.
+
+    Attributes
+    ----------
+    names : (K,) the members looked at.
+    ranges : (K, 2) smallest and largest value of each.
+    values : (S,) float32 sorted values drawn evenly from all of them.
+    """
+
+    names: tuple[str, ...]
+    ranges: NDArray[np.float64]  # [K, 2]
+    values: NDArray[np.float32]  # [S]
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest value of all."""
+        return float(self.ranges[:, 0].min()), float(self.ranges[:, 1].max())
+
+    def quantile(self, fraction: float) -> float:
+        """The value below which this fraction of the pooled values lies."""
+        return float(np.quantile(self.values, fraction))
+
+    def histogram(self, bins: int, low: float, high: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Fractions (bins,) of all values per bin, and bin edges (bins + 1,), over [low, high]."""
+        counts, edges = np.histogram(self.values, bins=bins, range=(low, high))
+        return counts / len(self.values), edges
+
+    def __repr__(self) -> str:
+        low, high = self.range
+        return f"Probe({len(self.names)} members, values {low:.6g} to {high:.6g}, median {self.quantile(0.5):.6g})"
+
+    def __str__(self) -> str:
+        low, high = self.range
+        lines = [f"{len(self.names)} members, values {low:.6g} to {high:.6g}", "quantiles"]
+        lines += [f"  {100 * q:5.1f} %  {self.quantile(q):.6g}" for q in QUANTILES]
+        inner_low, inner_high = self.quantile(QUANTILES[0]), self.quantile(QUANTILES[-1])
+        if inner_low < inner_high:
+            fractions, edges = self.histogram(24, inner_low, inner_high)
+            lines.append("histogram from the first to the last of these quantiles")
+            for fraction, edge in zip(fractions, edges[:-1], strict=True):
+                bar = "#" * round(BAR * fraction / fractions.max())
+                lines.append(f"  {edge:12.5g}  {100 * fraction:5.1f} %  {bar}")
+        lines.append("range by member")
+        lines += [f"  {name:<16} {a:.6g} to {b:.6g}" for name, (a, b) in zip(self.names, self.ranges, strict=True)]
+        return "\n".join(lines)
+
+
+def probe_fields(fields: Mapping[str, Any] | Iterable[Any], *, nan: str = "refuse") -> Probe:
+    """Pool the values of pilot members.
+
+    Parameters
+    ----------
+    fields : anything `as_grid` takes, by member name or in a row; taken one at a time, so they may be a generator.
+    nan : as in `render_member`; holes are left out.
+    """
+    named = fields.items() if isinstance(fields, Mapping) else ((f"member {i}", f) for i, f in enumerate(fields))
+    names, ranges, drawn = [], [], []
+    rng = np.random.default_rng(0)
+    for name, data in named:
+        values = _known(as_grid(data, nan=nan))
+        names.append(name)
+        ranges.append((float(values.min()), float(values.max())))
+        drawn.append(rng.choice(values, SAMPLES) if values.size > SAMPLES else np.resize(values, SAMPLES))
+    if not names:
+        raise ValueError("there is no member to probe")
+    return Probe(tuple(names), np.array(ranges), np.sort(np.concatenate(drawn)))
+
+
+def _known(grid: Grid) -> NDArray[np.float32]:
+    return grid.values.ravel() if grid.holes is None else grid.values[~grid.holes]

@@ -1,0 +1,165 @@
+"""A transfer function to begin with, from what pilot members hold and how opaque they look."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.appearance import TransferFunction, VolumeRendering
+from catalogs.scene import ViewPlan
+from insitu.boxes import Box, cameras_around
+from insitu.probe import Probe
+
+if TYPE_CHECKING:
+    from render.grids import Grid
+
+TARGET_ALPHA = 0.5
+CLIPPED = 0.001  # of all values, at either end, lie outside the suggested range
+COMMONPLACE = 0.5  # of all values, the most frequent ones, stay transparent
+LARGEST_OPACITY = 0.8
+BINS = 64
+POINTS = 12
+VISIBLE = 1.0 / 255.0
+PROBE_VIEWS = ViewPlan(frequency=1, width=96, height=96)
+
+# Blue to red through pale tones, dark at neither end: neighbouring values part, and nothing vanishes on white or black.
+COLORS = (
+    (0.17, 0.25, 0.72),
+    (0.13, 0.56, 0.84),
+    (0.25, 0.78, 0.68),
+    (0.72, 0.85, 0.34),
+    (0.98, 0.76, 0.22),
+    (0.93, 0.43, 0.16),
+    (0.72, 0.10, 0.20),
+)
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A transfer function and the mean foreground alpha of each pilot member's pictures under it.
+
+    Foreground is every pixel with an alpha above 1/255.
+    """
+
+    appearance: VolumeRendering
+    alphas: tuple[float, ...]
+
+    def toml(self) -> str:
+        """The `[[appearance]]` table of a scene, ready to paste."""
+        function = self.appearance.transfer_function
+        colors = "\n".join("    " + str(list(p)) + "," for p in function.color_points)
+        opacities = "\n".join("    " + str(list(p)) + "," for p in function.opacity_points)
+        return (
+            f'[[appearance]]\nkind = "volume"\nname = "{self.appearance.name}"\n\n[appearance.transfer_function]\n'
+            f"opacity_unit_distance = {function.opacity_unit_distance}\n"
+            f"# value, red, green, blue\ncolor_points = [\n{colors}\n]\n"
+            f"# value, opacity per unit distance\nopacity_points = [\n{opacities}\n]\n"
+        )
+
+
+def suggest(
+    probe: Probe, grids: Sequence[Grid], bounds: Box, *, name: str = "dvr", alpha: float = TARGET_ALPHA
+) -> Suggestion:
+    """A transfer function that leaves commonplace values transparent and rare ones visible through the depth.
+
+    The most frequent values, half of all, are transparent; beyond, opacity grows as values get rarer (entropy of the
+    pooled histogram, compare Bordoloi & Shen 2005, "View selection for volume rendering", section 3).  Colours are
+    spread so that each covers an equal part of what is visible.  The unit distance is then solved, by bisection over
+    small rendered pictures of `grids`, for a mean foreground alpha of `alpha`.
+
+    What it cannot know: which values matter to you. It is a start to edit, not an answer.
+    """
+    low, high = probe.quantile(CLIPPED), probe.quantile(1.0 - CLIPPED)
+    if not low < high:
+        middle = probe.quantile(0.5)
+        margin = abs(middle) * 0.5 or 0.5
+        low, high = middle - margin, middle + margin
+    fractions, edges = probe.histogram(BINS, low, high)
+    opacities = _opacity_curve(fractions)  # [B]
+    opacity_points = _simplified((edges[:-1] + edges[1:]) / 2.0, opacities, low, high)
+    color_points = _color_points(fractions * opacities, edges)
+    size = float(np.linalg.norm(np.subtract(*bounds)))
+
+    def appearance(unit_distance: float) -> VolumeRendering:
+        return VolumeRendering(name, TransferFunction(color_points, opacity_points, _rounded(unit_distance, 3)))
+
+    finest, coarsest = 1e-3 * size, 10.0 * size
+    for _ in range(12):
+        middle = math.sqrt(finest * coarsest)
+        if np.mean(foreground_alphas(grids, appearance(middle), bounds)) > alpha:
+            finest = middle
+        else:
+            coarsest = middle
+    chosen = appearance(math.sqrt(finest * coarsest))
+    return Suggestion(chosen, tuple(foreground_alphas(grids, chosen, bounds)))
+
+
+def foreground_alphas(
+    grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box, views: ViewPlan = PROBE_VIEWS
+) -> list[float]:
+    """Mean alpha over the foreground (alpha > 1/255) of each grid's pictures; 0 where there is none."""
+    from render import render_views
+
+    cameras = cameras_around(bounds, views)
+    means = []
+    for grid in grids:
+        alphas = np.stack([rgba[..., 3] / 255.0 for rgba in render_views(grid, appearance, cameras)])  # [V, H, W]
+        shown = alphas[alphas > VISIBLE]
+        means.append(float(shown.mean()) if shown.size else 0.0)
+    return means
+
+
+def _opacity_curve(fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Opacity (B,) by bin: none for the most frequent values, growing with surprise, -log of frequency, beyond."""
+    smooth = np.convolve(np.pad(fractions, 2, mode="edge"), np.array([1, 4, 6, 4, 1]) / 16.0, mode="valid")  # [B]
+    order = np.argsort(-smooth, kind="stable")
+    common = order[: int(np.searchsorted(np.cumsum(smooth[order]), COMMONPLACE * smooth.sum())) + 1]
+    threshold = float(smooth[common].min())
+    floor = max(1e-5, float(smooth.min()))
+    if threshold <= floor * (1.0 + 1e-9):
+        return np.full(len(fractions), LARGEST_OPACITY)  # all values alike: nothing to set apart
+    surprise = np.log(threshold / np.maximum(smooth, floor)) / np.log(threshold / floor)
+    return LARGEST_OPACITY * np.clip(surprise, 0.0, 1.0)
+
+
+def _simplified(
+    values: NDArray[np.float64], opacities: NDArray[np.float64], low: float, high: float
+) -> tuple[tuple[float, float], ...]:
+    """At most POINTS control points near the curve, from `low` to `high` (Ramer 1972, Douglas & Peucker 1973)."""
+    values = np.concatenate([[low], values, [high]])
+    opacities = np.concatenate([opacities[:1], opacities, opacities[-1:]])
+    kept = [0, len(values) - 1]
+    while len(kept) < POINTS:
+        error = np.abs(opacities - np.interp(values, values[kept], opacities[kept]))
+        if error.max() < 0.01:
+            break
+        kept = sorted([*kept, int(np.argmax(error))])
+    digits = _digits(high - low)
+    return tuple((round(float(values[i]), digits), round(float(opacities[i]), 3)) for i in kept)
+
+
+def _color_points(visible: NDArray[np.float64], edges: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
+    """Colour control points (value, r, g, b), the colours between them covering equal parts of what is visible.
+
+    Half equal parts of the range, half of the visible mass: a single peak must not take every colour.
+    """
+    mass = visible / visible.sum() if visible.sum() > 0 else np.zeros_like(visible)
+    mass = 0.5 * mass + 0.5 / len(mass)
+    cumulative = np.concatenate([[0.0], np.cumsum(mass)])
+    places = np.interp(np.linspace(0.0, 1.0, len(COLORS)), cumulative / cumulative[-1], edges)
+    digits = _digits(edges[-1] - edges[0])
+    return tuple((round(float(v), digits), *color) for v, color in zip(places, COLORS, strict=True))
+
+
+def _digits(width: float) -> int:
+    """Decimals that resolve a ten-thousandth of `width`."""
+    return 4 - math.floor(math.log10(width))
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits}g}")

@@ -1,0 +1,199 @@
+"""Worker processes: how they start, how they tell what they do, and how they stop when asked or left alone."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+import time as clock
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+# One process per core scales better than threads within one: numpy's and Mesa's threads would fight over the cores.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
+GRACE_SECONDS = 10.0
+TICK_SECONDS = 0.2
+
+
+class StopRequested(Exception):
+    """The ensemble was interrupted; raised in a worker at its next report so that it leaves nothing behind."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a worker did for a member: a `stage` ("simulate", "pilot" or "render") entered and its fraction done."""
+
+    member: str
+    stage: str
+    fraction: float
+    images: int = 0
+
+
+class Channel:
+    """A worker's line to the process that runs the ensemble; without one (a foreign executor) it does nothing."""
+
+    def __init__(self, reports: Any = None, stop: Any = None) -> None:
+        self._reports, self._stop = reports, stop
+
+    def send(self, report: Report) -> None:
+        """Pass `report` on; raises StopRequested where the ensemble was interrupted."""
+        if self._stop is not None and self._stop.is_set():
+            raise StopRequested
+        if self._reports is not None:
+            self._reports.put(report)
+
+
+_channel = Channel()  # a worker process has one parent, so one channel
+
+
+def channel() -> Channel:
+    """This process's channel."""
+    return _channel
+
+
+class Crew:
+    """Workers that take tasks and say what they do: spawned processes of our own, or a foreign executor.
+
+    A context manager: on leaving it with an error, workers are asked to stop, then made to, and none stays behind.
+    """
+
+    def __init__(self, count: int, executor: Executor | None = None) -> None:
+        self._count, self._foreign = count, executor
+        self._context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
+        self._before = {p.pid for p in multiprocessing.active_children()}
+        self._executor, self._queue, self._stop = executor, None, None
+
+    def __enter__(self) -> Crew:
+        if self._foreign is None:
+            self._hire()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._foreign is None:
+            self._dismiss(at_once=kind is not None)
+
+    def run(
+        self,
+        tasks: Mapping[str, Callable[[], Any]],
+        done: Callable[[str, Any], None],
+        failed: Callable[[str, BaseException], None],
+        tick: Callable[[Iterable[Report]], None],
+        give_up: Callable[[BaseException], bool] = lambda error: False,
+    ) -> None:
+        """Run picklable `tasks` by name, in order, until each is `done` (with its result) or `failed` (with its error).
+
+        `tick` gets what was reported a few times a second.  After an error for which `give_up` holds, no further task
+        is begun: the rest fail with that error.  A task in whose company a worker process died is tried once more,
+        alone.
+        """
+        waiting, suspects = deque(tasks.items()), deque[tuple[str, Callable[[], Any]]]()
+        running: dict[Future[Any], tuple[str, Callable[[], Any], bool]] = {}
+        try:
+            while waiting or suspects or running:
+                self._hand_out(waiting, suspects, running)
+                finished, _ = wait(running, timeout=TICK_SECONDS, return_when=FIRST_COMPLETED)
+                tick(self._reports())
+                if any(isinstance(f.exception(), BrokenExecutor) for f in finished):
+                    finished, _ = wait(running)  # the whole pool is gone
+                    if self._foreign is None:
+                        self._dismiss(at_once=True)
+                        self._hire()
+                for future in finished:
+                    name, task, alone = running.pop(future)
+                    error = future.exception()
+                    if error is None:
+                        done(name, future.result())
+                    elif isinstance(error, BrokenExecutor) and not alone and self._foreign is None:
+                        suspects.append((name, task))
+                    else:
+                        failed(name, _explained(error))
+                        if give_up(error):
+                            for rest, _ in (*waiting, *suspects):
+                                failed(rest, error)
+                            waiting.clear()
+                            suspects.clear()
+            tick(self._reports())
+        finally:
+            for future in running:
+                future.cancel()
+
+    def _hand_out(self, waiting: deque[Any], suspects: deque[Any], running: dict[Future[Any], Any]) -> None:
+        assert self._executor is not None
+        while waiting and (self._foreign is not None or len(running) < self._count):
+            name, task = waiting.popleft()
+            running[self._executor.submit(task)] = (name, task, False)
+        if suspects and not running:
+            name, task = suspects.popleft()
+            running[self._executor.submit(task)] = (name, task, True)
+
+    def _reports(self) -> Iterator[Report]:
+        while self._queue is not None:
+            try:
+                yield self._queue.get_nowait()
+            except queue.Empty:
+                return
+
+    def _hire(self) -> None:
+        self._queue, self._stop = self._context.Queue(), self._context.Event()
+        self._executor = ProcessPoolExecutor(
+            self._count, mp_context=self._context, initializer=_start_worker, initargs=(self._queue, self._stop)
+        )
+
+    def _dismiss(self, *, at_once: bool) -> None:
+        if at_once:
+            self._stop.set()
+        processes = [p for p in multiprocessing.active_children() if p.pid not in self._before]
+        self._executor.shutdown(wait=not at_once, cancel_futures=True)
+        until = clock.monotonic() + GRACE_SECONDS
+        for process in processes:
+            process.join(max(0.0, until - clock.monotonic()) if at_once else None)
+            if process.is_alive():
+                process.kill()
+                process.join()
+        self._queue.close()
+        self._queue.cancel_join_thread()
+
+
+def _explained(error: BaseException) -> BaseException:
+    if isinstance(error, BrokenExecutor):
+        return RuntimeError("its worker process was killed, twice; if memory ran out, take fewer workers")
+    return error
+
+
+@contextmanager
+def single_threaded(settings: Mapping[str, str] = ONE_THREAD) -> Iterator[None]:
+    """Environment for processes started within: libraries read it when they load.  What the user set stays."""
+    added = {name: value for name, value in settings.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
+
+
+def _start_worker(reports: Any, stop: Any) -> None:
+    global _channel
+    _channel = Channel(reports, stop)
+    reports.cancel_join_thread()  # never wait at the end for someone to read
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent asks us to stop
+    threading.Thread(target=_leave_with_parent, args=(stop,), daemon=True).start()
+
+
+def _leave_with_parent(stop: Any) -> None:
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    parent.join()
+    stop.set()
+    threading.Event().wait(GRACE_SECONDS)
+    os._exit(1)  # waiting for work that will never come
