@@ -95,7 +95,7 @@ def ensemble(
                 catalog, members, Hdf5Source(stored), wishes, workers=workers, shard=_shard(shard), progress=line
             )
         click.echo(repr(result))
-        _fail_on(result.failures)
+        _fail_on(dict(result.failures))
 
 
 @main.command()

@@ -143,7 +143,9 @@ def _simplified(
     return tuple((round(float(values[i]), digits), round(float(opacities[i]), 3)) for i in kept)
 
 
-def _color_points(visible: NDArray[np.float64], edges: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
+def _color_points(
+    visible: NDArray[np.float64], edges: NDArray[np.float64]
+) -> tuple[tuple[float, float, float, float], ...]:
     """Colour control points (value, r, g, b), the colours between them covering equal parts of what is visible.
 
     Half equal parts of the range, half of the visible mass: a single peak must not take every colour.

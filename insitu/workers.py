@@ -68,7 +68,9 @@ class Crew:
         self._count, self._foreign = count, executor
         self._context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
         self._before = {p.pid for p in multiprocessing.active_children()}
-        self._executor, self._queue, self._stop = executor, None, None
+        self._executor: Any = executor
+        self._queue: Any = None
+        self._stop: Any = None
 
     def __enter__(self) -> Crew:
         if self._foreign is None:
