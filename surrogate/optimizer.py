@@ -7,40 +7,56 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+DECAY_FIRST, DECAY_SECOND = 0.9, 0.999
+EPSILON = 1e-15  # as in 3D Gaussian Splatting: gradients of single Gaussians are far below the usual 1e-8
+
 
 class Adam:
-    """Adam (Kingma & Ba 2015) over named leaf tensors; torch's fused implementation.
+    """Adam (Kingma & Ba 2015, algorithm 1) over named leaf tensors.
 
-    The epsilon of 1e-15 is that of 3D Gaussian Splatting: gradients of single Gaussians are far below 1e-8.
+    It calls the fused kernel under `torch.optim.Adam` itself: that class loads torch's compiler at its first use, which
+    takes seconds, and spends as long around the kernel as in it.
     """
 
     def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
-        self._tensors, self._rates = dict(tensors), dict(rates)
-        groups = [{"params": [tensor], "lr": rates[name]} for name, tensor in tensors.items()]
-        self._adam = torch.optim.Adam(groups, betas=(0.9, 0.999), eps=1e-15, fused=True)
-        for tensor in tensors.values():
-            self._adam.state[tensor] = {
-                "step": torch.zeros(()),
-                "exp_avg": torch.zeros_like(tensor, requires_grad=False),
-                "exp_avg_sq": torch.zeros_like(tensor, requires_grad=False),
-            }
+        self._tensors, self._rates, self._steps = dict(tensors), dict(rates), torch.zeros(())
+        self._moments = {
+            name: (torch.zeros_like(t, requires_grad=False), torch.zeros_like(t, requires_grad=False))
+            for name, t in tensors.items()
+        }
 
+    @torch.no_grad()
     def step(self, factor: float) -> None:
         """Move every tensor by its gradient with `factor` times its rate, and forget the gradients."""
-        for group, rate in zip(self._adam.param_groups, self._rates.values(), strict=True):
-            group["lr"] = rate * factor
-        self._adam.step()
-        self._adam.zero_grad(set_to_none=True)
+        self._steps += 1.0
+        for name, tensor in self._tensors.items():
+            if tensor.grad is None:
+                continue
+            first, second = self._moments[name]
+            torch._fused_adam_(
+                [tensor],
+                [tensor.grad],
+                [first],
+                [second],
+                [],
+                [self._steps],
+                lr=self._rates[name] * factor,
+                beta1=DECAY_FIRST,
+                beta2=DECAY_SECOND,
+                weight_decay=0.0,
+                eps=EPSILON,
+                amsgrad=False,
+                maximize=False,
+            )
+            tensor.grad = None
 
     def moments(self) -> dict[str, tuple[Tensor, Tensor]]:
         """First and second moment of each tensor; writing to them changes the optimizer."""
-        states = {name: self._adam.state[tensor] for name, tensor in self._tensors.items()}
-        return {name: (state["exp_avg"], state["exp_avg_sq"]) for name, state in states.items()}
+        return dict(self._moments)
 
     def restore(self, moments: Mapping[str, tuple[Tensor, Tensor]], steps: int) -> None:
         """Continue from `moments` after `steps` steps."""
-        for name, tensor in self._tensors.items():
-            state = self._adam.state[tensor]
-            state["step"].fill_(steps)
-            state["exp_avg"].copy_(moments[name][0])
-            state["exp_avg_sq"].copy_(moments[name][1])
+        self._steps.fill_(steps)
+        for name, own in self._moments.items():
+            for kept, given in zip(own, moments[name], strict=True):
+                kept.copy_(given)

@@ -12,15 +12,12 @@ from torch import Tensor
 from surrogate.data import Example
 from surrogate.densify import plan_relocation, relocate
 from surrogate.losses import image_loss
+from surrogate.metrics import WHITE, psnr
 from surrogate.optimizer import Adam
 from surrogate.rasterizer import Rasterizer
 from surrogate.sampling import ShuffledEpochs, generator
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import Rendering
 from surrogate.stage import Stage
-
-WHITE = (1.0, 1.0, 1.0)
-MOST_DECIBELS = 60.0  # where PSNR is capped, so that an empty picture does not make a mean infinite
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +49,7 @@ class StageRun:
         gaussians = self.stage.gaussians_at(example.parameters)
         rendering = self._rasterizer.draw(gaussians, example.camera)
         background = self._background()
-        image, target = composite(rendering, background), composite_pixels(example, background)
+        image, target = rendering.over(background), composite_pixels(example, background)
         loss = image_loss(image, target, ssim_weight=settings.ssim_weight)
         loss.backward()
         self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
@@ -115,14 +112,8 @@ class StageRun:
     def _decibels(self, example: Example) -> float:
         rendering = self._rasterizer.draw(self.stage.gaussians_at(example.parameters), example.camera)
         background = self.data.background or WHITE
-        difference = composite(rendering, background).clamp(0.0, 1.0) - composite_pixels(example, background)
-        error = max(float(difference.double().square().mean()), 10.0 ** (-MOST_DECIBELS / 10.0))
-        return -10.0 * float(torch.tensor(error, dtype=torch.float64).log10())
-
-
-def composite(rendering: Rendering, background: Sequence[float]) -> Tensor:
-    """The picture (H, W, 3) over a background colour (3,)."""
-    return rendering.color + (1.0 - rendering.alpha).unsqueeze(-1) * torch.tensor(background)
+        picture = rendering.over(background).clamp(0.0, 1.0)
+        return psnr(composite_pixels(example, background).numpy(), picture.numpy())
 
 
 def composite_pixels(example: Example, background: Sequence[float]) -> Tensor:
