@@ -51,8 +51,12 @@ class Run(Protocol):
         resolution: int,
         time: float,
         progress: Callable[[float], Any] | None = None,
+        solver_resolution: int | None = None,
     ) -> Field:
-        """Simulate the member; `progress`, where given, is called with the finished fraction of the run, up to 1."""
+        """Simulate the member on `resolution`³ points, or on `solver_resolution`³ and return it on fewer.
+
+        `progress`, where given, is called with the finished fraction of the run, up to 1.
+        """
         ...
 
 

@@ -177,6 +177,33 @@ def test_run_at_time_zero_is_the_initial_condition():
     assert run({"Re": 100.0}, resolution=8, time=0.0).time == 0.0
 
 
+def test_a_field_can_be_solved_on_more_points_than_it_has():
+    fine = TaylorGreen(resolution=32, reynolds=400.0)
+    state = advanced(fine, 3.0)
+    modes = np.fft.rfftn(fine.velocity(state).astype(np.float64), axes=(1, 2, 3), norm="forward")
+    index = np.fft.ifftshift(np.arange(-8, 8))  # the modes that 16 points tell apart; those from 16 / 3 on are cut
+    coarse = modes[:, index[:, None, None], index[:, None], np.arange(9)]
+    for axis, k in ((1, index), (2, index), (3, np.arange(9))):
+        np.moveaxis(coarse, axis, 0)[3 * np.abs(k) >= 16] = 0.0
+    velocity = np.fft.irfftn(coarse, (16, 16, 16), axes=(1, 2, 3), norm="forward")
+    box = PeriodicBox(16, fine.viscosity, dtype="float64")
+    expected = box.q_criterion(box.initial(velocity))
+
+    field = run({"Re": 400.0}, resolution=16, time=3.0, solver_resolution=32)
+    assert field.spacing == (np.pi / 8,) * 3
+    assert np.abs(field.values - expected).max() < 1e-5 * np.abs(expected).max()
+    unresolved = run({"Re": 400.0}, resolution=16, time=3.0).values
+    assert np.abs(unresolved - expected).max() > 0.01 * np.abs(expected).max(), "this flow needs more than 16 points"
+
+
+def test_a_field_has_no_more_points_than_its_solver():
+    with pytest.raises(ValueError, match="at least the field's 32, got 16"):
+        run({"Re": 400.0}, resolution=32, time=1.0, solver_resolution=16)
+    flow = TaylorGreen(resolution=16)
+    with pytest.raises(ValueError, match="16 points cannot be coarsened to 32"):
+        flow.coarsened(flow.initial(), 32)
+
+
 @pytest.mark.parametrize("parameters", [{}, {"Re": 1.0, "Ma": 0.1}, {"reynolds": 1600.0}])
 def test_run_names_its_one_parameter(parameters: dict[str, float]):
     with pytest.raises(ValueError, match="one parameter Re"):
