@@ -34,6 +34,7 @@ class IsosurfaceRenderer:
     """
 
     def __init__(self, grid: Grid, appearance: Isosurface, *, window: Window | None = None) -> None:
+        self._closed = False
         self._placement = Placement.of(grid)
         surface = extract(grid, appearance.isovalue, self._placement)
         self.triangles = int(surface.GetNumberOfPolys())
@@ -44,6 +45,8 @@ class IsosurfaceRenderer:
 
     def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
         """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
+        if self._closed:
+            raise RuntimeError("this renderer is closed")
         if self._renderer is None:
             return np.zeros((camera.height, camera.width, 4), dtype=np.float32 if float_output else np.uint8)
         local = self._placement.camera(camera).resized(SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height)
@@ -52,6 +55,7 @@ class IsosurfaceRenderer:
 
     def close(self) -> None:
         """Free the surface, here and in graphics memory."""
+        self._closed = True
         if self._renderer is not None:
             self._window.remove(self._renderer)
             self._renderer = None

@@ -17,7 +17,7 @@ from render.grids import Grid
 from render.volume import VolumeRenderer
 from render.window import Window
 
-CANDIDATES = (1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125)  # in smallest spacings
+CANDIDATES = (1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125, 0.1)  # in smallest spacings
 REFERENCE = 1 / 24  # in smallest spacings: beyond 80 dB against the float64 ray-marcher on fields of this kind
 MARGIN = 1.0  # dB kept in hand for views and members that were not measured
 ANISOTROPIC = 2.0  # largest over smallest spacing beyond which samples stay within half the smallest
@@ -111,4 +111,6 @@ def _pictures(
         volume.render(cameras[0], float_output=float_output)  # uploads and compiles
         started = time.perf_counter()
         pictures = [volume.render(camera, float_output=float_output) for camera in cameras]
-        return np.concatenate([picture.reshape(-1, 4) for picture in pictures]), (time.perf_counter() - started) * 1e3 / len(cameras)
+        return np.concatenate([picture.reshape(-1, 4) for picture in pictures]), (
+            time.perf_counter() - started
+        ) * 1e3 / len(cameras)

@@ -78,7 +78,7 @@ def _sample(exponent: float, shaded: bool, holes: bool) -> str:
 LIGHTING = f"""
 vec3 lit(vec3 color)
 {{
-  vec3 cell = in_cellStep[0];
+  vec3 cell = 1.0 / vec3(textureSize(in_volume[0], 0));
   vec3 gradient = vec3(
     texture3D(in_volume[0], g_dataPos + vec3(cell.x, 0.0, 0.0)).r -
     texture3D(in_volume[0], g_dataPos - vec3(cell.x, 0.0, 0.0)).r,

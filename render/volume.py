@@ -45,11 +45,13 @@ class VolumeRenderer:
         self.sample_distance = distance
         self._placement = Placement.of(grid)
         self._window = window or open_window()
-        self._renderer = _volume_scene(grid, appearance, self._placement, distance)
+        self._renderer: Any = _volume_scene(grid, appearance, self._placement, distance)
         self._window.add(self._renderer)
 
     def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
         """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
+        if self._renderer is None:
+            raise RuntimeError("this renderer is closed")
         local = self._placement.camera(camera)
         aim(self._renderer, local, *self._placement.clipping_range(local))
         return self._window.draw(self._renderer, camera.width, camera.height, float_output=float_output)

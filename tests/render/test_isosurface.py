@@ -1,0 +1,150 @@
+"""Isosurfaces against rays that find the surface by themselves, and the cases where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from catalogs.appearance import Isosurface
+from catalogs.cameras import Camera, orbit
+from render import render_views
+from render.grids import Grid, to_grid
+from render.isosurface import IsosurfaceRenderer, box_average
+from render.raymarch import box_intersections, gradient, trilinear
+
+SURFACE = Isosurface("iso", 0.6, (0.9, 0.5, 0.2))
+
+
+def ball(samples: int = 49, radius_value: float = 0.0) -> Grid:
+    """Distance from the centre of a unit box, (z, y, x), spacings 1 : 1 : 1."""
+    z, y, x = np.mgrid[-1 : 1 : samples * 1j, -1 : 1 : samples * 1j, -1 : 1 : samples * 1j]
+    return to_grid(np.sqrt(x**2 + y**2 + z**2) + radius_value, spacing=2 / (samples - 1), origin=(-1, -1, -1))
+
+
+def traced(grid: Grid, surface: Isosurface, camera: Camera) -> np.ndarray:
+    """The picture [H, W, 4] found ray by ray: first root of the trilinear field, 4 x 4 rays per pixel, float64."""
+    finer = camera.resized(4 * camera.width, 4 * camera.height)
+    origin, directions = finer.rays()
+    flat = directions.reshape(-1, 3)
+    enter, leave = box_intersections(grid, origin, flat)
+    image = np.zeros((len(flat), 4))
+    for ray in np.flatnonzero(leave > enter):
+        along = np.linspace(enter[ray], leave[ray], 120)
+        above = trilinear(grid, origin + along[:, None] * flat[ray])[0] > surface.isovalue
+        changes = np.flatnonzero(above[1:] != above[:-1])
+        if not len(changes):
+            continue
+
+        def level(distance: float, ray: int = ray) -> float:
+            return float(trilinear(grid, origin + distance * flat[ray])[0]) - surface.isovalue
+
+        point = origin + brentq(level, along[changes[0]], along[changes[0] + 1]) * flat[ray]
+        slope = gradient(grid, point)
+        facing = abs(slope @ flat[ray]) / np.linalg.norm(slope)
+        shade = (surface.ambient + surface.diffuse * facing) * np.array(surface.color)
+        image[ray] = np.append(np.clip(shade + surface.specular * facing**surface.specular_power, 0, 1), 1.0)
+    return image.reshape(camera.height, 4, camera.width, 4, 4).mean(axis=(1, 3))
+
+
+def views(grid: Grid, size: int = 32) -> list[Camera]:
+    return orbit(grid.center, grid.bounding_radius, width=size, height=size, frequency=1)[2::5]
+
+
+@pytest.mark.parametrize("field", ["ball", "gyroid"])
+def test_pictures_equal_what_rays_find(field: str, gyroid: Grid) -> None:
+    grid, surface = (ball(), SURFACE) if field == "ball" else (gyroid, Isosurface("iso", 0.1, (0.2, 0.7, 0.9)))
+    for camera in views(grid)[:2]:
+        expected = traced(grid, surface, camera)
+        picture = next(render_views(grid, surface, [camera], float_output=True))
+        inside = expected[..., 3] == 1
+        assert inside.mean() > 0.05
+        assert np.median(np.abs(picture - expected)[inside]) < 0.01
+        assert np.abs(picture[..., 3] - expected[..., 3]).mean() < 0.01  # silhouettes: 4 against 16 samples a pixel
+
+
+def test_shading_of_a_ball_is_the_formula_in_the_middle_of_the_picture() -> None:
+    camera = Camera.look_at((6, 0, 0), (0, 0, 0), vertical_fov_degrees=20, width=33, height=33)
+    rgba = next(render_views(ball(), SURFACE, [camera], float_output=True))[16, 16]
+    expected = 0.9 * np.array(SURFACE.color) + 0.2
+    np.testing.assert_allclose(rgba, np.append(np.minimum(expected, 1), 1), atol=0.01)
+
+
+def test_both_sides_are_lit() -> None:
+    inside = Camera.look_at((0, 0, 0), (0, 1, 0), vertical_fov_degrees=40, width=16, height=16)
+    image = next(render_views(ball(), SURFACE, [inside]))
+    assert (image[..., 3] == 255).all()
+    assert image[8, 8, 0] > 200
+
+
+def test_a_small_ball_appears_where_the_pinhole_camera_projects_it() -> None:
+    grid = ball(97)
+    for offset in [(0.0, 0.0, 0.0), (0.51, -0.37, 0.2)]:
+        k, j, i = np.indices(grid.shape)
+        points = np.stack([i, j, k], axis=-1) * grid.spacing + grid.origin
+        moved = to_grid(np.linalg.norm(points - offset, axis=-1), spacing=grid.spacing, origin=grid.origin)
+        cameras = views(grid, 256)
+        shifted = [Camera(c.world_to_camera, c.fx, c.fy, c.cx + 11.3, c.cy - 4.8, 256, 256) for c in cameras[:1]]
+        pictures = render_views(moved, Isosurface("dot", 0.06), cameras + shifted, float_output=True)
+        for camera, picture in zip(cameras + shifted, pictures, strict=True):
+            alpha = picture[..., 3].astype(np.float64)
+            rows, columns = np.mgrid[0:256, 0:256] + 0.5
+            centroid = np.array([(columns * alpha).sum(), (rows * alpha).sum()]) / alpha.sum()
+            assert np.abs(centroid - camera.project(np.array([offset]))[0][0]).max() < 0.05
+
+
+@pytest.mark.parametrize("isovalue", [-1.0, 99.0])
+def test_an_empty_isosurface_is_an_empty_picture(isovalue: float) -> None:
+    grid = ball(9)
+    with IsosurfaceRenderer(grid, Isosurface("none", isovalue)) as surface:
+        assert surface.triangles == 0
+        for camera in views(grid):
+            assert not surface.render(camera).any()
+            assert surface.render(camera, float_output=True).shape == (32, 32, 4)
+
+
+@pytest.mark.parametrize("isovalue", [3.0, 4.0])
+def test_a_constant_field_has_no_surface(isovalue: float) -> None:
+    grid = to_grid(np.full((2, 2, 2), 3.0))
+    assert not next(render_views(grid, Isosurface("flat", isovalue), views(grid)[:1])).any()
+
+
+def test_the_smallest_grid_has_a_surface() -> None:
+    grid = to_grid(np.arange(8.0).reshape(2, 2, 2))
+    assert next(render_views(grid, Isosurface("plane", 3.5), views(grid)[:1])).any()
+
+
+def test_cells_at_holes_have_no_surface() -> None:
+    whole = ball(33)
+    field = whole.values.astype(np.float64)
+    field[:, :, :16] = np.nan
+    half = to_grid(field, spacing=whole.spacing, origin=whole.origin, nan="transparent")
+    with IsosurfaceRenderer(whole, SURFACE) as full, IsosurfaceRenderer(half, SURFACE) as rest:
+        assert 0.35 < rest.triangles / full.triangles < 0.55
+        camera = Camera.look_at((0, -8, 0), (0, 0, 0), vertical_fov_degrees=20, width=64, height=64)  # +x to the right
+        np.testing.assert_array_equal(rest.render(camera)[:, 34:], full.render(camera)[:, 34:])
+        assert not rest.render(camera)[:, :31].any()
+
+
+def test_eight_bits_are_the_rounded_floats() -> None:
+    grid = ball(17)
+    for camera in views(grid):
+        exact = next(render_views(grid, SURFACE, [camera], float_output=True))
+        image = next(render_views(grid, SURFACE, [camera]))
+        assert np.abs(exact * 255 - image).max() < 1.01  # rounded once per sample and once for the mean
+
+
+def test_box_average_is_the_mean_rounded_to_nearest() -> None:
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, size=(6, 8, 4)).astype(np.uint8)
+    expected = image.reshape(3, 2, 4, 2, 4).astype(float).mean(axis=(1, 3))
+    np.testing.assert_array_equal(box_average(image), np.floor(expected + 0.5))
+    np.testing.assert_allclose(box_average(image.astype(np.float32)), expected)
+
+
+def test_a_closed_renderer_says_so() -> None:
+    grid = ball(9)
+    with IsosurfaceRenderer(grid, SURFACE) as surface:
+        pass
+    with pytest.raises(RuntimeError, match="closed"):
+        surface.render(views(grid)[0])

@@ -1,0 +1,173 @@
+"""VTK's volume pictures against the float64 ray-marcher and the pinhole camera."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from catalogs.appearance import TransferFunction, VolumeRendering
+from catalogs.cameras import Camera, orbit
+from render import render_views
+from render.grids import Grid, to_grid
+from render.quality import psnr
+from render.raymarch import march
+from render.volume import VolumeRenderer
+
+GRAY = ((0.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0))
+
+
+def around(grid: Grid, count: int = 3, size: int = 64) -> list[Camera]:
+    return orbit(grid.center, grid.bounding_radius, width=size, height=size, frequency=2)[5 :: 42 // count][:count]
+
+
+def drawn(grid: Grid, appearance: VolumeRendering, camera: Camera, distance: float) -> np.ndarray:
+    return next(render_views(grid, appearance, [camera], sample_distance=distance, float_output=True))
+
+
+@pytest.mark.parametrize("shaded", [False, True])
+@pytest.mark.parametrize("profile", ["smooth", "peaks"])
+def test_pictures_equal_the_ray_marchers_at_the_same_steps(gyroid, profile, shaded, request) -> None:
+    appearance = VolumeRendering("dvr", request.getfixturevalue(profile), shaded)
+    distance = min(gyroid.spacing) / 2
+    for camera in around(gyroid):
+        expected = march(gyroid, appearance, camera, distance)
+        assert expected[..., 3].max() > 0.5
+        error = np.abs(drawn(gyroid, appearance, camera, distance) - expected)
+        assert np.percentile(error, 99) < 2e-3  # rays at edges may take one step more or less
+        assert error.mean() < 1e-4
+
+
+def test_pictures_converge_to_the_ray_marchers(gyroid, smooth) -> None:
+    appearance = VolumeRendering("dvr", smooth)
+    camera = around(gyroid)[1]
+    truth = march(gyroid, appearance, camera, min(gyroid.spacing) / 32)
+    decibels = [psnr(drawn(gyroid, appearance, camera, min(gyroid.spacing) * k), truth) for k in (1, 0.5, 0.25)]
+    assert decibels[0] > 50
+    assert decibels[1] > decibels[0] + 6
+    assert decibels[2] > 70
+
+
+@pytest.mark.parametrize("value", [-5.0, 0.0, 0.25, 0.5, 1.0, 1e30])
+def test_a_constant_field_is_a_homogeneous_medium(value: float) -> None:
+    grid = to_grid(np.full((4, 4, 4), value), spacing=1 / 3)
+    transfer = TransferFunction(((0, 1, 0, 0), (1, 0, 0, 1)), ((0, 0.0), (1, 0.6)), 0.5)
+    camera = Camera.look_at((-4, 0.5, 0.5), (0.5, 0.5, 0.5), vertical_fov_degrees=1e-2, width=8, height=8)
+    rgba = drawn(grid, VolumeRendering("flat", transfer), camera, 0.21)[4, 4]
+    clipped = min(max(value, 0.0), 1.0)
+    alpha = 1 - (1 - 0.6 * clipped) ** (1 / 0.5)
+    np.testing.assert_allclose(rgba, alpha * np.array([1 - clipped, 0, clipped, 1]), atol=1e-4)
+
+
+def test_opacity_does_not_depend_on_the_step(gyroid) -> None:
+    transfer = TransferFunction(GRAY, ((0.0, 0.5), (1.0, 0.5)), 0.7)
+    flat = to_grid(np.full(gyroid.shape, 0.5), spacing=(0.02, 0.4, 0.4))  # thin: 20 : 1
+    for camera in around(flat):
+        pictures = [drawn(flat, VolumeRendering("flat", transfer), camera, step) for step in (3.0, 0.4, 0.013)]
+        np.testing.assert_allclose(pictures[0], pictures[2], atol=1e-3)
+        np.testing.assert_allclose(pictures[1], pictures[2], atol=1e-3)
+
+
+def test_values_far_beyond_the_transfer_function_do_not_blur_it(smooth) -> None:
+    field = np.random.default_rng(0).uniform(-1, 1, size=(8, 8, 8))
+    field[0, 0, 0], field[7, 7, 7] = 3e38, -3e38
+    grid = to_grid(field)
+    appearance = VolumeRendering("dvr", smooth)
+    for camera in around(grid):
+        expected = march(grid, appearance, camera, 0.125)
+        assert psnr(drawn(grid, appearance, camera, 0.125), expected) > 45
+
+
+@pytest.mark.parametrize("profile", ["smooth", "peaks"])
+def test_holes_are_transparent_and_colour_nothing_around_them(gyroid, profile, request) -> None:
+    field = gyroid.values.astype(np.float64)
+    field[5:26, 8:20, 6:14] = np.nan
+    field[20, 20, 20] = np.inf
+    field[0, 0, :] = np.nan
+    grid = to_grid(field, spacing=gyroid.spacing, origin=gyroid.origin, nan="transparent")
+    appearance = VolumeRendering("dvr", request.getfixturevalue(profile))
+    distance = min(grid.spacing) / 8
+    for camera in around(grid):
+        picture = drawn(grid, appearance, camera, distance)
+        assert psnr(picture, march(grid, appearance, camera, distance)) > 55
+        assert psnr(picture, march(gyroid, appearance, camera, distance)) < 45  # the holes do show
+
+
+def test_eight_bits_are_the_rounded_floats_and_premultiplied(gyroid, smooth) -> None:
+    appearance = VolumeRendering("dvr", smooth)
+    cameras = around(gyroid)
+    floats = list(render_views(gyroid, appearance, cameras, float_output=True))
+    for exact, image in zip(floats, render_views(gyroid, appearance, cameras), strict=True):
+        assert image.dtype == np.uint8
+        assert exact.dtype == np.float32
+        assert np.abs(exact * 255 - image).max() < 0.51
+        assert (image[..., :3] <= image[..., 3:]).all()
+        assert image[0, 0].max() == 0
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e22])
+def test_pictures_do_not_depend_on_where_and_how_large_the_world_is(gyroid, smooth, scale: float) -> None:
+    offset = np.array([5e6, -3e6, 1e6])
+    camera = around(gyroid)[0]
+    here = drawn(gyroid, VolumeRendering("dvr", smooth), camera, 0.05)
+    grid = Grid(gyroid.values, tuple(scale * np.array(gyroid.spacing)), tuple(scale * (gyroid.origin + offset)))
+    transfer = TransferFunction(smooth.color_points, smooth.opacity_points, smooth.opacity_unit_distance * scale)
+    matrix = camera.world_to_camera.copy()
+    matrix[:3, 3] = scale * (matrix[:3, 3] - camera.rotation @ offset)
+    moved = Camera(matrix, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+    there = drawn(grid, VolumeRendering("dvr", transfer), moved, 0.05 * scale)
+    np.testing.assert_allclose(there, here, atol=2e-3)
+
+
+def test_any_pinhole_camera_off_centre_oblong_from_inside_and_facing_away(gyroid, smooth) -> None:
+    appearance = VolumeRendering("dvr", smooth)
+    base = around(gyroid)[0]
+    off_centre = Camera(base.world_to_camera, 150.0, 110.0, 20.0, 41.5, 80, 48)
+    ahead = gyroid.center + np.array([1.0, 1.0, 0.5])
+    inside = Camera.look_at(gyroid.center, ahead, vertical_fov_degrees=70, width=40, height=56)
+    for camera in (off_centre, inside):
+        expected = march(gyroid, appearance, camera, 0.01)
+        assert expected[..., 3].max() > 0.5
+        assert psnr(drawn(gyroid, appearance, camera, 0.01), expected) > 55
+    away = Camera.look_at(base.position, 2 * base.position - gyroid.center, vertical_fov_degrees=30, width=8, height=8)
+    assert not drawn(gyroid, appearance, away, 0.04).any()
+
+
+def test_points_appear_where_the_pinhole_camera_projects_them() -> None:
+    transfer = TransferFunction(GRAY, ((0.0, 0.0), (1.0, 0.02)), 0.05)  # thin: alpha adds up along a ray
+    samples = 61
+    for position in [(30, 30, 30), (9, 44, 20), (50, 12, 48), (14, 11, 52)]:
+        k, j, i = np.mgrid[0:samples, 0:samples, 0:samples]
+        squared = (i - position[0]) ** 2 + (j - position[1]) ** 2 + (k - position[2]) ** 2
+        grid = to_grid(np.exp(-squared / (2 * 1.5**2)), spacing=1 / 60, origin=(2.0, 3.0, 4.0))
+        point = grid.origin + np.array(position) / 60
+        plain = around(grid, count=4, size=256)
+        shifted = [Camera(c.world_to_camera, c.fx, 1.1 * c.fy, c.cx + 17.3, c.cy - 9.1, 256, 240) for c in plain[:2]]
+        pictures = render_views(
+            grid, VolumeRendering("dot", transfer), plain + shifted, sample_distance=1 / 200, float_output=True
+        )
+        for camera, picture in zip(plain + shifted, pictures, strict=True):
+            alpha = picture[..., 3].astype(np.float64)
+            rows, columns = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+            centroid = np.array([(columns * alpha).sum(), (rows * alpha).sum()]) / alpha.sum()
+            assert np.abs(centroid - camera.project(point[None])[0][0]).max() < 0.02
+
+
+@pytest.mark.parametrize("distance", [0.0, -1.0, math.nan, math.inf])
+def test_a_sample_distance_is_a_positive_length(gyroid, smooth, distance: float) -> None:
+    with pytest.raises(ValueError, match="sample_distance must be a positive length"):
+        VolumeRenderer(gyroid, VolumeRendering("dvr", smooth), sample_distance=distance)
+
+
+def test_open_renderers_take_turns_and_a_closed_one_says_so(gyroid, smooth, peaks) -> None:
+    camera = around(gyroid)[0]
+    with VolumeRenderer(gyroid, VolumeRendering("a", smooth)) as first:
+        alone = first.render(camera)
+        with VolumeRenderer(gyroid, VolumeRendering("b", peaks)) as second:
+            other = second.render(camera.resized(32, 48))
+            np.testing.assert_array_equal(first.render(camera), alone)
+            np.testing.assert_array_equal(second.render(camera.resized(32, 48)), other)
+            assert other.shape == (48, 32, 4)
+    with pytest.raises(RuntimeError, match="closed"):
+        first.render(camera)
