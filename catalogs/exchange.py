@@ -192,6 +192,16 @@ def _size(path: Path) -> tuple[int, int]:
     return image.shape[1], image.shape[0]
 
 
+def named_space(directory: Path, names: Sequence[str]) -> ParameterSpace:
+    """The space over the range of the training frames' `params`, with these names."""
+    space = _space_of(read_frames(directory))
+    if len(names) != len(space):
+        raise ExchangeError(f"frames have {len(space)} params, {len(names)} names were given: {list(names)}")
+    return ParameterSpace(
+        tuple(Parameter(name.strip(), p.low, p.high) for name, p in zip(names, space.parameters, strict=True))
+    )
+
+
 def _space_of(frames: Sequence[Frame]) -> ParameterSpace:
     values = np.array([f.parameters for f in frames if f.split == "train"])  # [F, P]
     low, high = values.min(axis=0), values.max(axis=0)

@@ -1,0 +1,131 @@
+"""The `catalogs` command: check, show, import and browse Cinema databases."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+CATALOG = click.argument("path", type=click.Path(file_okay=False, path_type=Path))
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Cinema databases of simulation ensembles."""
+
+
+@main.command()
+@CATALOG
+@click.option("--repair", is_flag=True, help="First rebuild the table from the stored members.")
+def check(path: Path, repair: bool) -> None:
+    """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong."""
+    from catalogs.catalog import Catalog, CatalogError
+    from catalogs.check import check as run
+
+    try:
+        if repair:
+            Catalog.open(path).rebuild_table()
+        findings = run(path, progress=_counter("checking"))
+    except (CatalogError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+    for finding in findings:
+        click.echo(str(finding))
+    if findings:
+        raise click.ClickException(f"{path}: {len(findings)} findings")
+    click.echo(f"{path}: nothing wrong")
+
+
+@main.command()
+@CATALOG
+def show(path: Path) -> None:
+    """Say what is in PATH, as a table."""
+    from catalogs.catalog import CatalogError
+    from catalogs.check import describe
+
+    try:
+        click.echo(describe(path))
+    except (CatalogError, ValueError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+
+
+@main.group(name="import")
+def bring() -> None:
+    """Bring in images that were rendered elsewhere."""
+
+
+@bring.command()
+@click.argument("directory", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--catalog", required=True, type=click.Path(path_type=Path), help="The .cdb folder to write.")
+@click.option("--bounds", required=True, metavar="X0,Y0,Z0,X1,Y1,Z1", help="World box that holds the volume.")
+@click.option("--background", default="1,1,1", show_default=True, metavar="R,G,B", help="Colour behind opaque images.")
+@click.option("--names", metavar="A,B,...", help="Names of the parameters; p0, p1, ... by default.")
+@click.option("--validation-members", default=2, show_default=True, help="Training members to set aside.")
+@click.option("--seed", default=0, show_default=True, help="Draws the validation members.")
+def nerf(
+    directory: Path, catalog: Path, bounds: str, background: str, names: str | None, validation_members: int, seed: int
+) -> None:
+    """Import the D-NeRF / Blender data set in DIRECTORY (transforms_*.json with `params` per frame)."""
+    from catalogs.catalog import CatalogError
+    from catalogs.exchange import import_nerf, named_space
+
+    try:
+        box = _numbers("--bounds", bounds, 6)
+        made = import_nerf(
+            directory,
+            catalog,
+            bounds=(box[:3], box[3:]),
+            background=_numbers("--background", background, 3),
+            space=named_space(directory, names.split(",")) if names else None,
+            validation_members=validation_members,
+            seed=seed,
+            progress=_counter("importing"),
+        )
+    except (CatalogError, ValueError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+    click.echo(repr(made))
+
+
+@main.command()
+@CATALOG
+@click.option("--port", default=0, show_default=True, help="0 takes a free one.")
+@click.option("--open/--no-open", "show_page", default=False, help="Open the page in the default browser.")
+def browse(path: Path, port: int, show_page: bool) -> None:
+    """Write a static page into PATH and serve it on 127.0.0.1 until Ctrl-C."""
+    from catalogs.browse import serve, write_page
+    from catalogs.catalog import CatalogError
+
+    try:
+        write_page(path)
+        serve(path, port=port, open_page=show_page, announce=click.echo)
+    except (CatalogError, ValueError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _numbers(option: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise ValueError(f"{option} takes {count} numbers with commas between, got {text!r}")
+    return values
+
+
+def _counter(label: str) -> Callable[[int, int], None]:
+    started, last = time.perf_counter(), [0.0]
+
+    def show(done: int, total: int) -> None:
+        now = time.perf_counter()
+        terminal = sys.stderr.isatty()
+        if now - last[0] < (0.2 if terminal else 15.0) and not (terminal and done == total):
+            return
+        last[0] = now
+        rate = done / max(now - started, 1e-9)
+        left = int((total - done) / max(rate, 1e-9))
+        line = f"{label}  {done} / {total} images  {rate:.0f}/s  {left // 60}:{left % 60:02d} left"
+        click.echo(f"\r{line:<80}" if terminal else line, nl=not terminal or done == total, err=True)
+
+    return show
