@@ -208,14 +208,11 @@ class Catalog:
                         f"{path} was made with other {', '.join(differing)}: choose another path, or remove it first"
                     )
                 return existing
-            strangers = [p.name for p in path.iterdir() if p.name != LOCK and durable.PARTIAL not in p.name]
-            if strangers and strangers != ["members"]:
-                raise CatalogError(
-                    f"{path} holds other things ({', '.join(sorted(strangers)[:3])}): choose another path"
-                )
+            table = cinema.format_rows([_header(plan)]).encode()
+            _refuse_strangers(path, table)
             durable.remove_abandoned(path)
             (path / "members").mkdir(exist_ok=True)
-            durable.replace(path / "data.csv", cinema.format_rows([_header(plan)]).encode())
+            durable.replace(path / "data.csv", table)
             record = {"schema": SCHEMA, **plan.to_json()}
             durable.replace(path / "catalog.json", json.dumps(record, indent=1, allow_nan=False).encode())
         return cls(path, plan)
@@ -418,6 +415,17 @@ class Catalog:
             )
         except (KeyError, TypeError, ValueError) as error:
             raise CatalogError(f"{path / 'member.json'} is damaged: {error!r}") from error
+
+
+def _refuse_strangers(path: Path, table: bytes) -> None:
+    """Raise CatalogError where the folder holds more than an interrupted `create` of the same `table` leaves."""
+    strangers = {p.name for p in path.iterdir() if p.name != LOCK and not p.name.endswith(durable.PARTIAL)} - {
+        "members"
+    }
+    if "data.csv" in strangers and (path / "data.csv").read_bytes() == table:
+        strangers.remove("data.csv")
+    if strangers:
+        raise CatalogError(f"{path} holds other things ({', '.join(sorted(strangers)[:3])}): choose another path")
 
 
 def _header(plan: CatalogPlan) -> list[str]:

@@ -1,62 +1,51 @@
-"""Images rendered by others, brought into a catalog: D-NeRF / Blender JSON with `params` per frame.
+"""Images rendered by others, brought into a catalog: D-NeRF / Blender data sets with `params` (read by `catalogs.transforms`).
 
-The format: `transforms_{train,val,test}.json` with `camera_angle_x` (full horizontal field of view, radians) and frames of
-`file_path` (relative, without extension), `transform_matrix` (camera to world, OpenGL axes: x right, y up, z backward; Mildenhall
-et al. 2020, Blender scenes) and `params` (one number per simulation parameter).
+What becomes of which picture.  Frames with equal `params` (to nine digits) are one member, with its own cameras.
 
-Which images are for what.  Frames with equal `params` are one member.  Members of the training file are training members, of which
-some are set aside for validation; their frames in the test file are test views.  Members that only the test file has are
-test members, with all their views.
+- A member that the training file knows is a training member; `validation_members` of them are set aside for validation.
+- A member that only the validation or the test file knows belongs to validation or test.
+- A view of the training file is a training view.  A view of the other files is one of theirs, except where a training frame,
+  of whatever member, looks from the same camera (to half a pixel): then it is a seen view, and labelled "train" like that one.
+
+So a row of the table is for training only if both its member and its view are, and the four cells of seen or unseen
+views at seen or unseen parameters mean the same as for our own catalogs.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
-import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs.appearance import ImportedImages
 from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.images import ImageError, read_image
+from catalogs.catalog import Catalog, CatalogPlan, Member
+from catalogs.images import read_image
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.transforms import FILES, ExchangeError, Frame, read_frames
 
-FILES = {"train": "transforms_train.json", "validation": "transforms_val.json", "test": "transforms_test.json"}
-OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
-RIGID_TOLERANCE = 1e-2
+__all__ = ["ExchangeError", "import_nerf"]
+
 APPEARANCE = "imported"
+SAME_VIEW_PIXELS = 0.5
+SAME_PARAMETER_DIGITS = 9
 
 Progress = Callable[[int, int], None]
 
 
-class ExchangeError(ValueError):
-    """A foreign data set can't be imported; the message names the file, the frame and the remedy."""
-
-
 @dataclass(frozen=True)
-class Frame:
-    """One image of a foreign data set."""
+class ImportedMember:
+    """A member to be: its frames in the files' order, and the split of each as a view."""
 
-    path: Path
-    camera: Camera
-    parameters: tuple[float, ...]
-    split: str
-
-
-@dataclass(frozen=True)
-class _Group:
     name: str
     parameters: tuple[float, ...]
     split: str
     frames: tuple[Frame, ...]
+    view_splits: tuple[str, ...]
 
 
 def import_nerf(
@@ -64,8 +53,9 @@ def import_nerf(
     catalog_path: Path | str,
     *,
     bounds: Sequence[Sequence[float]],
-    background: Sequence[float] = (1.0, 1.0, 1.0),
+    background: Sequence[float] | None = (1.0, 1.0, 1.0),
     space: ParameterSpace | None = None,
+    names: Sequence[str] | None = None,
     validation_members: int = 2,
     seed: int = 0,
     provenance: Mapping[str, Any] | None = None,
@@ -75,195 +65,174 @@ def import_nerf(
 
     Parameters
     ----------
+    directory : holds `transforms_train.json`, maybe `transforms_val.json` and `transforms_test.json`, and 8-bit RGB(A) PNGs.
+    catalog_path : the `.cdb` folder to write.
     bounds : world box (low, high) that holds the volume: the files don't say.
-    background : RGB in [0, 1] that opaque images stand on.
-    space : names and bounds of `params`; by default p0, p1, ... over the range of the training frames.
-    validation_members : how many training members to set aside, drawn by `seed` among those inside the range of every
-        parameter where there are enough.
+    background : RGB in [0, 1] that the opaque pictures stand on; None where they are RGBA and their alpha is to be kept.
+    space : names and bounds of `params`; without it they are called `names` (or p0, p1, ...) and range over the training
+        frames.
+    validation_members : how many members are for validation in all.  Those that the validation file lacks are drawn by `seed`
+        from the training members, first from those inside the range of every parameter, then from those at the
+        end of one, of two, ...
+    progress : called with pictures done and in all.
 
-    Raises ExchangeError before anything is written where a file, frame, matrix or image is not as it should be, and
+    Raises ExchangeError, before anything is written, where a file, a frame, a matrix or a picture is not as it should be;
     CatalogError where `catalog_path` holds another import.
     """
     directory = Path(directory)
+    if not directory.is_dir():
+        raise ExchangeError(f"there is no folder {directory}")
     frames = read_frames(directory)
-    space = space or _space_of(frames)
-    groups = _group(frames, space, validation_members, seed)
+    _check_alpha(frames, background)
+    space = _space(frames, space, names)
+    members = plan_members(frames, space, validation_members, seed)
     low, high = (tuple(map(float, corner)) for corner in bounds)
     plan = CatalogPlan(
         space=space,
-        appearances=(ImportedImages(APPEARANCE, f"images of {directory.name}"),),
+        appearances=(ImportedImages(APPEARANCE, f"pictures of {directory.resolve().name}"),),
         cameras=(),
         view_splits=(),
         bounds=(low, high),  # type: ignore[arg-type]
-        background=tuple(map(float, background)),  # type: ignore[arg-type]
+        background=None if background is None else tuple(map(float, background)),  # type: ignore[arg-type]
         provenance={
-            "source": directory.name,
+            "source": directory.resolve().name,
+            "sha256": {name: _digest(directory / name) for name in FILES.values() if (directory / name).is_file()},
             "validation_members": validation_members,
             "seed": seed,
             **(provenance or {}),
         },
     )
-    _check_images(frames)
     catalog = Catalog.create(catalog_path, plan)
-    total, done = len(frames), 0
-    for group in groups:
-        if group.name not in catalog:
-            _import_member(catalog, group)
-        done += len(group.frames)
-        progress(done, total)
+    done, total = 0, len(frames)
+    for member in members:
+        if member.name in catalog:
+            _check_same(catalog.member(member.name), member, space)
+            done += len(member.frames)
+            progress(done, total)
+            continue
+        with catalog.begin_member(
+            member.name,
+            dict(zip(space.names, member.parameters, strict=True)),
+            split=member.split,
+            cameras=[frame.camera for frame in member.frames],
+            view_splits=member.view_splits,
+            provenance={"pictures": _pictures(member)},
+        ) as writer:
+            for view, frame in enumerate(member.frames):
+                writer.write_image(APPEARANCE, view, read_image(frame.path))
+                done += 1
+                progress(done, total)
     catalog.rebuild_table()
     return catalog
 
 
-def read_frames(directory: Path) -> list[Frame]:
-    """The frames of every transforms file in `directory`, in order."""
-    present = {split: directory / name for split, name in FILES.items() if (directory / name).is_file()}
-    if "train" not in present:
-        raise ExchangeError(f"{directory} has no {FILES['train']}: is it a D-NeRF / Blender data set?")
-    return [frame for split, path in present.items() for frame in _read_file(directory, path, split)]
-
-
-def _read_file(directory: Path, path: Path, split: str) -> list[Frame]:
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        angle, rows = float(record["camera_angle_x"]), list(record["frames"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ExchangeError(f"{path} is no transforms file: {error!r}") from error
-    if not 0.0 < angle < math.pi:
-        raise ExchangeError(f"{path}: camera_angle_x must lie in (0, pi), got {angle}")
-    sizes: dict[tuple[int, int], None] = {}
-    frames = []
-    for number, row in enumerate(rows):
-        place = f"{path}, frame {number}"
-        try:
-            image = _image_path(directory, str(row["file_path"]), place)
-            parameters = tuple(float(value) for value in row["params"])
-            matrix = np.array(row["transform_matrix"], dtype=np.float64)
-        except (KeyError, TypeError, ValueError) as error:
-            if isinstance(error, ExchangeError):
-                raise
-            raise ExchangeError(f"{place} is malformed: {error!r}") from error
-        if not parameters or not all(map(math.isfinite, parameters)):
-            raise ExchangeError(f"{place}: params must be finite numbers, got {row['params']}")
-        if not sizes:
-            sizes[_size(image)] = None
-        width, height = next(iter(sizes))
-        focal = width / (2.0 * math.tan(angle / 2.0))
-        pose = _world_to_camera(matrix, place)
-        camera = Camera(pose, focal, focal, width / 2.0, height / 2.0, width, height)
-        frames.append(Frame(image, camera, parameters, split))
-    counts = {len(f.parameters) for f in frames}
-    if len(counts) > 1:
-        raise ExchangeError(f"{path}: frames have different numbers of params: {sorted(counts)}")
-    return frames
-
-
-def _image_path(directory: Path, text: str, place: str) -> Path:
-    relative = PurePosixPath(text)
-    if relative.is_absolute() or ".." in relative.parts or "\x00" in text:
-        raise ExchangeError(f"{place}: file_path {text!r} leaves the data set")
-    path = directory / relative
-    path = path if path.suffix.lower() == ".png" else path.with_name(path.name + ".png")
-    if not path.is_file():
-        raise ExchangeError(f"{place}: {path} is missing")
-    if not path.resolve().is_relative_to(directory.resolve()):
-        raise ExchangeError(f"{place}: {path} is a link that leaves the data set")
-    return path
-
-
-def _world_to_camera(matrix: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-    """World to camera in OpenCV axes (4, 4) of a camera-to-world matrix in OpenGL axes, its rotation made exact by SVD."""
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise ExchangeError(f"{place}: transform_matrix must be a finite 4x4 matrix")
-    left, stretch, right = np.linalg.svd(matrix[:3, :3])
-    rotation = left @ right
-    if np.abs(stretch - 1.0).max() > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise ExchangeError(f"{place}: transform_matrix is not rigid (axes of length {np.round(stretch, 4).tolist()})")
-    exact = np.eye(4)
-    exact[:3, :3], exact[:3, 3] = rotation, matrix[:3, 3]
-    return np.asarray(np.linalg.inv(exact @ OPENGL_TO_OPENCV), dtype=np.float64)
-
-
-def _size(path: Path) -> tuple[int, int]:
-    try:
-        image = read_image(path)
-    except ImageError as error:
-        raise ExchangeError(str(error)) from error
-    return image.shape[1], image.shape[0]
-
-
-def named_space(directory: Path, names: Sequence[str]) -> ParameterSpace:
-    """The space over the range of the training frames' `params`, with these names."""
-    space = _space_of(read_frames(directory))
-    if len(names) != len(space):
-        raise ExchangeError(f"frames have {len(space)} params, {len(names)} names were given: {list(names)}")
-    return ParameterSpace(
-        tuple(Parameter(name.strip(), p.low, p.high) for name, p in zip(names, space.parameters, strict=True))
-    )
-
-
-def _space_of(frames: Sequence[Frame]) -> ParameterSpace:
-    values = np.array([f.parameters for f in frames if f.split == "train"])  # [F, P]
-    low, high = values.min(axis=0), values.max(axis=0)
-    high = np.where(high > low, high, low + 1.0)
-    return ParameterSpace(tuple(Parameter(f"p{i}", *pair) for i, pair in enumerate(zip(low, high, strict=True))))
-
-
-def _group(frames: Sequence[Frame], space: ParameterSpace, validation_members: int, seed: int) -> list[_Group]:
-    if len(frames[0].parameters) != len(space):
-        raise ExchangeError(f"frames have {len(frames[0].parameters)} params, the space {len(space)}: {space.names}")
-    found: dict[tuple[float, ...], list[Frame]] = {}
+def plan_members(
+    frames: Sequence[Frame], space: ParameterSpace, validation_members: int, seed: int
+) -> list[ImportedMember]:
+    """Members by the module's rules, sorted by parameters within train, validation and test, and named like "train-007"."""
+    groups: dict[tuple[float, ...], list[Frame]] = {}
     for frame in frames:
-        found.setdefault(frame.parameters, []).append(frame)
-    splits = {p: min((f.split for f in group), key=SPLITS.index) for p, group in found.items()}
-    for parameters in _set_aside([p for p, s in splits.items() if s == "train"], space, validation_members, seed):
-        splits[parameters] = "validation"
-    counters = dict.fromkeys(SPLITS, 0)
-    groups = []
-    for parameters, group in found.items():
-        split = splits[parameters]
-        groups.append(_Group(f"{split}-{counters[split]:03d}", parameters, split, tuple(group)))
-        counters[split] += 1
-    return groups
+        groups.setdefault(_key(frame.parameters), []).append(frame)
+    splits = {key: min((f.file_split for f in group), key=SPLITS.index) for key, group in groups.items()}
+    wanted = max(0, validation_members - sum(split == "validation" for split in splits.values()))
+    for key in _set_aside([key for key, split in splits.items() if split == "train"], space, wanted, seed):
+        splits[key] = "validation"
+    seen = _seen_cameras(frames)
+    members = []
+    for split in SPLITS:
+        keys = sorted(key for key in groups if splits[key] == split)
+        for number, key in enumerate(keys):
+            group = tuple(groups[key])
+            views = tuple("train" if _is_seen(f.camera, seen) else f.file_split for f in group)
+            members.append(ImportedMember(f"{split}-{number:03d}", group[0].parameters, split, group, views))
+    return members
+
+
+def _key(parameters: Sequence[float]) -> tuple[float, ...]:
+    """Parameters as far as they tell members apart: two files may print the same number with other last digits."""
+    return tuple(float(f"{value:.{SAME_PARAMETER_DIGITS}g}") + 0.0 for value in parameters)
 
 
 def _set_aside(
     members: Sequence[tuple[float, ...]], space: ParameterSpace, count: int, seed: int
 ) -> list[tuple[float, ...]]:
-    if count >= len(members):
-        raise ExchangeError(f"{count} validation members leave no training member: there are {len(members)}")
-    values = np.array(members)  # [M, P]
-    inside = ((values > values.min(axis=0)) & (values < values.max(axis=0))).all(axis=1)
-    pool = [m for m, i in zip(members, inside, strict=True) if i]
-    pool = pool if len(pool) >= count else list(members)
-    drawn = np.random.default_rng(seed).choice(len(pool), size=count, replace=False)
-    return [pool[i] for i in sorted(drawn)]
+    """`count` of the members, drawn by `seed`, those at the end of the fewest parameters first."""
+    if count < 0 or count >= len(members):
+        raise ExchangeError(f"{count} validation members leave no training member: there are {len(members)} in all")
+    values = space.normalize(sorted(members))  # [M, P]
+    varying = np.ptp(values, axis=0) > 0  # [P]
+    ends = ((values == values.min(axis=0)) | (values == values.max(axis=0)))[:, varying].sum(axis=1)  # [M]
+    order = np.lexsort((np.random.default_rng(seed).permutation(len(values)), ends))  # [M]
+    return [sorted(members)[i] for i in order[:count]]
 
 
-def _check_images(frames: Sequence[Frame]) -> None:
-    """Decode every image once, so that nothing is written for a data set with a damaged one."""
+def _seen_cameras(frames: Sequence[Frame]) -> np.ndarray:
+    """Poses [T, 4, 4] that training frames look from, each once."""
+    return np.unique([f.camera.world_to_camera for f in frames if f.file_split == "train"], axis=0)
 
-    def check(frame: Frame) -> None:
-        size = _size(frame.path)
-        if size != (frame.camera.width, frame.camera.height):
+
+def _is_seen(camera: Camera, seen: np.ndarray) -> bool:
+    """Whether one of the poses [T, 4, 4] shows the world's middle, and the frame's axes, within half a pixel of `camera`."""
+    allowed = SAME_VIEW_PIXELS / camera.fx
+    distance = max(float(np.linalg.norm(camera.position)), 1e-12)
+    turned = np.abs(seen[:, :3, :3] - camera.rotation).max(axis=(1, 2))  # [T]
+    moved = np.abs(seen[:, :3, 3] - camera.world_to_camera[:3, 3]).max(axis=1) / distance  # [T]
+    return bool(((turned < allowed) & (moved < allowed)).any())
+
+
+def _space(frames: Sequence[Frame], space: ParameterSpace | None, names: Sequence[str] | None) -> ParameterSpace:
+    count = len(frames[0].parameters)
+    if space is None:
+        names = [f"p{i}" for i in range(count)] if names is None else list(names)
+        if len(names) != count:
+            raise ExchangeError(f"frames have {count} params, there are {len(names)} names: {names}")
+        values = np.array([f.parameters for f in frames if f.file_split == "train"])  # [F, P]
+        low, high = values.min(axis=0), values.max(axis=0)  # [P]
+        high = np.where(high > low, high, low + np.maximum(np.abs(low), 1.0))  # a constant has no range of its own
+        space = ParameterSpace(
+            tuple(Parameter(name, float(a), float(b)) for name, a, b in zip(names, low, high, strict=True))
+        )
+    elif names is not None and tuple(names) != space.names:
+        raise ExchangeError(
+            f"names {list(names)} contradict the parameter space's {list(space.names)}: give one of them"
+        )
+    if len(space) != count:
+        raise ExchangeError(f"frames have {count} params, the parameter space {len(space)}: {list(space.names)}")
+    return space
+
+
+def _check_alpha(frames: Sequence[Frame], background: Sequence[float] | None) -> None:
+    if background is None:
+        opaque = next((f for f in frames if not f.has_alpha), None)
+        if opaque is not None:
+            raise ExchangeError(f"{opaque.path} has no alpha to keep: name the background that the pictures stand on")
+        return
+    if len(background) != 3 or not all(0.0 <= float(value) <= 1.0 for value in background):
+        raise ExchangeError(f"background must be three numbers in [0, 1], or none, got {background}")
+    for frame in frames:
+        if frame.has_alpha and read_image(frame.path)[..., 3].min() < 255:
             raise ExchangeError(
-                f"{frame.path} is {size[0]}x{size[1]}, the first one {frame.camera.width}x{frame.camera.height}"
+                f"{frame.path} is transparent, so it stands on no background: import with background none, which keeps "
+                "its alpha"
             )
 
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(check, frames))
+
+def _pictures(member: ImportedMember) -> list[str]:
+    return [f"{frame.path.parent.name}/{frame.path.name}" for frame in member.frames]
 
 
-def _import_member(catalog: Catalog, group: _Group) -> None:
-    views = [f.split if group.split != "test" else "test" for f in group.frames]
-    digest = hashlib.sha256("".join(str(f.path.name) for f in group.frames).encode()).hexdigest()[:16]
-    with catalog.begin_member(
-        group.name,
-        dict(zip(catalog.plan.space.names, group.parameters, strict=True)),
-        split=group.split,
-        cameras=[f.camera for f in group.frames],
-        view_splits=views,
-        provenance={"frames": [f.path.name for f in group.frames], "digest": digest},
-    ) as writer:
-        for view, frame in enumerate(group.frames):
-            writer.write_image(APPEARANCE, view, read_image(frame.path))
+def _check_same(stored: Member, member: ImportedMember, space: ParameterSpace) -> None:
+    same = (
+        tuple(stored.parameters[name] for name in space.names) == member.parameters
+        and stored.view_splits == member.view_splits
+        and stored.provenance.get("pictures") == _pictures(member)
+    )
+    if not same:
+        raise ExchangeError(
+            f"{stored.path} was imported from other frames than member {member.name} has now: the data set, "
+            "validation_members or seed changed; choose another catalog, or remove this one first"
+        )
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -39,6 +39,10 @@ class PngHeader:
         return f"{'interlaced ' if self.interlaced else ''}{self.bits}-bit {KINDS[self.color_type]}"
 
     @property
+    def has_alpha(self) -> bool:
+        return self.color_type in (4, 6)
+
+    @property
     def is_plain_color(self) -> bool:
         """Whether it is 8-bit RGB or RGBA, row after row."""
         return self.bits == 8 and self.color_type in (2, 6) and not self.interlaced

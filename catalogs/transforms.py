@@ -6,7 +6,8 @@ One file holds `camera_angle_x` (full horizontal field of view, radians) and `fr
     transform_matrix   camera to world, 4x4, OpenGL axes: x right, y up, z backward
     params             one number per simulation parameter
 
-(Mildenhall et al. 2020, Blender scenes; Pumarola et al. 2021, D-NeRF; Yao et al. 2024, ViSNeRF, for `params`.)  Pixels are square and
+(Mildenhall et al. 2020, Blender scenes; Pumarola et al. 2021, D-NeRF; Yao et al. 2024, ViSNeRF, for `params`.)  Pixels are
+square and
 the principal point is the middle of the picture.  Files come from anywhere, so everything is checked and nothing is guessed:
 a path may not leave the folder, a matrix must be rigid, a lens must be a pinhole.
 """
@@ -31,7 +32,7 @@ FILES = {"train": "transforms_train.json", "validation": "transforms_val.json", 
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 RIGID_TOLERANCE = 1e-3  # published matrices are float32, or decimals of four digits
 DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
-LENS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
+LENS = ("fl_x", "fl_y", "cx", "cy")
 READERS = 4
 
 
@@ -49,12 +50,14 @@ class Frame:
     file_split : "train", "validation" or "test": the transforms file that names it.
     camera : of the picture's size.
     parameters : its `params`.
+    has_alpha : whether the picture is RGBA; it is RGB otherwise.
     """
 
     path: Path
     file_split: str
     camera: Camera
     parameters: tuple[float, ...]
+    has_alpha: bool
 
 
 @dataclass(frozen=True)
@@ -69,11 +72,8 @@ class _Row:
     parameters: tuple[float, ...]
 
 
-def read_frames(directory: Path, *, has_alpha: bool) -> list[Frame]:
+def read_frames(directory: Path) -> list[Frame]:
     """Every frame of the transforms files in `directory`, in the files' order; all their pictures have been read and are whole.
-
-    `has_alpha` says whether the pictures must be RGBA or RGB on a known background (RGBA is let through where it may
-    be opaque: its pixels are looked at on import).
 
     Raises ExchangeError naming the file, the frame and what is wrong with it.
     """
@@ -90,9 +90,10 @@ def read_frames(directory: Path, *, has_alpha: bool) -> list[Frame]:
                 f"{row.place}: {row.path} is {header.width}x{header.height} pixels, the first picture "
                 f"{first[0]}x{first[1]}: all must have one size"
             )
-        if has_alpha and header.color_type != 6:
-            raise ExchangeError(f"{row.place}: {row.path} has no alpha: name the background its pictures stand on")
-    return [Frame(row.path, row.file_split, _camera(row, *first), row.parameters) for row in rows]
+    return [
+        Frame(row.path, row.file_split, _camera(row, *first), row.parameters, header.has_alpha)
+        for row, header in zip(rows, headers, strict=True)
+    ]
 
 
 def _read_file(directory: Path, name: str, split: str) -> list[_Row]:

@@ -31,9 +31,7 @@ def make_server(folder: Path, port: int = 0) -> ThreadingHTTPServer:
     return ThreadingHTTPServer(("127.0.0.1", port), partial(FolderRequest, directory=str(folder)))
 
 
-def serve(
-    folder: Path, *, port: int = 0, open_page: bool = False, announce: Callable[[str], Any] = print
-) -> None:
+def serve(folder: Path, *, port: int = 0, open_page: bool = False, announce: Callable[[str], Any] = print) -> None:
     """Serve `folder` until Ctrl-C, after announcing its one address."""
     with make_server(folder, port) as server:
         address = f"http://127.0.0.1:{server.server_address[1]}/"

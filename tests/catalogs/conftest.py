@@ -1,0 +1,65 @@
+"""A small catalog to play with: two members, twelve views of 16x12 pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
+from catalogs.cameras import orbit, view_splits
+from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.summary import FieldSummary
+
+Draw = Callable[[int], NDArray[np.uint8]]
+
+
+def make_plan(**changes: object) -> CatalogPlan:
+    """A plan with one parameter, one volume rendering and one isosurface, twelve views."""
+    function = TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (1.0, 0.5)), 0.1)
+    values: dict[str, object] = {
+        "space": ParameterSpace((Parameter("Re", 100.0, 200.0), Parameter("Pr", 0.5, 2.0, "m"))),
+        "appearances": (VolumeRendering("dvr", function), Isosurface("iso", 0.25)),
+        "cameras": tuple(orbit((0.0, 0.0, 0.0), 1.7, width=16, height=12, frequency=1)),
+        "view_splits": tuple(view_splits(12)),
+        "bounds": ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
+    }
+    return CatalogPlan(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def picture(seed: int, height: int = 12, width: int = 16) -> NDArray[np.uint8]:
+    """A valid premultiplied picture, its own for every seed."""
+    random = np.random.default_rng(seed)
+    alpha = random.integers(0, 256, (height, width, 1))
+    return np.concatenate([random.integers(0, 256, (height, width, 3)) * alpha // 255, alpha], axis=2).astype(np.uint8)
+
+
+def summary(seed: int = 0) -> FieldSummary:
+    """A small summary."""
+    random = np.random.default_rng(seed)
+    points = random.random((5, 3)).astype(np.float32)
+    values = random.random(5).astype(np.float32)
+    edges = np.linspace(0.0, 1.0, 257)
+    return FieldSummary(0.0, 1.0, 0.01, np.arange(256, dtype=np.int64), edges, points, values, values)
+
+
+def add_member(catalog: Catalog, name: str, reynolds: float, *, split: str = "train", seed: int = 0) -> None:
+    """Write a whole member."""
+    with catalog.begin_member(name, {"Re": reynolds, "Pr": 1.0}, split=split) as writer:
+        for a, appearance in enumerate(catalog.appearance_names):
+            for view in range(len(catalog.plan.cameras)):
+                writer.write_image(appearance, view, picture(1000 * seed + 100 * a + view))
+        writer.write_summary(summary(seed))
+
+
+@pytest.fixture
+def catalog(tmp_path: Path) -> Catalog:
+    """A catalog of a training and a test member."""
+    made = Catalog.create(tmp_path / "small.cdb", make_plan())
+    add_member(made, "first", 120.0, seed=1)
+    add_member(made, "second", 180.0, split="test", seed=2)
+    return made

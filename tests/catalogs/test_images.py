@@ -1,0 +1,82 @@
+"""The two alpha conventions meet without loss, and a damaged file is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image  # an independent decoder
+
+from catalogs.images import ImageError, premultiply, read_image, straighten, to_bytes, to_float, write_image
+
+
+def every_pixel() -> np.ndarray:
+    """All 32,896 valid 8-bit pairs of premultiplied colour and alpha, as an image."""
+    pairs = [(c, a) for a in range(256) for c in range(a + 1)]
+    pixels = np.array([(c, c, c, a) for c, a in pairs], dtype=np.uint8)
+    return np.concatenate([pixels, np.zeros((257 * 129 - len(pixels), 4), np.uint8)]).reshape(257, 129, 4)
+
+
+def test_the_eight_bit_round_trip_is_exact_for_every_valid_pixel(tmp_path: Path) -> None:
+    pixels = every_pixel()
+    assert np.array_equal(premultiply(straighten(pixels)), pixels)
+    write_image(tmp_path / "all.png", pixels)
+    assert np.array_equal(read_image(tmp_path / "all.png"), pixels)
+
+
+def test_another_decoder_sees_straight_alpha(tmp_path: Path) -> None:
+    pixels = every_pixel()
+    write_image(tmp_path / "all.png", pixels)
+    seen = np.asarray(Image.open(tmp_path / "all.png").convert("RGBA")).astype(np.float64)
+    alpha, wanted = pixels[..., 3:].astype(np.float64), pixels[..., :3].astype(np.float64)
+    assert np.array_equal(seen[..., 3:], alpha)
+    assert np.abs(seen[..., :3] * alpha / 255.0 - wanted).max() < 0.5
+    for background in (0.0, 255.0):  # what a browser shows
+        shown = seen[..., :3] * alpha / 255.0 + (1.0 - alpha / 255.0) * background
+        assert np.abs(shown - (wanted + (255.0 - alpha) / 255.0 * background)).max() <= 1.0
+
+
+def test_color_above_alpha_is_cut_to_alpha() -> None:
+    pixels = np.array([[[200, 10, 0, 100]]], dtype=np.uint8)
+    assert premultiply(straighten(pixels)).tolist() == [[[100, 10, 0, 100]]]
+
+
+def test_float_images_keep_every_bit(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(0).random((7, 5, 4)).astype(np.float32)
+    write_image(tmp_path / "a.exr", pixels)
+    assert np.array_equal(read_image(tmp_path / "a.exr", dtype="float32"), pixels)
+
+
+def test_float_and_bytes_convert_both_ways() -> None:
+    pixels = every_pixel()
+    assert np.array_equal(to_bytes(to_float(pixels)), pixels)
+
+
+@pytest.mark.parametrize(("mode", "channels"), [("L", 1), ("LA", 2), ("RGB", 3)])
+def test_files_with_fewer_channels_become_rgba(tmp_path: Path, mode: str, channels: int) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (6, 9, channels), dtype=np.uint8)
+    Image.fromarray(pixels.squeeze(), mode).save(tmp_path / "a.png")
+    seen = read_image(tmp_path / "a.png")
+    assert seen.shape == (6, 9, 4)
+    wanted = np.asarray(Image.open(tmp_path / "a.png").convert("RGBA"))
+    assert np.array_equal(seen, premultiply(wanted))
+
+
+@pytest.mark.parametrize("keep", [0, 7, 40, 0.5, 0.95])
+def test_a_truncated_file_is_named(tmp_path: Path, keep: float) -> None:
+    path = tmp_path / "cut.png"
+    write_image(path, np.random.default_rng(0).integers(0, 100, (40, 40, 4), dtype=np.uint8) // 2)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(keep if keep >= 1 else keep * len(data))])
+    with pytest.raises(ImageError, match=r"cut\.png"):
+        read_image(path)
+
+
+@pytest.mark.parametrize(
+    "bad", [np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint8), np.zeros((4, 4, 4), np.float64)]
+)
+def test_what_is_no_image_is_refused(tmp_path: Path, bad: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        write_image(tmp_path / "a.png", bad)
+    assert not (tmp_path / "a.png").exists()
