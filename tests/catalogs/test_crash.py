@@ -128,13 +128,15 @@ def test_killed_before_and_after_every_operation(
         assert contents(path) == undisturbed, f"killed at moment {step} of {total}"
 
 
-def test_killed_at_sixty_random_moments(tmp_path: Path, undisturbed: dict[str, bytes]) -> None:
+def test_killed_at_fifty_random_moments(tmp_path: Path, undisturbed: dict[str, bytes]) -> None:
     started = time.perf_counter()
     write_all(tmp_path / "timing.cdb")
     whole = time.perf_counter() - started
     draw = random.Random(0)
-    killed = 0
-    for attempt in range(60):
+    killed = attempt = 0
+    while killed < 50:
+        attempt += 1
+        assert attempt < 500, "the writer keeps ending before it is killed"
         path = tmp_path / f"{attempt}.cdb"
         child, wait = in_child(lambda path=path: write_all(path))
         time.sleep(draw.uniform(0.0, whole))
@@ -143,7 +145,6 @@ def test_killed_at_sixty_random_moments(tmp_path: Path, undisturbed: dict[str, b
         check_consistent(path)
         write_all(path)
         assert contents(path) == undisturbed, f"attempt {attempt}"
-    assert killed >= 50 or whole < 0.05
 
 
 def test_two_writers_at_once_lose_nothing(tmp_path: Path, undisturbed: dict[str, bytes]) -> None:
