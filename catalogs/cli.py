@@ -60,7 +60,13 @@ def bring() -> None:
 @click.argument("directory", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--catalog", required=True, type=click.Path(path_type=Path), help="The .cdb folder to write.")
 @click.option("--bounds", required=True, metavar="X0,Y0,Z0,X1,Y1,Z1", help="World box that holds the volume.")
-@click.option("--background", default="1,1,1", show_default=True, metavar="R,G,B", help="Colour behind opaque images.")
+@click.option(
+    "--background",
+    default="1,1,1",
+    show_default=True,
+    metavar="R,G,B",
+    help="Color behind opaque pictures; none keeps the alpha of transparent ones.",
+)
 @click.option("--names", metavar="A,B,...", help="Names of the parameters; p0, p1, ... by default.")
 @click.option("--validation-members", default=2, show_default=True, help="Training members to set aside.")
 @click.option("--seed", default=0, show_default=True, help="Draws the validation members.")
@@ -69,7 +75,7 @@ def nerf(
 ) -> None:
     """Import the D-NeRF / Blender data set in DIRECTORY (transforms_*.json with `params` per frame)."""
     from catalogs.catalog import CatalogError
-    from catalogs.exchange import import_nerf, named_space
+    from catalogs.exchange import import_nerf
 
     try:
         box = _numbers("--bounds", bounds, 6)
@@ -77,8 +83,8 @@ def nerf(
             directory,
             catalog,
             bounds=(box[:3], box[3:]),
-            background=_numbers("--background", background, 3),
-            space=named_space(directory, names.split(",")) if names else None,
+            background=None if background == "none" else _numbers("--background", background, 3),
+            names=names.split(",") if names else None,
             validation_members=validation_members,
             seed=seed,
             progress=_counter("importing"),

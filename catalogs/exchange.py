@@ -14,7 +14,8 @@ views at seen or unseen parameters mean the same as for our own catalogs.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ import numpy as np
 
 from catalogs.appearance import ImportedImages
 from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan, Member
+from catalogs.catalog import Catalog, CatalogPlan, Member, MemberWriter
 from catalogs.images import read_image
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.transforms import FILES, ExchangeError, Frame, read_frames
@@ -31,6 +32,7 @@ from catalogs.transforms import FILES, ExchangeError, Frame, read_frames
 __all__ = ["ExchangeError", "import_nerf"]
 
 APPEARANCE = "imported"
+WRITERS = 4
 SAME_VIEW_PIXELS = 0.5
 SAME_PARAMETER_DIGITS = 9
 
@@ -118,12 +120,21 @@ def import_nerf(
             view_splits=member.view_splits,
             provenance={"pictures": _pictures(member)},
         ) as writer:
-            for view, frame in enumerate(member.frames):
-                writer.write_image(APPEARANCE, view, read_image(frame.path))
+            for _ in _write(writer, member):
                 done += 1
                 progress(done, total)
     catalog.rebuild_table()
     return catalog
+
+
+def _write(writer: MemberWriter, member: ImportedMember) -> Iterator[None]:
+    """Decode and encode the member's pictures, several at once."""
+
+    def write(view: int) -> None:
+        writer.write_image(APPEARANCE, view, read_image(member.frames[view].path))
+
+    with ThreadPoolExecutor(WRITERS) as pool:
+        yield from pool.map(write, range(len(member.frames)))
 
 
 def plan_members(

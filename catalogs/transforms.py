@@ -6,10 +6,9 @@ One file holds `camera_angle_x` (full horizontal field of view, radians) and `fr
     transform_matrix   camera to world, 4x4, OpenGL axes: x right, y up, z backward
     params             one number per simulation parameter
 
-(Mildenhall et al. 2020, Blender scenes; Pumarola et al. 2021, D-NeRF; Yao et al. 2024, ViSNeRF, for `params`.)  Pixels are
-square and
-the principal point is the middle of the picture.  Files come from anywhere, so everything is checked and nothing is guessed:
-a path may not leave the folder, a matrix must be rigid, a lens must be a pinhole.
+(Mildenhall et al. 2020, Blender scenes; Pumarola et al. 2021, D-NeRF; Yao et al. 2024, ViSNeRF, for `params`.)  Pixels
+are square and the principal point is the middle of the picture.  Files come from anywhere, so everything is checked and
+nothing is guessed: a path may not leave the folder, a matrix must be rigid, a lens must be a pinhole.
 """
 
 from __future__ import annotations
