@@ -77,22 +77,6 @@ def test_both_sides_are_lit() -> None:
     assert image[8, 8, 0] > 200
 
 
-def test_a_small_ball_appears_where_the_pinhole_camera_projects_it() -> None:
-    grid = ball(97)
-    for offset in [(0.0, 0.0, 0.0), (0.51, -0.37, 0.2)]:
-        k, j, i = np.indices(grid.shape)
-        points = np.stack([i, j, k], axis=-1) * grid.spacing + grid.origin
-        moved = to_grid(np.linalg.norm(points - offset, axis=-1), spacing=grid.spacing, origin=grid.origin)
-        cameras = views(grid, 256)
-        shifted = [Camera(c.world_to_camera, c.fx, c.fy, c.cx + 11.3, c.cy - 4.8, 256, 256) for c in cameras[:1]]
-        pictures = render_views(moved, Isosurface("dot", 0.06), cameras + shifted, float_output=True)
-        for camera, picture in zip(cameras + shifted, pictures, strict=True):
-            alpha = picture[..., 3].astype(np.float64)
-            rows, columns = np.mgrid[0:256, 0:256] + 0.5
-            centroid = np.array([(columns * alpha).sum(), (rows * alpha).sum()]) / alpha.sum()
-            assert np.abs(centroid - camera.project(np.array([offset]))[0][0]).max() < 0.05
-
-
 @pytest.mark.parametrize("isovalue", [-1.0, 99.0])
 def test_an_empty_isosurface_is_an_empty_picture(isovalue: float) -> None:
     grid = ball(9)

@@ -134,26 +134,6 @@ def test_any_pinhole_camera_off_centre_oblong_from_inside_and_facing_away(gyroid
     assert not drawn(gyroid, appearance, away, 0.04).any()
 
 
-def test_points_appear_where_the_pinhole_camera_projects_them() -> None:
-    transfer = TransferFunction(GRAY, ((0.0, 0.0), (1.0, 0.02)), 0.05)  # thin: alpha adds up along a ray
-    samples = 61
-    for position in [(30, 30, 30), (9, 44, 20), (50, 12, 48), (14, 11, 52)]:
-        k, j, i = np.mgrid[0:samples, 0:samples, 0:samples]
-        squared = (i - position[0]) ** 2 + (j - position[1]) ** 2 + (k - position[2]) ** 2
-        grid = to_grid(np.exp(-squared / (2 * 1.5**2)), spacing=1 / 60, origin=(2.0, 3.0, 4.0))
-        point = grid.origin + np.array(position) / 60
-        plain = around(grid, count=4, size=256)
-        shifted = [Camera(c.world_to_camera, c.fx, 1.1 * c.fy, c.cx + 17.3, c.cy - 9.1, 256, 240) for c in plain[:2]]
-        pictures = render_views(
-            grid, VolumeRendering("dot", transfer), plain + shifted, sample_distance=1 / 200, float_output=True
-        )
-        for camera, picture in zip(plain + shifted, pictures, strict=True):
-            alpha = picture[..., 3].astype(np.float64)
-            rows, columns = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
-            centroid = np.array([(columns * alpha).sum(), (rows * alpha).sum()]) / alpha.sum()
-            assert np.abs(centroid - camera.project(point[None])[0][0]).max() < 0.02
-
-
 @pytest.mark.parametrize("distance", [0.0, -1.0, math.nan, math.inf])
 def test_a_sample_distance_is_a_positive_length(gyroid, smooth, distance: float) -> None:
     with pytest.raises(ValueError, match="sample_distance must be a positive length"):
