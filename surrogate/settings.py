@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
 Initialization = Literal["auto", "in-situ", "random"]
-Background = Literal["auto", "random", "white", "black"]
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,6 @@ class TrainingSettings:
     initial_opacity, initial_scale : opacity of a fresh Gaussian, and its standard deviation in units of the mean
         distance between Gaussians spread evenly through the box.
     color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading).
-    background : on what images with alpha are compared: a colour drawn per step ("random", also "auto"), white or
-        black.  Opaque images are always compared on their own background.
     canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members) and of stage 2
         (the same, deformed by the simulation parameters).
     latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
@@ -56,10 +53,9 @@ class TrainingSettings:
     appearance: str = ""
     gaussians: int = 10_000
     initialization: Initialization = "auto"
-    initial_opacity: float = 0.1
+    initial_opacity: float = 0.2
     initial_scale: float = 0.5
     color_degree: int = 0
-    background: Background = "auto"
 
     canonical_steps: int = 2_000
     deformation_steps: int = 10_000
@@ -67,14 +63,14 @@ class TrainingSettings:
     hidden_width: int = 64
     latent_spread: float = 0.25
 
-    mean_rate: float = 1.5e-3
+    mean_rate: float = 3e-3
     log_scale_rate: float = 6e-3
     quat_rate: float = 3e-3
-    opacity_rate: float = 3e-2
-    color_rate: float = 1.5e-2
+    opacity_rate: float = 6e-2
+    color_rate: float = 5e-3
     latent_rate: float = 5e-2
     embedding_rate: float = 1e-2
-    canonical_rate_factor: float = 0.3
+    canonical_rate_factor: float = 1.0
     final_rate_factor: float = 0.05
 
     mean_offset: float = 0.05

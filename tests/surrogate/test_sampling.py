@@ -19,7 +19,7 @@ def test_a_step_is_drawn_alike_however_one_got_there() -> None:
 
 
 def test_generators_differ_by_seed_purpose_and_step() -> None:
-    draws = [generator(s, p, i).random(4) for s in (0, 1) for p in ("order", "background") for i in (0, 1)]
+    draws = [generator(s, p, i).random(4) for s in (0, 1) for p in ("order", "relocation") for i in (0, 1)]
     assert len(np.unique(np.concatenate(draws))) == 4 * len(draws)
     np.testing.assert_array_equal(generator(1, "order", 5).random(4), generator(1, "order", 5).random(4))
 
