@@ -45,6 +45,11 @@ class VolumeRenderer:
         self.sample_distance = distance
         self._placement = Placement.of(grid)
         self._window = window or open_window()
+        if max(grid.shape) > self._window.longest_volume:
+            raise ValueError(
+                f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
+                f"{self._window.longest_volume}: render every second sample (field[::2, ::2, ::2], spacing doubled)"
+            )
         self._renderer: Any = _volume_scene(grid, appearance, self._placement, distance)
         self._window.add(self._renderer)
 

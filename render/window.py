@@ -64,6 +64,14 @@ class Window:
             renderer.DrawOff()
         return image[::-1].copy()  # OpenGL's rows start at the bottom
 
+    @property
+    def longest_volume(self) -> int:
+        """Samples per axis that a volume's texture may have."""
+        from vtkmodules.vtkRenderingOpenGL2 import vtkTextureObject
+
+        self._window.MakeCurrent()
+        return int(vtkTextureObject.GetMaximumTextureSize3D(self._window))
+
     def close(self) -> None:
         """Free the OpenGL context; the window cannot be used afterwards."""
         if self._usable_here():
@@ -171,6 +179,7 @@ def _usable_window() -> tuple[Any, str]:
             window.SetAlphaBitPlanes(1)
             window.SetSize(64, 64)
             if window.SupportsOpenGL():
+                window.Initialize()
                 return window, backend
     finally:
         vtkLogger.SetStderrVerbosity(vtkLogger.ConvertToVerbosity(verbosity))
