@@ -17,6 +17,7 @@ from surrogate.baselines.interpolation import Predictor, fixed_predictors, tuned
 from surrogate.baselines.pictures import SAME_VIEW_DEGREES, Target, predictions
 from surrogate.metrics import Score, score
 from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.threads import one_torch_thread
 
 VERSION = 1
 METRICS = ("psnr", "ssim", "psnr_foreground")
@@ -66,6 +67,7 @@ class Evaluation:
     spread: Mapping[str, tuple[float, float]]
 
 
+@one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the images of `catalog` that it was made for."""
     appearance = str(surrogate.training["appearance"])

@@ -30,6 +30,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.simulate import simulation_stage
 from surrogate.stage import Stage
 from surrogate.stage_run import StageRun, TrainingData
+from surrogate.threads import one_torch_thread
 
 REPORT_SECONDS = 0.5
 COLOR_SAMPLES = 32  # images that the first colour is taken from
@@ -58,7 +59,7 @@ def train(
         _check_mark(finished.training.get("fingerprint"), mark, directory)
         return finished
     directory.mkdir(parents=True, exist_ok=True)
-    with locked(directory):
+    with locked(directory), one_torch_thread():
         checkpoint = Checkpoint.load(directory)
         if checkpoint is not None:
             _check_mark(checkpoint.record["fingerprint"], mark, directory)
