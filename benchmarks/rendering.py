@@ -268,7 +268,7 @@ def figure(found: dict[str, dict[str, list[tuple[float, float, float]]]]) -> Non
             fractions, decibels, milliseconds = zip(*variants[variant], strict=True)
             axes.semilogx(milliseconds, decibels, style, label=variant, markersize=4)
             for fraction, decibel, ms in zip(fractions, decibels, milliseconds, strict=True):
-                if fraction in (2.0, 1.0, 0.5, 0.25, 0.125):
+                if variant != VARIANTS[1] and fraction in (2.0, 1.0, 0.5, 0.25, 0.125):
                     axes.annotate(
                         f"{fraction:g}", (ms, decibel), fontsize=7, xytext=(3, -8), textcoords="offset points"
                     )
