@@ -7,17 +7,14 @@ for any number of threads, and torch, whose share of a step is small, runs on on
 
 from __future__ import annotations
 
-import contextlib
 import os
 import time
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from catalogs.catalog import Catalog
 from surrogate.canonical import canonical_stage
@@ -135,7 +132,7 @@ class _Run:
         if checkpoint is not None:
             self._curve, self._losses = list(checkpoint.record["curve"]), list(checkpoint.record["losses"])
             self._seconds_before = float(checkpoint.record["seconds"])
-        with Interruption() as interruption, _torch_on_one_thread():
+        with Interruption() as interruption:
             if checkpoint is None or checkpoint.record["stage"] == "canonical":
                 self._run(canonical_stage(gaussians, settings), data, checkpoint, 0, interruption)
                 checkpoint = None
@@ -231,17 +228,6 @@ class _Run:
                 "curve": self._curve,
             },
         )
-
-
-@contextlib.contextmanager
-def _torch_on_one_thread() -> Iterator[None]:
-    """Keep torch's thread pool out of the way of the kernels': two pools on the same cores wait for each other."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _check_mark(found: str | None, mark: str, directory: Path) -> None:
