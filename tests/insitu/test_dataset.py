@@ -1,0 +1,165 @@
+"""A scene's data set from simulation, file and foreign images: made once, completed, and never mixed up."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from catalogs.catalog import Catalog
+from catalogs.check import check
+from catalogs.scene import Scene
+from insitu.cli import main
+from insitu.dataset import make_dataset
+
+APPEARANCE = """
+[[appearance]]
+kind = "volume"
+name = "dvr"
+[appearance.transfer_function]
+color_points = [[-1.0, 0.0, 0.0, 1.0], [1.0, 1.0, 0.0, 0.0]]
+opacity_points = [[-1.0, 0.3], [0.0, 0.0], [1.0, 0.3]]
+opacity_unit_distance = 0.5
+[views]
+frequency = 1
+width = 24
+height = 24
+[render]
+target_decibels = 40.0
+"""
+
+SIMULATION = f"""
+name = "flow"
+[source]
+kind = "simulation"
+simulation = "taylor_green"
+resolution = 16
+time = 0.5
+[[parameters]]
+name = "Re"
+low = 100.0
+high = 200.0
+[members]
+train = [100.0, 200.0]
+test = [150.0]
+{APPEARANCE}"""
+
+
+def scene(folder: Path, text: str) -> Scene:
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return Scene.load(path)
+
+
+@pytest.fixture
+def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An HDF5 ensemble of five members in the data folder."""
+    path = tmp_path / "ensemble.h5"
+    random = np.random.default_rng(0)
+    with h5py.File(path, "w") as file:
+        file["field"] = random.uniform(-1, 1, (5, 6, 7, 8)).astype(np.float16)
+        file["params"] = random.random((5, 2))
+        file["split"] = np.array(["train", "train", "train", "train", "test"], dtype="S")
+        file.attrs.update(names=["a", "b"], lower=[0.0, 0.0], upper=[1.0, 1.0], spacing=[1, 1, 1], origin=[0, 0, 0])
+    monkeypatch.setenv("GS_SURROGATE_DATA", str(tmp_path))
+    return path
+
+
+def test_a_simulation_is_rendered_over_processes_and_then_left_alone(tmp_path: Path) -> None:
+    asked = scene(tmp_path, SIMULATION)
+    lines: list[str] = []
+    result = make_dataset(asked, tmp_path / "runs", workers=2, progress=lambda state: lines.append(str(state)))
+    assert (result.members, result.made, result.failures) == (3, 3, {})
+    assert check(result.catalog) == []
+    made = Catalog.open(result.catalog)
+    assert [m.split for m in made.members] == ["test", "train", "train"]
+    assert made.plan.provenance["scene"] == "flow"
+    assert any("images" in line for line in lines)
+    record = result.catalog.parent / "dataset.json"
+    before = record.read_bytes(), (result.catalog / "data.csv").stat().st_mtime_ns
+    again = make_dataset(asked, tmp_path / "runs")
+    assert again.made == 0
+    assert before == (record.read_bytes(), (result.catalog / "data.csv").stat().st_mtime_ns)
+    assert json.loads(record.read_text())["seconds"] == pytest.approx(result.seconds, abs=1.0)
+
+
+def test_what_is_missing_is_made_and_another_scene_is_refused(tmp_path: Path) -> None:
+    first = scene(tmp_path, SIMULATION.replace("test = [150.0]", ""))
+    make_dataset(first, tmp_path / "runs", workers=1)
+    whole = scene(tmp_path, SIMULATION)
+    assert make_dataset(whole, tmp_path / "runs", workers=1).made == 1
+    other = scene(tmp_path, SIMULATION.replace("[-1.0, 0.3]", "[-1.0, 0.4]"))
+    with pytest.raises(ValueError, match="opacity_points"):
+        make_dataset(other, tmp_path / "runs")
+    assert len(Catalog.open(tmp_path / "runs/flow/catalog.cdb").members) == 3
+
+
+def test_a_stored_ensemble_is_rendered(tmp_path: Path, stored: Path) -> None:
+    text = f'name = "file"\n[source]\nkind = "hdf5"\npath = "{stored.name}"\n[members]\nvalidation = 1\n{APPEARANCE}'
+    result = make_dataset(scene(tmp_path, text), tmp_path / "runs", workers=1)
+    made = Catalog.open(result.catalog)
+    assert sorted(m.split for m in made.members) == ["test", "train", "train", "train", "validation"]
+    with h5py.File(stored) as file:
+        for member, row in zip(made.members, file["params"][()], strict=True):
+            assert list(member.parameters.values()) == row.tolist()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("resolution = 16\n", "", "resolution"),
+        ("resolution = 16", "resolution = 16\nsize = 3", "size"),
+        ('"taylor_green"', '"weather"', "weather"),
+        ('name = "Re"', 'name = "Ma"', "Re"),
+    ],
+)
+def test_a_wrong_source_is_named_before_anything_is_written(tmp_path: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_dataset(scene(tmp_path, SIMULATION.replace(old, new, 1)), tmp_path / "runs")
+    assert not (tmp_path / "runs").exists()
+
+
+def test_the_command_line_says_what_is_wrong_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GS_SURROGATE_DATA", str(tmp_path / "nowhere"))
+    path = tmp_path / "scene.toml"
+    path.write_text(f'name = "file"\n[source]\nkind = "hdf5"\npath = "absent.h5"\n{APPEARANCE}')
+    result = CliRunner().invoke(main, ["dataset", str(path), "--runs", str(tmp_path / "runs")])
+    assert result.exit_code == 1
+    assert "GS_SURROGATE_DATA" in result.output
+    assert "Traceback" not in result.output
+
+
+def test_an_hdf5_file_is_rendered_with_the_suggested_transfer_function(tmp_path: Path, stored: Path) -> None:
+    out = tmp_path / "out.cdb"
+    arguments = [
+        "ensemble",
+        str(stored),
+        "--catalog",
+        str(out),
+        "--size",
+        "16",
+        "--workers",
+        "2",
+        "--target-decibels",
+        "20",
+    ]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0, result.output
+    assert "opacity_points" in result.output
+    assert len(Catalog.open(out).members) == 5
+    assert CliRunner().invoke(main, arguments).exit_code == 0  # and again: nothing to do
+
+
+def test_probe_suggests_what_parses(tmp_path: Path, stored: Path) -> None:
+    preview = tmp_path / "preview.png"
+    result = CliRunner().invoke(main, ["probe", str(stored), "--members", "2", "--preview", str(preview)])
+    assert result.exit_code == 0, result.output
+    assert preview.stat().st_size > 1000
+    table = result.output[result.output.index("[[appearance]]") :].rsplit("\n/", 1)[0]
+    table = "\n".join(line for line in table.splitlines() if "member per row" not in line)
+    parsed = scene(tmp_path, f'name = "x"\n[source]\nkind = "hdf5"\npath = "{stored.name}"\n{table}')
+    assert parsed.appearances[0].name == "dvr"
