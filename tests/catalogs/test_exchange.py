@@ -1,0 +1,560 @@
+"""Foreign pictures come in exactly, or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog, CatalogError
+from catalogs.check import check
+from catalogs.cli import main
+from catalogs.exchange import ExchangeError, import_nerf
+from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.transforms import read_frames, world_to_camera
+
+WIDTH, HEIGHT = 8, 6
+ANGLE = math.radians(50.0)
+BOUNDS = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+TRAIN = [(a, b) for a in (0.0, 1.0, 2.0, 3.0) for b in (10.0, 20.0, 30.0)]  # (1, 20) and (2, 20) lie inside
+TEST = [(0.5, 15.0), (1.5, 25.0)]
+
+
+def picture(seed: int, channels: int = 3) -> np.ndarray:
+    """Noise, so that no two pictures are alike."""
+    return np.random.default_rng(seed).integers(0, 256, (HEIGHT, WIDTH, channels), dtype=np.uint8)
+
+
+def opengl_pose(azimuth: float, elevation: float = 20.0, distance: float = 4.0) -> np.ndarray:
+    """Camera to world (4, 4) of a camera that looks at the origin, built from its axes by hand."""
+    a, e = math.radians(azimuth), math.radians(elevation)
+    back = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+    right = np.array([-math.sin(a), math.cos(a), 0.0])
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(back, right), back], axis=1)
+    pose[:3, 3] = distance * back
+    return pose
+
+
+class DataSet:
+    """A small D-NeRF data set on disk, and its records to spoil."""
+
+    def __init__(self, folder: Path, channels: int = 3) -> None:
+        self.folder = folder
+        self.channels = channels
+        self.records: dict[str, dict[str, Any]] = {}
+        self.count = 0
+        train = [self.frame("train", params, azimuth) for params in TRAIN for azimuth in (0.0, 90.0)]
+        test = [self.frame("test", params, azimuth) for params in TEST for azimuth in (45.0, 90.0)]
+        test.append(self.frame("test", TRAIN[0], 135.0))
+        self.records = {
+            "train": {"camera_angle_x": ANGLE, "frames": train},
+            "test": {"camera_angle_x": ANGLE, "frames": test},
+        }
+        self.save()
+
+    def frame(self, split: str, params: tuple[float, ...], azimuth: float) -> dict[str, Any]:
+        path = self.folder / split / f"r_{self.count}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(picture(self.count, self.channels)).save(path)
+        self.count += 1
+        return {
+            "file_path": f"./{split}/{path.stem}",
+            "transform_matrix": opengl_pose(azimuth).tolist(),
+            "params": list(params),
+        }
+
+    def save(self) -> None:
+        for split, record in self.records.items():
+            (self.folder / f"transforms_{split}.json").write_text(json.dumps(record))
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> DataSet:
+    return DataSet(tmp_path / "data")
+
+
+def bring(data: DataSet, tmp_path: Path, **options: Any) -> Catalog:
+    return import_nerf(data.folder, tmp_path / "out.cdb", **{"bounds": BOUNDS, "names": ["a", "b"], **options})
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_every_picture_arrives_with_its_camera_and_parameters(data: DataSet, tmp_path: Path) -> None:
+    steps: list[tuple[int, int]] = []
+    catalog = bring(data, tmp_path, progress=lambda *step: steps.append(step))
+    found = {}
+    for member in catalog.members:
+        for view, name in enumerate(member.provenance["pictures"]):
+            image = catalog.image(member, "imported", view)
+            found[name] = (tuple(member.parameters.values()), member.cameras[view], image)
+    frames = [frame for record in data.records.values() for frame in record["frames"]]
+    assert len(found) == len(frames) == 29
+    for number, frame in enumerate(frames):
+        parameters, camera, image = found[frame["file_path"][2:] + ".png"]
+        assert parameters == tuple(frame["params"])
+        np.testing.assert_array_equal(image[..., :3], picture(number))
+        assert image[..., 3].min() == 255
+        pose = np.array(frame["transform_matrix"])
+        np.testing.assert_allclose(camera.position, pose[:3, 3], atol=1e-12)
+        np.testing.assert_allclose(camera.forward, -pose[:3, 2], atol=1e-12)
+        np.testing.assert_allclose(camera.up, pose[:3, 1], atol=1e-12)
+    assert steps[-1] == (29, 29)
+    assert steps == sorted(steps)
+    assert check(catalog.path) == []
+
+
+def test_the_camera_sees_what_the_definition_of_the_format_says() -> None:
+    """By hand: x right, y up, looking along -z; the horizontal field of view ends at the picture's sides."""
+    pose = opengl_pose(30.0, 10.0)
+    focal = WIDTH / (2 * math.tan(ANGLE / 2))
+    camera = Camera(world_to_camera(pose, "here"), focal, focal, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
+    right, up, back, eye = pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3]
+    edge = math.tan(ANGLE / 2)
+    points = [eye - back + edge * right, eye - 2 * back - 2 * edge * right, eye - back + edge * HEIGHT / WIDTH * up]
+    pixels, depth = camera.project(points)
+    np.testing.assert_allclose(pixels, [[WIDTH, HEIGHT / 2], [0, HEIGHT / 2], [WIDTH / 2, 0]], atol=1e-9)
+    np.testing.assert_allclose(depth, [1, 2, 1])
+
+
+@given(st.integers(0, 10**6), st.floats(-180, 180), st.floats(-80, 80))
+@settings(max_examples=50, deadline=None)
+def test_an_inexact_rotation_becomes_the_nearest_exact_one(seed: int, azimuth: float, elevation: float) -> None:
+    exact = opengl_pose(azimuth, elevation)
+    noise = np.zeros((4, 4))
+    noise[:3, :3] = np.random.default_rng(seed).uniform(-1e-4, 1e-4, (3, 3))
+    rotation = world_to_camera(exact + noise, "here")[:3, :3]
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    given_axes = (exact + noise)[:3, :3] @ np.diag([1, -1, -1])
+    # The nearest rotation in the Frobenius norm: no small turn of it is nearer.
+    nearest = np.linalg.norm(given_axes - rotation.T)
+    for axis in np.eye(3):
+        for angle in (-1e-5, 1e-5):
+            turn = np.eye(3) + angle * np.cross(np.eye(3), axis)
+            assert np.linalg.norm(given_axes - rotation.T @ turn) >= nearest - 1e-9
+
+
+def test_members_and_views_are_split_by_what_training_knows(data: DataSet, tmp_path: Path) -> None:
+    catalog = bring(data, tmp_path, validation_members=2)
+    by_parameters = {tuple(m.parameters.values()): m for m in catalog.members}
+    assert Counter(m.split for m in catalog.members) == {"train": 10, "validation": 2, "test": 2}
+    assert {p for p, m in by_parameters.items() if m.split == "validation"} == {(1.0, 20.0), (2.0, 20.0)}
+    for parameters in TEST:
+        member = by_parameters[parameters]
+        assert (member.split, member.view_splits) == ("test", ("test", "train"))  # training looks from 90 degrees too
+        assert [member.row_split(v) for v in (0, 1)] == ["test", "test"]
+    seen = by_parameters[TRAIN[0]]
+    assert (seen.split, seen.view_splits) == ("train", ("train", "train", "test"))
+    assert seen.row_split(2) == "test"
+
+
+def test_a_validation_file_brings_its_own_members(data: DataSet, tmp_path: Path) -> None:
+    frames = [data.frame("val", (1.2, 12.0), 10.0), data.frame("val", TEST[0], 11.0), data.frame("val", TRAIN[1], 12.0)]
+    data.records["val"] = {"camera_angle_x": ANGLE, "frames": frames}
+    data.save()
+    catalog = bring(data, tmp_path, validation_members=2)
+    by_parameters = {tuple(m.parameters.values()): m for m in catalog.members}
+    assert {p for p, m in by_parameters.items() if m.split == "validation"} == {(1.2, 12.0), TEST[0]}
+    assert by_parameters[TRAIN[1]].view_splits == ("train", "train", "validation")
+    assert by_parameters[TEST[0]].view_splits == ("validation", "test", "train")
+
+
+def test_the_draw_prefers_the_inside_and_follows_the_seed(data: DataSet, tmp_path: Path) -> None:
+    draws = set()
+    for seed in range(8):
+        catalog = import_nerf(
+            data.folder, tmp_path / f"{seed}.cdb", bounds=BOUNDS, names=["a", "b"], validation_members=3, seed=seed
+        )
+        drawn = {tuple(m.parameters.values()) for m in catalog.members if m.split == "validation"}
+        assert drawn > {(1.0, 20.0), (2.0, 20.0)}
+        (third,) = drawn - {(1.0, 20.0), (2.0, 20.0)}
+        assert third not in {(0.0, 10.0), (0.0, 30.0), (3.0, 10.0), (3.0, 30.0)}  # a corner ends both parameters
+        draws.add(third)
+    assert len(draws) > 1
+
+
+def test_the_same_number_printed_otherwise_is_the_same_member(data: DataSet, tmp_path: Path) -> None:
+    data.records["test"]["frames"][-1]["params"] = [0.0, 10.000000000000002]
+    data.save()
+    assert len(bring(data, tmp_path).members) == len(TRAIN) + len(TEST)
+
+
+def test_an_interrupted_import_goes_on_to_the_same_catalog(data: DataSet, tmp_path: Path) -> None:
+    whole = snapshot(bring(data, tmp_path).path)
+    shutil.rmtree(tmp_path / "out.cdb")
+
+    def interrupt(done: int, total: int) -> None:
+        if done == 12:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bring(data, tmp_path, progress=interrupt)
+    some = Catalog.open(tmp_path / "out.cdb")
+    assert 0 < len(some.members) < len(TRAIN)
+    assert check(some.path) == []
+    assert snapshot(bring(data, tmp_path).path) == whole
+    before = {p: p.stat().st_mtime_ns for p in some.path.rglob("*")}
+    bring(data, tmp_path)
+    assert before == {p: p.stat().st_mtime_ns for p in some.path.rglob("*")}, "a finished import touches nothing"
+
+
+@pytest.mark.parametrize(
+    "options", [{"seed": 5, "validation_members": 3}, {"bounds": ((0, 0, 0), (1, 1, 1))}, {"background": (0, 0, 0)}]
+)
+def test_another_import_into_the_same_catalog_is_refused(
+    data: DataSet, tmp_path: Path, options: dict[str, Any]
+) -> None:
+    before = snapshot(bring(data, tmp_path, validation_members=2).path)
+    with pytest.raises(CatalogError if "seed" not in options else ExchangeError):
+        bring(data, tmp_path, **options)
+    assert snapshot(tmp_path / "out.cdb") == before
+
+
+def test_alpha_is_kept_where_asked_for_and_refused_otherwise(tmp_path: Path) -> None:
+    data = DataSet(tmp_path / "data", channels=4)
+    with pytest.raises(ExchangeError, match=r"r_0\.png is transparent.*background none"):
+        bring(data, tmp_path)
+    assert not (tmp_path / "out.cdb").exists()
+    catalog = bring(data, tmp_path, background=None)
+    assert catalog.plan.background is None
+    member = catalog.members[0]
+    (name,) = (n for n in member.provenance["pictures"][:1])
+    straight = picture(int(Path(name).stem[2:]), 4).astype(float)
+    premultiplied = straight[..., :3] * straight[..., 3:] / 255
+    image = catalog.image(member, "imported", 0)
+    assert np.abs(image[..., :3] - premultiplied).max() <= 0.5
+    np.testing.assert_array_equal(image[..., 3], straight[..., 3])
+
+
+def test_opaque_rgba_stands_on_the_background(tmp_path: Path) -> None:
+    data = DataSet(tmp_path / "data", channels=4)
+    for path in data.folder.rglob("*.png"):
+        Image.open(path).convert("RGB").convert("RGBA").save(path)
+    assert bring(data, tmp_path).plan.background == (1.0, 1.0, 1.0)
+    assert len(Catalog.open(tmp_path / "out.cdb").members) == 14
+
+
+def test_opaque_pictures_have_no_alpha_to_keep(data: DataSet, tmp_path: Path) -> None:
+    with pytest.raises(ExchangeError, match="no alpha to keep: name the background"):
+        bring(data, tmp_path, background=None)
+
+
+def test_a_space_gives_names_and_bounds(data: DataSet, tmp_path: Path) -> None:
+    space = ParameterSpace((Parameter("pressure", -1.0, 5.0, "Pa"), Parameter("b", 0.0, 40.0)))
+    assert bring(data, tmp_path, names=None, space=space).plan.space == space
+    unnamed = import_nerf(data.folder, tmp_path / "unnamed.cdb", bounds=BOUNDS)
+    assert [(p.name, p.low, p.high) for p in unnamed.plan.space.parameters] == [("p0", 0.0, 3.0), ("p1", 10.0, 30.0)]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"names": ["a"]}, "2 params.*1 names"),
+        (
+            {"space": ParameterSpace((Parameter("x", 0, 1),)), "names": None},
+            r"2 params, the parameter space 1: \['x'\]",
+        ),
+        ({"space": ParameterSpace((Parameter("x", 0, 1), Parameter("y", 0, 1)))}, "contradict"),
+        ({"validation_members": 12}, "12 validation members leave no training member"),
+        ({"validation_members": 13}, "leave no training member: there are 12"),
+        ({"background": (255, 255, 255)}, "background must be three numbers in"),
+        ({"bounds": ((1, 1, 1), (0, 0, 0))}, "bounds must be two corners low < high"),
+        ({"names": ["profile", "b"]}, "'profile' contains 'file'"),
+    ],
+)
+def test_wrong_arguments_write_nothing(data: DataSet, tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        bring(data, tmp_path, **options)
+    assert not (tmp_path / "out.cdb").exists()
+
+
+def _frame(change: dict[str, Any]) -> Callable[[DataSet], None]:
+    return lambda data: data.records["train"]["frames"][3].update(change)
+
+
+def _drop(key: str) -> Callable[[DataSet], None]:
+    return lambda data: data.records["train"]["frames"][3].pop(key)
+
+
+def _matrix(change: Callable[[np.ndarray], Any]) -> Callable[[DataSet], None]:
+    return _frame({"transform_matrix": np.asarray(change(opengl_pose(20.0))).tolist()})
+
+
+def _record(change: dict[str, Any]) -> Callable[[DataSet], None]:
+    return lambda data: data.records["test"].update(change)
+
+
+HOSTILE_RECORDS: list[tuple[Callable[[DataSet], Any], str]] = [
+    (_drop("file_path"), r"transforms_train\.json, frame 3 lacks file_path"),
+    (_drop("params"), "frame 3 lacks params"),
+    (_drop("transform_matrix"), "frame 3 lacks transform_matrix"),
+    (_frame({"params": []}), "params must be a list of numbers"),
+    (_frame({"params": "12"}), "params must be a list of numbers"),
+    (_frame({"params": [1.0, "2"]}), "'2' is no finite number"),
+    (_frame({"params": [1.0, True]}), "True is no finite number"),
+    (_frame({"params": [1.0, None]}), "None is no finite number"),
+    (_frame({"params": [1.0, 10**400]}), "is no finite number"),
+    (_frame({"params": [1.0, 2.0, 3.0]}), "frame 3 has 3 params, the first frame 2"),
+    (_frame({"params": [1.0, float("nan")]}), "NaN is no number that JSON knows"),
+    (_frame({"params": [1.0, float("inf")]}), "Infinity is no number that JSON knows"),
+    (_matrix(lambda m: m[:3]), "transform_matrix must hold 4x4 numbers"),
+    (_matrix(lambda m: m * 1.01), "stretched by"),
+    (_matrix(lambda m: m @ np.diag([1, 1, -1, 1])), "mirrors the world"),
+    (_matrix(lambda m: m + np.eye(4)[[3, 0, 1, 2]] * 0.1), "no rigid motion"),
+    (_matrix(lambda m: m * 0), "no rigid motion"),
+    (_frame({"transform_matrix": [[1, 2], [3]]}), "must hold 4x4 numbers"),
+    (_frame({"transform_matrix": 1.0}), "must hold 4x4 numbers"),
+    (_frame({"file_path": "../data/train/r_3"}), "leaves the data set"),
+    (_frame({"file_path": "/etc/passwd"}), "leaves the data set"),
+    (_frame({"file_path": "train/../../secret"}), "leaves the data set"),
+    (_frame({"file_path": "..\\secret"}), "relative path with '/'"),
+    (_frame({"file_path": "train/r_3\x00"}), "relative path with '/'"),
+    (_frame({"file_path": ""}), "relative path with '/'"),
+    (_frame({"file_path": 7}), "relative path with '/'"),
+    (_frame({"file_path": "x" * 5000}), "can't be looked up|there is no picture"),
+    (_frame({"file_path": "."}), "there is no picture"),
+    (_frame({"file_path": "train/none"}), r"there is no picture .*none\.png"),
+    (_frame({"file_path": "train/r_4"}), "as .*frame 4 does|as .*frame 3 does"),
+    (_frame({"k1": 0.1}), "distorted"),
+    (_record({"camera_angle_x": 0.0}), "camera_angle_x must lie in"),
+    (_record({"camera_angle_x": 3.2}), "camera_angle_x must lie in"),
+    (_record({"camera_angle_x": "wide"}), "camera_angle_x: 'wide' is no finite number"),
+    (_record({"camera_angle_x": ANGLE + 0.1}), "they must agree"),
+    (_record({"frames": {}}), "must hold camera_angle_x and a list of frames"),
+    (_record({"frames": [3]}), "frame 0: a frame must be an object"),
+    (_record({"k1": 0.5}), "distorted"),
+    (_record({"fl_x": 100.0}), "fl_x describe the lens"),
+    (lambda data: data.records["train"].update(frames=[]), "is missing or names no frame"),
+    (lambda data: data.records["train"].pop("camera_angle_x"), "must hold camera_angle_x"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "message"), HOSTILE_RECORDS)
+def test_hostile_records_write_nothing(
+    data: DataSet, tmp_path: Path, spoil: Callable[[DataSet], Any], message: str
+) -> None:
+    spoil(data)
+    data.save()
+    with pytest.raises(ExchangeError, match=message):
+        bring(data, tmp_path)
+    assert not (tmp_path / "out.cdb").exists()
+
+
+def _write(name: str, content: bytes) -> Callable[[DataSet], Any]:
+    return lambda data: (data.folder / name).write_bytes(content)
+
+
+def _cut(data: DataSet) -> None:
+    path = data.folder / "train/r_5.png"
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+def _flip(data: DataSet) -> None:
+    path = data.folder / "train/r_5.png"
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0x40
+    path.write_bytes(content)
+
+
+def _save(size: tuple[int, int], mode: str, **options: Any) -> Callable[[DataSet], None]:
+    return lambda data: Image.new(mode, size).save(data.folder / "train/r_5.png", **options)
+
+
+def _link(target: str) -> Callable[[DataSet], None]:
+    def spoil(data: DataSet) -> None:
+        path = data.folder / "train/r_5.png"
+        moved = data.folder.parent / "secret.png" if target == "outside" else data.folder / "other.png"
+        path.rename(moved)
+        path.symlink_to(moved)
+
+    return spoil
+
+
+def _link_folder(data: DataSet) -> None:
+    (data.folder / "train").rename(data.folder.parent / "elsewhere")
+    (data.folder / "train").symlink_to(data.folder.parent / "elsewhere")
+
+
+def png(width: int, height: int, pixels: bytes, color_type: int = 2) -> bytes:
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, color_type, 0, 0, 0)
+    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(pixels)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + parts
+
+
+ROW = b"\x00" + bytes(3 * WIDTH)
+HOSTILE_FILES: list[tuple[Callable[[DataSet], Any], str]] = [
+    (_write("transforms_test.json", b"{"), r"transforms_test\.json is no valid JSON"),
+    (_write("transforms_test.json", b"\xff\xfe"), "no valid JSON"),
+    (_write("transforms_test.json", b"[" * 100_000), "no valid JSON"),
+    (_write("transforms_test.json", b"[]"), "must hold camera_angle_x"),
+    (lambda data: (data.folder / "transforms_train.json").unlink(), "is missing or names no frame"),
+    (_cut, r"frame 5: .*r_5\.png can't be read: it is truncated"),
+    (_flip, "it is damaged"),
+    (_write("train/r_5.png", b""), "it is no PNG"),
+    (_write("train/r_5.png", b"\xff\xd8\xff\xe0JFIF"), "it is no PNG"),
+    (_write("train/r_5.png", png(WIDTH, HEIGHT, ROW * (HEIGHT - 1))), "its pixels fill 125 bytes, 8x6 need 150"),
+    (_write("train/r_5.png", png(WIDTH, HEIGHT, ROW * HEIGHT + b"\x00")), "its pixels fill 151 bytes"),
+    (_write("train/r_5.png", png(WIDTH, HEIGHT, b"\x09" + (ROW * HEIGHT)[1:])), "a filter that no PNG has"),
+    (_write("train/r_0.png", png(60_000, 60_000, bytes(100))), "it claims 60000x60000 pixels"),
+    (_write("train/r_5.png", png(WIDTH, HEIGHT, bytes(5_000_000))), "its pixels fill 151 bytes"),
+    (_save((WIDTH + 1, HEIGHT), "RGB"), r"r_5\.png is 9x6 pixels, the first picture 8x6"),
+    (_save((WIDTH, HEIGHT), "L"), "8-bit gray: convert it"),
+    (_save((WIDTH, HEIGHT), "P"), "palette: convert it"),
+    (_save((WIDTH, HEIGHT), "I;16"), "16-bit gray: convert it"),
+    (_link("outside"), "is a link, or behind one"),
+    (_link("inside"), "is a link, or behind one"),
+    (_link_folder, "is a link, or behind one"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "message"), HOSTILE_FILES)
+def test_hostile_files_write_nothing(
+    data: DataSet, tmp_path: Path, spoil: Callable[[DataSet], Any], message: str
+) -> None:
+    spoil(data)
+    with pytest.raises(ExchangeError, match=message):
+        bring(data, tmp_path)
+    assert not (tmp_path / "out.cdb").exists()
+
+
+@given(st.integers(0, 2**32), st.integers(1, 4))
+@settings(max_examples=40, deadline=None)
+def test_no_damaged_picture_passes(tmp_path_factory: pytest.TempPathFactory, seed: int, changes: int) -> None:
+    """Whatever bytes change, either the reader complains or an independent decoder still sees the same pixels."""
+    from catalogs.png import PngError, check_png
+
+    path = tmp_path_factory.getbasetemp() / "damaged.png"
+    Image.fromarray(picture(1)).save(path)
+    content = bytearray(path.read_bytes())
+    generator = np.random.default_rng(seed)
+    for place in generator.integers(0, len(content), changes):
+        content[place] ^= 1 << generator.integers(8)
+    path.write_bytes(content)
+    try:
+        check_png(path)
+    except PngError:
+        return
+    np.testing.assert_array_equal(np.asarray(Image.open(path)), picture(1))
+
+
+def test_the_command(data: DataSet, tmp_path: Path) -> None:
+    command = ["import", "nerf", str(data.folder), "--catalog", str(tmp_path / "x.cdb"), "--names", "a,b"]
+    result = CliRunner().invoke(main, [*command, "--bounds", "-1,-1,-1,1,1,1", "--validation-members", "1"])
+    assert result.exit_code == 0, result.output
+    assert "14 (11 train, 1 validation, 2 test)" in result.output
+    (data.folder / "train/r_2.png").unlink()
+    result = CliRunner().invoke(main, [*command, "--bounds", "-1,-1,-1,1,1,1"])
+    assert result.exit_code == 1
+    assert "frame 2: there is no picture" in result.output
+    assert "Traceback" not in result.output
+    result = CliRunner().invoke(main, [*command, "--bounds", "-1,-1,-1,1,1,1", "--background", "white"])
+    assert result.exit_code == 1
+    assert "--background takes 3 numbers" in result.output
+
+
+@pytest.fixture(scope="module")
+def nyx(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Catalog:
+    folder = shared_data / "nyx_visnerf_128"
+    if not folder.is_dir():
+        pytest.skip(f"no Nyx pictures at {folder}")
+    half = 0.18
+    bounds = ((-half,) * 3, (half,) * 3)
+    return import_nerf(
+        folder, tmp_path_factory.mktemp("nyx") / "nyx.cdb", bounds=bounds, names=["OmM", "OmB", "h"], seed=1
+    )
+
+
+@pytest.mark.filterwarnings("ignore:parameter")
+class TestNyx:
+    """The real pictures of the Nyx cosmology."""
+
+    def test_all_of_it_arrives(self, nyx: Catalog, shared_data: Path) -> None:
+        members = nyx.members
+        assert Counter(m.split for m in members) == {"train": 43, "validation": 2, "test": 62}
+        views = Counter((m.split, view) for m in members for view in m.view_splits)
+        # One of the nine test frames at trained parameters repeats a training picture.
+        assert views == {
+            ("train", "train"): 43 * 42 + 1,
+            ("train", "test"): 8,
+            ("validation", "train"): 84,
+            ("test", "test"): 82,
+        }
+        for member in members[::13]:
+            for view in range(0, len(member.cameras), 11):
+                path = shared_data / "nyx_visnerf_128" / member.provenance["pictures"][view]
+                original = np.asarray(Image.open(path).convert("RGB"))
+                np.testing.assert_array_equal(nyx.image(member, "imported", view)[..., :3], original)
+
+    def test_what_is_seen_lies_in_the_box(self, nyx: Catalog) -> None:
+        corners = np.array([[x, y, z] for x in (-0.18, 0.18) for y in (-0.18, 0.18) for z in (-0.18, 0.18)])
+        looked_at = 0
+        for member in nyx.members[::5]:
+            for view, camera in list(enumerate(member.cameras))[::4]:
+                rows, columns = np.nonzero(nyx.image(member, "imported", view)[..., :3].min(axis=-1) < 250)
+                pixels, _ = camera.project(corners)
+                assert pixels[:, 0].min() <= columns.min() < columns.max() + 1 <= pixels[:, 0].max()
+                assert pixels[:, 1].min() <= rows.min() < rows.max() + 1 <= pixels[:, 1].max()
+                looked_at += 1
+        assert looked_at > 100
+
+    def test_cameras_agree_on_one_solid(self, nyx: Catalog) -> None:
+        """The visual hull of all views explains every view's silhouette; were world and camera confused it would not."""
+        member = nyx.member("train-000")
+        masks = [nyx.image(member, "imported", v)[..., :3].min(axis=-1) < 250 for v in range(42)]
+        assert _explained(member.cameras[:42], masks) > 0.998
+        assert _explained([_confused(camera) for camera in member.cameras[:42]], masks) < 0.9
+
+
+def _explained(cameras: Any, masks: list[np.ndarray], resolution: int = 80) -> float:
+    """Fraction of foreground pixels that a point of the visual hull (Laurentini 1994) falls next to."""
+    axis = np.linspace(-0.18, 0.18, resolution)
+    points = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)  # [N, 3]
+    pixels = [np.clip(camera.project(points)[0], 0, 127.5).astype(int) for camera in cameras]
+    hull = np.ones(len(points), dtype=bool)
+    for (columns, rows), mask in zip((p.T for p in pixels), masks, strict=True):
+        hull &= _grown(mask)[rows, columns]
+    hits = total = 0
+    for (columns, rows), mask in zip((p[hull].T for p in pixels), masks, strict=True):
+        shadow = np.zeros_like(mask)
+        shadow[rows, columns] = True
+        hits += int((_grown(_grown(shadow)) & mask).sum())
+        total += int(mask.sum())
+    return hits / total
+
+
+def _grown(mask: np.ndarray) -> np.ndarray:
+    padded = np.pad(mask, 1)
+    height, width = mask.shape
+    return np.any([padded[i : i + height, j : j + width] for i in range(3) for j in range(3)], axis=0)
+
+
+def _confused(camera: Camera) -> Camera:
+    """At the same distance from the middle, but turned by the inverse rotation."""
+    pose = camera.world_to_camera.copy()
+    pose[:3, :3] = pose[:3, :3].T
+    return Camera(pose, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+
+
+def test_reading_keeps_the_order_of_the_files(data: DataSet) -> None:
+    frames = read_frames(data.folder)
+    assert [f.path.stem for f in frames] == [f"r_{i}" for i in range(29)]
+    assert {f.file_split for f in frames[:24]} == {"train"}
