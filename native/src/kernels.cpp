@@ -1,10 +1,14 @@
 // Compiled once per instruction set: GS_KERNELS names the table, GS_WIDTH the floats in a native vector.
+//
+// Nothing here may leave the translation unit but that table: a template of the standard library, compiled with one
+// instruction set and shared by the linker with the others, would crash machines that lack it.  So: no std templates.
 #include "kernels.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <cstring>
+#if GS_WIDTH > 4
+#include <immintrin.h>
+#endif
 
 namespace gs {
 namespace {
@@ -18,7 +22,7 @@ namespace {
 
 #define GS_TEXT(x) #x
 #define GS_NAME(x) GS_TEXT(x)
-extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), project,   forward_tile, backward_tile,
-                                   project_backward,  ssim_maps, loss_gradient};
+extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight, project,      touch, forward_tile,
+                                   backward_tile,     project_backward, ssim_maps,   loss_gradient};
 
 }  // namespace gs

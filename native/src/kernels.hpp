@@ -5,8 +5,7 @@
 
 namespace gs {
 
-constexpr int kTile = 16;          // pixels along a tile's side; one tile row is one AVX-512 vector
-constexpr int kMoments = 9;        // sums kept per (Gaussian, tile): see backward_tiles
+constexpr int kMoments = 9;  // sums kept per (Gaussian, tile): see backward_tile in tiles.inc
 constexpr float kAlphaCap = 0.999f;
 constexpr float kMinTransmittance = 1e-4f;
 
@@ -20,12 +19,16 @@ struct View {
     float alpha_floor;
 };
 
-// One Gaussian as the pixel loops need it: log2(alpha) = peak + xx dx^2 + xy dx dy + yy dy^2.
-struct Splat {
-    float x, y;             // centre, px
-    float xx, xy, yy, peak;
-    float r, g, b;
-    float half_width, half_height;  // of the ellipse alpha >= floor, px
+// One Gaussian as the pixel loops need it: log2(alpha) = peak - u^2 - v^2 at the pixel position (x, y), where
+// u = u_0 + u_x x + u_y y and v = v_0 + v_y y.  This Cholesky form has no cancelling terms, however thin the ellipse; the
+// constants are doubles so that the centre may lie far away.
+struct alignas(64) Splat {
+    double u_0, v_0;
+    float u_x, u_y, v_y, peak;
+    float color[3];
+    float reach;                // peak - log2(alpha_floor): the ellipse is u^2 + v^2 <= reach
+    float y_right, y_left;      // heights of the ellipse's rightmost and leftmost points
+    int32_t first_row, last_row;
 };
 
 struct Gaussians {
@@ -46,6 +49,25 @@ struct GaussianGradients {
     float* screen;          // [N] length of the gradient by the projected centre, px^-1
 };
 
+// A Gaussian in a tile: `blocks` has a bit for each block of pixels that the ellipse touches.
+struct Touch {
+    uint32_t tile;
+    uint32_t blocks;
+};
+
+// The same in the list of its tile; `slot` is where its moments go, Gaussian by Gaussian.
+struct Entry {
+    uint32_t splat;
+    uint32_t slot;
+    uint32_t blocks;
+};
+
+// How the frame is cut: tiles of `tile_width` x `tile_height` pixels.  A tile's pixels are stored block by block.
+struct Tiling {
+    int across, down;       // tiles
+    int width, height;      // of a tile, px
+};
+
 // One colour plane of an image pair and the maps between the two passes; rows are `stride` floats apart, the pad is zero.
 struct Planes {
     const float* image;
@@ -59,18 +81,19 @@ struct Planes {
 
 struct Kernels {
     const char* name;
+    int tile_width, tile_height;
     // Projects Gaussians [first, last): writes splats and depths; a depth of -1 marks one that is not drawn.
-    // See projection.inc.
     void (*project)(const Gaussians&, const View&, int64_t first, int64_t last, Splat*, float* depths);
-    // Draws one tile; `list` holds indices into `splats`, front to back.
-    void (*forward_tile)(const Splat* splats, const int32_t* list, int64_t count, const View&, int tile_x, int tile_y,
+    // Writes the tiles that one splat touches, at most all of them, and returns their number.
+    int64_t (*touch)(const Splat&, const View&, const Tiling&, Touch*);
+    // Draws one tile from its list, front to back; `state` [4, pixels of a tile] keeps transmittance and colour.
+    void (*forward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, float* state,
                          float* color, float* alpha);
-    // Moments of one tile: entry k of `list` goes to moments + slots[k] * kMoments.
-    void (*backward_tile)(const Splat* splats, const int32_t* list, const int64_t* slots, int64_t count, const View&,
-                          int tile_x, int tile_y, const float* color, const float* alpha, const float* grad_color,
-                          const float* grad_alpha, float* moments);
-    // Chain rule of the projection for one Gaussian from its summed moments.
-    void (*project_backward)(const Gaussians&, const View&, int64_t index, const Splat&, const double* moments,
+    // Moments of one tile's entries, each written to moments + slot * kMoments.
+    void (*backward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, const float* state,
+                          const float* grad_color, const float* grad_alpha, float* moments);
+    // Chain rule of the projection for Gaussian `index` from its moments in `slots` slots.
+    void (*project_backward)(const Gaussians&, const View&, int64_t index, const float* moments, int64_t slots,
                              const GaussianGradients&);
     // One plane of the image loss, rows [first, last): see image_loss.inc.
     void (*ssim_maps)(const Planes&, int first, int last, double* similarity);
