@@ -208,7 +208,7 @@ class _Line:
         """Show how many of how many are done, with a rate and the time left."""
         if stage != self._stage:
             self._stage, self._started = stage, time.perf_counter()
-        rate = done / max(time.perf_counter() - self._started, 1e-9)
+        rate = done / max(time.perf_counter() - self._started, 1e-3)
         left = (total - done) / rate
         self.show(f"{stage}  {done} / {total} images  {rate:.0f}/s  {int(left) // 60}:{int(left) % 60:02d} left")
 

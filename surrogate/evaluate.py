@@ -19,7 +19,7 @@ from surrogate.metrics import Score, score
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.threads import one_torch_thread
 
-VERSION = 1
+VERSION = 2
 METRICS = ("psnr", "ssim", "psnr_foreground")
 VIEWS = {"seen_views": ("train",), "unseen_views": ("test",)}
 PARAMETERS = {"seen_parameters": ("train",), "unseen_parameters": ("test",)}
@@ -40,7 +40,7 @@ class Scored:
 
 @dataclass(frozen=True, eq=False)
 class BaselineResult:
-    """A trivial predictor's scores per row of views, at unseen parameters."""
+    """A trivial predictor's scores per row of views at unseen parameters, and on "validation" members."""
 
     name: str
     scores: Mapping[str, Sequence[Scored]]
@@ -84,8 +84,9 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
     scorer = _Scorer(surrogate, catalog, appearance, sum(map(len, groups)), progress)
     scored = [scorer.score(group) for group in groups]
     cells = {v: dict(zip(PARAMETERS, scored[2 * i : 2 * i + 2], strict=True)) for i, v in enumerate(VIEWS)}
-    unseen = {v: chosen[v]["unseen_parameters"] for v in VIEWS}
-    baselines = score_baselines(catalog, appearance, unseen, watched, progress)
+    rows = {v: chosen[v]["unseen_parameters"] for v in VIEWS}
+    rows["validation"] = [target for target in groups[-1] if target.member.split == "validation"]
+    baselines = score_baselines(catalog, appearance, rows, watched, progress)
     milliseconds, spread = measure_times(surrogate, catalog)
     return Evaluation(cells, scored[-1], baselines, milliseconds, spread)
 
@@ -137,23 +138,21 @@ class _Scorer:
 def score_baselines(
     catalog: Catalog,
     appearance: str,
-    unseen: Mapping[str, Sequence[Target]],
+    rows: Mapping[str, Sequence[Target]],
     watched: Sequence[Target],
     progress: Report,
 ) -> list[BaselineResult]:
-    """The trivial predictors at unseen parameters; their constants are chosen on `watched` validation images."""
+    """The trivial predictors on named `rows` of targets; their constants are chosen on `watched` validation images."""
     members = [m for m in catalog.members if m.split == "train"]
-    targets = [target for group in unseen.values() for target in group]
+    targets = [target for group in rows.values() for target in group]
     if not members or not targets:
         return []
     predictors = [*fixed_predictors(len(catalog.plan.space)), *_tuned(catalog, appearance, members, watched)]
     results = _score_predictors(catalog, appearance, members, targets, predictors, progress)
-    rows = {id(target): row for row, group in unseen.items() for target in group}
+    row_of = {id(target): row for row, group in rows.items() for target in group}
     return [
         BaselineResult(
-            predictor.name,
-            {row: [s for s in scored if rows[id(s.target)] == row] for row in unseen},
-            degrees,
+            predictor.name, {row: [s for s in scored if row_of[id(s.target)] == row] for row in rows}, degrees
         )
         for predictor, (scored, degrees) in zip(predictors, results, strict=True)
     ]

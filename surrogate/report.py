@@ -92,6 +92,7 @@ def summarize(
                 "name": result.name,
                 "borrowed_view_degrees": result.degrees,
                 **{m: {v: {"unseen_parameters": mean(result.scores[v], m)} for v in VIEWS} for m in METRICS},
+                "validation": {m: mean(result.scores["validation"], m) for m in METRICS},
             }
             for result in evaluation.baselines
         ],
@@ -205,6 +206,7 @@ def _baseline_table(record: Mapping[str, Any]) -> list[str]:
                 _number(at["psnr_foreground"]["unseen_views"]),
                 _number(at["ssim"]["unseen_views"], 4),
                 lead,
+                _number(entry["validation"]["psnr"]),
             )
         )
     borrowed = max(entry["borrowed_view_degrees"] for entry in record["trivial_predictors"])
