@@ -100,11 +100,10 @@ def nerf(
 @click.option("--open/--no-open", "show_page", default=False, help="Open the page in the default browser.")
 def browse(path: Path, port: int, show_page: bool) -> None:
     """Write a static page into PATH and serve it on 127.0.0.1 until Ctrl-C."""
-    from catalogs.browse import serve, write_page
+    from catalogs.browse import serve
     from catalogs.catalog import CatalogError
 
     try:
-        write_page(path)
         serve(path, port=port, open_page=show_page, announce=click.echo)
     except (CatalogError, ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
