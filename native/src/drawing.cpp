@@ -10,8 +10,8 @@
 namespace gs {
 namespace {
 
-constexpr int64_t kProjected = 1024;    // Gaussians that a task projects
 constexpr int kPortionsPerThread = 4;
+constexpr int64_t kAhead = 8;  // entries fetched before they are needed
 constexpr size_t kKeptWorkspaces = 2;
 
 std::mutex kept_mutex;
@@ -67,7 +67,7 @@ Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int 
     tiling_ = {int(tasks_of(v.width, kernels.tile_width)), int(tasks_of(v.height, kernels.tile_height)), kernels.tile_width,
                kernels.tile_height};
     project(threads);
-    cut(threads);
+    sort();
     list(threads);
     Workspace& m = *memory_;
     const int64_t tiles = int64_t(tiling_.across) * tiling_.down, state = 4 * tiling_.width * tiling_.height;
@@ -84,16 +84,50 @@ Drawing::~Drawing() { give_workspace(std::move(memory_)); }
 void Drawing::project(int threads) {
     Workspace& m = *memory_;
     const int64_t count = gaussians.count;
-    m.projected.resize(size_t(count));
+    portion_size_ = std::max<int64_t>(1, threads > 1 ? tasks_of(count, int64_t(threads) * kPortionsPerThread) : count);
+    portions_ = tasks_of(count, portion_size_);
+    m.splats.resize(size_t(count));
     m.depths.resize(size_t(count));
-    parallel(tasks_of(count, kProjected), threads, [&](int64_t task) {
-        kernels_.project(gaussians, view, task * kProjected, std::min(count, (task + 1) * kProjected), m.projected.data(),
-                         m.depths.data());
+    m.begin.resize(size_t(count));
+    if (m.portions.size() < size_t(portions_)) m.portions.resize(size_t(portions_));
+    parallel(portions_, threads, [&](int64_t task) {
+        struct Growing : Touches {
+            Buffer<Touch>* buffer;
+        } touches;
+        Portion& portion = m.portions[task];
+        touches.buffer = &portion.touches;
+        touches.data = portion.touches.data();
+        touches.count = 0;
+        touches.capacity = portion.touches.capacity();
+        touches.grow = [](Touches* self, size_t room) {
+            Growing& t = *static_cast<Growing*>(self);
+            if (t.count + room >= UINT32_MAX)
+                throw std::length_error("the Gaussians touch more tiles than 32 bits can count: draw fewer or smaller ones, or a "
+                                        "smaller picture");
+            t.data = t.buffer->grow(2 * t.capacity + room, t.count);
+            t.capacity = t.buffer->capacity();
+        };
+        kernels_.project(gaussians, view, tiling_, task * portion_size_, std::min(count, (task + 1) * portion_size_),
+                         m.splats.data(), m.depths.data(), touches, m.begin.data());
+        portion.touched = touches.count;
     });
-    m.order.resize(size_t(count));
-    m.spare.resize(size_t(count));
+    uint64_t slot = 0;
+    for (int64_t task = 0; task < portions_; ++task) {
+        m.portions[task].first_slot = slot;
+        slot += m.portions[task].touched;
+    }
+    if (slot >= UINT32_MAX)
+        throw std::length_error("the Gaussians touch " + std::to_string(slot) +
+                                " tiles, more than 32 bits can count: draw fewer or smaller ones, or a smaller picture");
+    touches_ = int64_t(slot);
+}
+
+void Drawing::sort() {
+    Workspace& m = *memory_;
+    m.order.resize(size_t(gaussians.count));
+    m.spare.resize(size_t(gaussians.count));
     drawn_ = 0;
-    for (int64_t i = 0; i < count; ++i) {
+    for (int64_t i = 0; i < gaussians.count; ++i) {
         DepthKey key{0, uint32_t(i)};
         std::memcpy(&key.depth, &m.depths[i], sizeof key.depth);
         m.order[drawn_] = key;
@@ -102,79 +136,47 @@ void Drawing::project(int threads) {
     sort_by_depth(m.order, m.spare, drawn_);
 }
 
-// Finds the tiles of each drawn Gaussian, in portions of the sorted ones, and counts the tiles' entries.
-void Drawing::cut(int threads) {
-    Workspace& m = *memory_;
-    const size_t tiles = size_t(tiling_.across) * tiling_.down;
-    const int64_t most = threads > 1 ? int64_t(threads) * kPortionsPerThread : 1;
-    const int64_t portions = std::min(most, tasks_of(drawn_, 256));
-    m.splats.resize(size_t(drawn_));
-    m.first_slot.resize(size_t(drawn_) + 1);
-    m.portions.resize(size_t(std::max<int64_t>(portions, int64_t(m.portions.size()))));
-    for (Portion& portion : m.portions) portion.first = portion.last = 0;
-    parallel(portions, threads, [&](int64_t task) {
-        Portion& p = m.portions[task];
-        p.first = drawn_ * task / portions;
-        p.last = drawn_ * (task + 1) / portions;
-        p.touched = 0;
-        p.counts.resize(tiles);
-        std::memset(p.counts.data(), 0, tiles * sizeof(uint32_t));
-        p.touches.resize(tiles);
-        for (int64_t k = p.first; k < p.last; ++k) {
-            m.splats[k] = m.projected[m.order[k].index];
-            if (p.touches.capacity() < p.touched + tiles) p.touches.grow(2 * p.touches.capacity() + tiles, p.touched);
-            Touch* touches = p.touches.data() + p.touched;
-            const int64_t count = kernels_.touch(m.splats[k], view, tiling_, touches);
-            for (int64_t t = 0; t < count; ++t) ++p.counts[touches[t].tile];
-            m.first_slot[k] = p.touched;  // within the portion, so far
-            p.touched += size_t(count);
-        }
-    });
-}
-
-// Puts each Gaussian into the lists of its tiles.  The order within a list is that of depth, whatever the portions were.
+// Puts each Gaussian into the lists of its tiles, front to back: runs of the sorted Gaussians count what they will add to
+// each list, and then each run writes from where those before it end.
 void Drawing::list(int threads) {
     Workspace& m = *memory_;
     const size_t tiles = size_t(tiling_.across) * tiling_.down;
-    std::vector<Portion*> portions;
-    for (Portion& portion : m.portions)
-        if (portion.last > portion.first) portions.push_back(&portion);
-    uint64_t total = 0;
-    for (Portion* portion : portions) total += portion->touched;
-    if (total >= UINT32_MAX)
-        throw std::length_error("the Gaussians touch " + std::to_string(total) +
-                                " tiles, more than 32 bits can count: draw fewer or smaller ones, or a smaller picture");
+    const int64_t runs = std::min(threads > 1 ? int64_t(threads) * kPortionsPerThread : 1, drawn_);
+    m.counts.resize(size_t(runs) * tiles);
     m.starts.resize(tiles + 1);
-    total = 0;
+    m.entries.resize(size_t(touches_));
+    const auto each_touch = [&](int64_t run, const auto& take) {
+        const int64_t last = drawn_ * (run + 1) / runs;
+        for (int64_t k = drawn_ * run / runs; k < last; ++k) {
+            const uint32_t i = m.order[k].index;
+            if (k + kAhead < last) __builtin_prefetch(&m.begin[m.order[k + kAhead].index]);
+            const Portion& portion = m.portions[i / portion_size_];
+            const int64_t next = int64_t(i) + 1;
+            const size_t end = next == gaussians.count || next % portion_size_ == 0 ? portion.touched : m.begin[next];
+            for (size_t t = m.begin[i]; t < end; ++t) take(portion.touches[t], i, uint32_t(portion.first_slot + t));
+        }
+    };
+    parallel(runs, threads, [&](int64_t run) {
+        uint32_t* counts = m.counts.data() + size_t(run) * tiles;
+        std::memset(counts, 0, tiles * sizeof(uint32_t));
+        each_touch(run, [&](const Touch& touch, uint32_t, uint32_t) { ++counts[touch.tile]; });
+    });
+    uint64_t total = 0;
     for (size_t tile = 0; tile < tiles; ++tile) {
         m.starts[tile] = total;
-        for (Portion* portion : portions) {
-            const uint32_t here = portion->counts[tile];
-            portion->counts[tile] = uint32_t(total);
+        for (int64_t run = 0; run < runs; ++run) {
+            uint32_t& count = m.counts[size_t(run) * tiles + tile];
+            const uint32_t here = count;
+            count = uint32_t(total);
             total += here;
         }
     }
     m.starts[tiles] = total;
-    touches_ = int64_t(total);
-    m.entries.resize(size_t(total));
-    uint64_t slot = 0;
-    std::vector<uint64_t> first_slots;
-    for (Portion* portion : portions) {
-        first_slots.push_back(slot);
-        slot += portion->touched;
-    }
-    m.first_slot[drawn_] = total;
-    parallel(int64_t(portions.size()), threads, [&](int64_t task) {
-        Portion& p = *portions[task];
-        size_t touch = 0;
-        for (int64_t k = p.first; k < p.last; ++k) {
-            const size_t end = k + 1 < p.last ? m.first_slot[k + 1] : p.touched;
-            m.first_slot[k] += first_slots[task];
-            for (; touch < end; ++touch) {
-                const Touch& t = p.touches[touch];
-                m.entries[p.counts[t.tile]++] = {uint32_t(k), uint32_t(first_slots[task] + touch), t.blocks};
-            }
-        }
+    parallel(runs, threads, [&](int64_t run) {
+        uint32_t* next = m.counts.data() + size_t(run) * tiles;
+        each_touch(run, [&](const Touch& touch, uint32_t i, uint32_t slot) {
+            m.entries[next[touch.tile]++] = {i, slot, touch.blocks};
+        });
     });
 }
 
@@ -182,16 +184,21 @@ void Drawing::backward(const float* grad_color, const float* grad_alpha, int thr
     const std::lock_guard<std::mutex> guard(in_backward_);
     Workspace& m = *memory_;
     const int64_t tiles = int64_t(tiling_.across) * tiling_.down, state = 4 * tiling_.width * tiling_.height;
-    m.moments.resize(m.starts[tiles] * kMoments);
+    m.moments.resize(size_t(touches_) * kMoments);
     parallel(tiles, threads, [&](int64_t tile) {
         kernels_.backward_tile(m.splats.data(), m.entries.data() + m.starts[tile], int64_t(m.starts[tile + 1] - m.starts[tile]),
                                view, int(tile % tiling_.across) * tiling_.width, int(tile / tiling_.across) * tiling_.height,
                                m.states.data() + tile * state, grad_color, grad_alpha, m.moments.data());
     });
-    parallel(tasks_of(drawn_, kProjected), threads, [&](int64_t task) {
-        for (int64_t k = task * kProjected; k < std::min(drawn_, (task + 1) * kProjected); ++k)
-            kernels_.project_backward(gaussians, view, m.order[k].index, m.moments.data() + m.first_slot[k] * kMoments,
-                                      int64_t(m.first_slot[k + 1] - m.first_slot[k]), out);
+    parallel(portions_, threads, [&](int64_t task) {
+        const Portion& portion = m.portions[task];
+        const int64_t last = std::min(gaussians.count, (task + 1) * portion_size_);
+        for (int64_t i = task * portion_size_; i < last; ++i) {
+            const size_t end = i + 1 < last ? m.begin[i + 1] : portion.touched;
+            if (end > m.begin[i])
+                kernels_.project_backward(gaussians, view, i, m.moments.data() + (portion.first_slot + m.begin[i]) * kMoments,
+                                          int64_t(end - m.begin[i]), out);
+        }
     });
 }
 

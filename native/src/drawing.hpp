@@ -72,25 +72,25 @@ struct DepthKey {
     uint32_t index;
 };
 
-// A run of the sorted Gaussians that one task cuts into tiles.
+// A run of Gaussians that one task projects.
 struct Portion {
     Buffer<Touch> touches;
-    Buffer<uint32_t> counts;  // per tile, then where its entries go
-    int64_t first, last;      // sorted Gaussians
-    size_t touched;
+    size_t touched = 0;
+    uint64_t first_slot = 0;
 };
 
 // Memory that one drawing hands to the next: fresh pages would cost as much as the projection.
 struct Workspace {
-    Buffer<Splat> projected, splats;  // in the order given, in the order of depth
+    Buffer<Splat> splats;
     Buffer<float> depths;
-    Buffer<DepthKey> order, spare;
-    Buffer<uint64_t> first_slot;      // [drawn + 1]
+    Buffer<uint32_t> begin;       // [N], where in its portion's touches each Gaussian's begin
     std::vector<Portion> portions;
-    Buffer<uint64_t> starts;          // [tiles + 1]
+    Buffer<DepthKey> order, spare;
+    Buffer<uint32_t> counts;      // [runs of the sorted Gaussians, tiles]
+    Buffer<uint64_t> starts;      // [tiles + 1]
     Buffer<Entry> entries;
-    Buffer<float> states;             // [tiles, 4, pixels of a tile]
-    Buffer<float> moments;            // [entries, kMoments]
+    Buffer<float> states;         // [tiles, 4, pixels of a tile]
+    Buffer<float> moments;        // [entries, kMoments], Gaussian by Gaussian
 };
 
 class Drawing {
@@ -112,11 +112,12 @@ public:
 
 private:
     void project(int threads);
-    void cut(int threads);
+    void sort();
     void list(int threads);
 
     const Kernels& kernels_;
     Tiling tiling_;
+    int64_t portion_size_ = 1, portions_ = 0;  // Gaussians, number
     int64_t drawn_ = 0, touches_ = 0;
     std::unique_ptr<Workspace> memory_;
     std::mutex in_backward_;

@@ -15,6 +15,7 @@ namespace {
 
 #include "vectors.inc"
 #include "projection.inc"
+#include "touches.inc"
 #include "tiles.inc"
 #include "image_loss.inc"
 
@@ -22,7 +23,7 @@ namespace {
 
 #define GS_TEXT(x) #x
 #define GS_NAME(x) GS_TEXT(x)
-extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight, project,      touch, forward_tile,
+extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight, project, forward_tile,
                                    backward_tile,     project_backward, ssim_maps,   loss_gradient};
 
 }  // namespace gs

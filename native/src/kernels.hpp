@@ -1,6 +1,7 @@
 // What every instruction set implements, and the plain data that passes between the phases.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace gs {
@@ -62,10 +63,17 @@ struct Entry {
     uint32_t blocks;
 };
 
-// How the frame is cut: tiles of `tile_width` x `tile_height` pixels.  A tile's pixels are stored block by block.
+// How the frame is cut: `across` x `down` tiles of `width` x `height` pixels.
 struct Tiling {
-    int across, down;       // tiles
-    int width, height;      // of a tile, px
+    int across, down;
+    int width, height;
+};
+
+// A growing array of the tiles that a run of Gaussians touches, one Gaussian after the other.
+struct Touches {
+    Touch* data;
+    size_t count, capacity;
+    void (*grow)(Touches*, size_t room);  // makes room for at least that many more
 };
 
 // One colour plane of an image pair and the maps between the two passes; rows are `stride` floats apart, the pad is zero.
@@ -82,10 +90,10 @@ struct Planes {
 struct Kernels {
     const char* name;
     int tile_width, tile_height;
-    // Projects Gaussians [first, last): writes splats and depths; a depth of -1 marks one that is not drawn.
-    void (*project)(const Gaussians&, const View&, int64_t first, int64_t last, Splat*, float* depths);
-    // Writes the tiles that one splat touches, at most all of them, and returns their number.
-    int64_t (*touch)(const Splat&, const View&, const Tiling&, Touch*);
+    // Projects Gaussians [first, last): writes splats, depths (-1 for one that is not drawn), what they touch, and where in
+    // `touches` each one's begin.
+    void (*project)(const Gaussians&, const View&, const Tiling&, int64_t first, int64_t last, Splat*, float* depths,
+                    Touches& touches, uint32_t* begin);
     // Draws one tile from its list, front to back; `state` [4, pixels of a tile] keeps transmittance and colour.
     void (*forward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, float* state,
                          float* color, float* alpha);
