@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,9 +51,12 @@ def predictions(
     for t in order:
         views, degrees = matched[t]
         if views != current:
-            loaded = [catalog.image(m, appearance, v, dtype="float32") for m, v in zip(members, views, strict=True)]
-            pictures, current = np.stack(loaded).reshape(len(members), -1), views  # [M, H * W * 4]
-            shape = loaded[0].shape
+            with ThreadPoolExecutor(2) as pool:
+                loaded = list(
+                    pool.map(lambda pair: catalog.image(pair[0], appearance, pair[1]), zip(members, views, strict=True))
+                )
+            pictures = np.stack(loaded).reshape(len(members), -1).astype(np.float32) / 255.0  # [M, H * W * 4]
+            shape, current = loaded[0].shape, views
         rows = np.stack([w[t] for w in weights]).astype(np.float32)  # [K, M]
         mixed = np.clip(rows @ pictures, 0.0, 1.0).reshape(len(weights), *shape)
         yield Prediction(targets[t], mixed, degrees)
