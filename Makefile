@@ -42,7 +42,7 @@ CLIENTS := .venv-pycinema/.complete .venv-cinemasci/.complete
 clients: $(CLIENTS)
 .venv-%/.complete: tests/clients/%.txt
 	$(PYTHON) -m venv .venv-$*
-	.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $<
 	@touch $@
 
 lint: $(SETUP)
