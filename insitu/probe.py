@@ -27,12 +27,12 @@ class Probe:
     ----------
     names : (K,) the members looked at.
     ranges : (K, 2) smallest and largest value of each.
-    values : (S,) float32 sorted values drawn evenly from all of them.
+    values : (K, S) float32 values drawn evenly from each.
     """
 
     names: tuple[str, ...]
     ranges: NDArray[np.float64]  # [K, 2]
-    values: NDArray[np.float32]  # [S]
+    values: NDArray[np.float32]  # [K, S]
 
     @property
     def range(self) -> tuple[float, float]:
@@ -44,9 +44,10 @@ class Probe:
         return float(np.quantile(self.values, fraction))
 
     def histogram(self, bins: int, low: float, high: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Fractions (bins,) of all values per bin, and bin edges (bins + 1,), over [low, high]."""
-        counts, edges = np.histogram(self.values, bins=bins, range=(low, high))
-        return counts / len(self.values), edges
+        """Fractions (K, bins) of each member's values per bin, and bin edges (bins + 1,), over [low, high]."""
+        edges = np.linspace(low, high, bins + 1)
+        counts = np.stack([np.histogram(values, bins=edges)[0] for values in self.values])  # [K, bins]
+        return counts / self.values.shape[1], edges
 
     def __repr__(self) -> str:
         low, high = self.range
@@ -58,7 +59,8 @@ class Probe:
         lines += [f"  {100 * q:5.1f} %  {self.quantile(q):.6g}" for q in QUANTILES]
         inner_low, inner_high = self.quantile(QUANTILES[0]), self.quantile(QUANTILES[-1])
         if inner_low < inner_high:
-            fractions, edges = self.histogram(24, inner_low, inner_high)
+            histograms, edges = self.histogram(24, inner_low, inner_high)
+            fractions = histograms.mean(axis=0)
             lines.append("histogram from the first to the last of these quantiles")
             for fraction, edge in zip(fractions, edges[:-1], strict=True):
                 bar = "#" * round(BAR * fraction / fractions.max())
@@ -86,7 +88,7 @@ def probe_fields(fields: Mapping[str, Any] | Iterable[Any], *, nan: str = "refus
         drawn.append(rng.choice(values, SAMPLES) if values.size > SAMPLES else np.resize(values, SAMPLES))
     if not names:
         raise ValueError("there is no member to probe")
-    return Probe(tuple(names), np.array(ranges), np.sort(np.concatenate(drawn)))
+    return Probe(tuple(names), np.array(ranges), np.stack(drawn))
 
 
 def _known(grid: Grid) -> NDArray[np.float32]:

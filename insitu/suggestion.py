@@ -23,6 +23,7 @@ CLIPPED = 0.001  # of all values, at either end, lie outside the suggested range
 COMMONPLACE = 0.5  # of all values, the most frequent ones, stay transparent
 LARGEST_OPACITY = 0.8
 BINS = 64
+SMOOTHING = 2.5  # bins: members between the pilots have their background between the pilots' backgrounds
 POINTS = 12
 VISIBLE = 1.0 / 255.0
 PROBE_VIEWS = ViewPlan(frequency=1, width=96, height=96)
@@ -67,10 +68,12 @@ def suggest(
 ) -> Suggestion:
     """A transfer function that leaves commonplace values transparent and rare ones visible through the depth.
 
-    The most frequent values, half of all, are transparent; beyond, opacity grows as values get rarer (entropy of the
-    pooled histogram, compare Bordoloi & Shen 2005, "View selection for volume rendering", section 3).  Colours are
-    spread so that each covers an equal part of what is visible.  The unit distance is then solved, by bisection over
-    small rendered pictures of `grids`, for a mean foreground alpha of `alpha`.
+    A value is as common as in the member that has most of it: what is mere background in one member must not fill its
+    pictures with fog, however rare it is in the others.  The most common values, half of all, are transparent; beyond,
+    opacity grows as values get rarer (their information, -log of frequency; compare Bordoloi & Shen 2005, "View
+    selection for volume rendering", section 3).  Colours are spread so that each covers an equal part of what is
+    visible.  The unit distance is then solved, by bisection over small rendered pictures of `grids`, for a mean
+    foreground alpha of `alpha`.
 
     What it cannot know: which values matter to you. It is a start to edit, not an answer.
     """
@@ -79,10 +82,10 @@ def suggest(
         middle = probe.quantile(0.5)
         margin = abs(middle) * 0.5 or 0.5
         low, high = middle - margin, middle + margin
-    fractions, edges = probe.histogram(BINS, low, high)
-    opacities = _opacity_curve(fractions)  # [B]
+    histograms, edges = probe.histogram(BINS, low, high)
+    opacities = _opacity_curve(histograms.max(axis=0))  # [B]
     opacity_points = _simplified((edges[:-1] + edges[1:]) / 2.0, opacities, low, high)
-    color_points = _color_points(fractions * opacities, edges)
+    color_points = _color_points(histograms.mean(axis=0) * opacities, edges)
     size = float(np.linalg.norm(np.subtract(*bounds)))
 
     def appearance(unit_distance: float) -> VolumeRendering:
@@ -116,7 +119,9 @@ def foreground_alphas(
 
 def _opacity_curve(fractions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Opacity (B,) by bin: none for the most frequent values, growing with surprise, -log of frequency, beyond."""
-    smooth = np.convolve(np.pad(fractions, 2, mode="edge"), np.array([1, 4, 6, 4, 1]) / 16.0, mode="valid")  # [B]
+    reach = int(3 * SMOOTHING)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / SMOOTHING) ** 2)
+    smooth = np.convolve(np.pad(fractions, reach, mode="edge"), kernel / kernel.sum(), mode="valid")  # [B]
     order = np.argsort(-smooth, kind="stable")
     common = order[: int(np.searchsorted(np.cumsum(smooth[order]), COMMONPLACE * smooth.sum())) + 1]
     threshold = float(smooth[common].min())
