@@ -171,8 +171,8 @@ std::tuple<double, double, Output> bound_image_loss(Input image, Input target, d
     const Kernels& kernels = kernels_named(instruction_set);
     Output gradient = new_array({image.shape(0), image.shape(1), image.shape(2)});
     nb::gil_scoped_release released;
-    const ImageLoss loss = image_loss(image.data(), target.data(), int(image.shape(0)), int(image.shape(1)),
-                                      int(image.shape(2)), ssim_weight, kernels, threads, gradient.data());
+    const ImagePair images{image.data(), target.data(), int(image.shape(0)), int(image.shape(1)), int(image.shape(2))};
+    const ImageLoss loss = image_loss(images, ssim_weight, kernels, threads, gradient.data());
     return {loss.difference, loss.similarity, gradient};
 }
 

@@ -4,7 +4,6 @@
 // instruction set and shared by the linker with the others, would crash machines that lack it.  So: no std templates.
 #include "kernels.hpp"
 
-#include <cstdlib>
 #include <cstring>
 #if GS_WIDTH > 4
 #include <immintrin.h>
@@ -24,6 +23,6 @@ namespace {
 #define GS_TEXT(x) #x
 #define GS_NAME(x) GS_TEXT(x)
 extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight, project, forward_tile,
-                                   backward_tile,     project_backward, ssim_maps,   loss_gradient};
+                                   backward_tile,     project_backward, loss_scratch,     loss_rows};
 
 }  // namespace gs

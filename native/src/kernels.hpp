@@ -76,15 +76,11 @@ struct Touches {
     void (*grow)(Touches*, size_t room);  // makes room for at least that many more
 };
 
-// One colour plane of an image pair and the maps between the two passes; rows are `stride` floats apart, the pad is zero.
-struct Planes {
+// Two images [height, width, channels].
+struct ImagePair {
     const float* image;
     const float* target;
-    float* by_mean;         // derivatives of the mean similarity by the local mean, square and product
-    float* by_square;
-    float* by_product;
-    float* gradient;
-    int width, height, stride;
+    int height, width, channels;
 };
 
 struct Kernels {
@@ -103,9 +99,10 @@ struct Kernels {
     // Chain rule of the projection for Gaussian `index` from its moments in `slots` slots.
     void (*project_backward)(const Gaussians&, const View&, int64_t index, const float* moments, int64_t slots,
                              const GaussianGradients&);
-    // One plane of the image loss, rows [first, last): see image_loss.inc.
-    void (*ssim_maps)(const Planes&, int first, int last, double* similarity);
-    void (*loss_gradient)(const Planes&, int first, int last, float l1_weight, float ssim_weight, double* difference);
+    // The image loss, see image_loss.inc: floats of scratch memory that one call needs, and the call.
+    int64_t (*loss_scratch)(const ImagePair&);
+    void (*loss_rows)(const ImagePair&, int first, int last, float l1_weight, float ssim_weight, float* scratch,
+                      float* gradient, double* difference, double* similarity);
 };
 
 extern const Kernels kernels_baseline;

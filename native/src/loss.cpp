@@ -3,52 +3,35 @@
 #include <algorithm>
 #include <vector>
 
+#include "buffer.hpp"
 #include "parallel.hpp"
 
 namespace gs {
 namespace {
 
-constexpr int kRows = 32;    // rows per task
-constexpr int kPadding = 16; // floats: the widest vector
+// Fewer rows in a task would be lost in the twenty beyond it that each needs as well.
+constexpr int kFewestRows = 32;
 
 }  // namespace
 
-ImageLoss image_loss(const float* image, const float* target, int height, int width, int channels, double ssim_weight,
-                     const Kernels& kernels, int threads, float* gradient) {
-    const int stride = (width + kPadding - 1) / kPadding * kPadding;
-    const int64_t plane = int64_t(stride) * height, bands = (height + kRows - 1) / kRows;
-    const double pixels = double(height) * width * channels;
-    std::vector<double> similarity(size_t(channels * bands)), difference(size_t(channels * bands));
-    std::vector<float> store(size_t(6 * plane * channels), 0.0f);
-    const auto planes = [&](int channel) {
-        float* base = store.data() + 6 * plane * channel;
-        return Planes{base, base + plane, base + 2 * plane, base + 3 * plane, base + 4 * plane, base + 5 * plane, width, height, stride};
-    };
-    parallel(channels, threads, [&](int64_t channel) {
-        float* base = store.data() + 6 * plane * channel;
-        for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const int64_t from = (int64_t(y) * width + x) * channels + channel;
-                base[int64_t(y) * stride + x] = image[from];
-                base[plane + int64_t(y) * stride + x] = target[from];
-            }
+ImageLoss image_loss(const ImagePair& images, double ssim_weight, const Kernels& kernels, int threads, float* gradient) {
+    const int height = images.height, tasks = std::max(1, std::min(threads, height / kFewestRows));
+    const double values = double(height) * images.width * images.channels;
+    const int64_t each = kernels.loss_scratch(images);
+    std::vector<double> difference(static_cast<size_t>(height)), similarity(static_cast<size_t>(height));
+    Buffer<float> scratch;
+    scratch.resize(size_t(each) * tasks);
+    parallel(tasks, threads, [&](int64_t task) {
+        kernels.loss_rows(images, int(height * task / tasks), int(height * (task + 1) / tasks), float(1.0 / values),
+                          float(-ssim_weight / values), scratch.data() + each * task, gradient, difference.data(),
+                          similarity.data());
     });
-    parallel(channels * bands, threads, [&](int64_t task) {
-        const int first = int(task % bands) * kRows;
-        kernels.ssim_maps(planes(int(task / bands)), first, std::min(height, first + kRows), &similarity[task]);
-    });
-    parallel(channels * bands, threads, [&](int64_t task) {
-        const int channel = int(task / bands), first = int(task % bands) * kRows, last = std::min(height, first + kRows);
-        const Planes p = planes(channel);
-        kernels.loss_gradient(p, first, last, float(1.0 / pixels), float(-ssim_weight / pixels), &difference[task]);
-        for (int y = first; y < last; ++y)
-            for (int x = 0; x < width; ++x)
-                gradient[(int64_t(y) * width + x) * channels + channel] = p.gradient[int64_t(y) * stride + x];
-    });
-    double total_similarity = 0, total_difference = 0;
-    for (double s : similarity) total_similarity += s;
-    for (double s : difference) total_difference += s;
-    return {total_difference / pixels, total_similarity / pixels};
+    ImageLoss loss{0, 0};
+    for (int y = 0; y < height; ++y) {
+        loss.difference += difference[y] / values;
+        loss.similarity += similarity[y] / values;
+    }
+    return loss;
 }
 
 }  // namespace gs

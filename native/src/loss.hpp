@@ -10,9 +10,7 @@ struct ImageLoss {
     double similarity;  // mean SSIM
 };
 
-// Images are [height, width, channels].  `gradient`, of the same shape, is that of difference - ssim_weight * similarity
-// by `image`.
-ImageLoss image_loss(const float* image, const float* target, int height, int width, int channels, double ssim_weight,
-                     const Kernels&, int threads, float* gradient);
+// Writes the gradient of difference - ssim_weight * similarity by the image, [height, width, channels].
+ImageLoss image_loss(const ImagePair&, double ssim_weight, const Kernels&, int threads, float* gradient);
 
 }  // namespace gs
