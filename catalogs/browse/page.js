@@ -5,6 +5,7 @@ const catalog = JSON.parse(document.getElementById("catalog").textContent);
 const $ = id => document.getElementById(id);
 const SPLITS = ["train", "validation", "test"];
 const HANDLED = 4; // a parameter under the hand counts this much more in "nearest member"
+const ROLL = 0.5; // cosine of the largest roll that a drag follows from picture to picture
 const KEPT = 400; // pictures prefetched and kept decoded at most
 
 // ---- vectors: arrays of three
@@ -172,7 +173,8 @@ function step(i, sign) {
 }
 
 function turn(right, down) {
-  // The thing follows the pointer, so the camera goes the other way.  The screen's axes are those of the picture on it.
+  // The thing follows the pointer, so the camera goes the other way, along the axes of the picture on the screen.  Only
+  // where pictures roll at once, over a pole, does the hand keep its own axes: else it would be sent back and forth.
   const { direction, up } = looking;
   const side = cross(up, direction);
   const moved = unit(combine(1, combine(Math.cos(right), direction, -Math.sin(right), side), Math.sin(down), up));
@@ -180,7 +182,8 @@ function turn(right, down) {
   const view = nearestView(moved, looking.up);
   if (view === shown.view) return;
   shown.view = view;
-  looking.up = across(upOf(viewpoints()[view]), moved);
+  const pictured = across(upOf(viewpoints()[view]), moved);
+  if (dot(pictured, looking.up) > ROLL) looking.up = pictured;
   show();
 }
 
