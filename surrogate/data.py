@@ -66,9 +66,14 @@ def training_rows(catalog: Catalog) -> list[ImageRow]:
 
 
 def validation_rows(catalog: Catalog, count: int) -> list[ImageRow]:
-    """`count` images spread evenly over those kept for choices: of validation members where there are any."""
+    """`count` images spread evenly over those kept for choices, as unlike the training images as there are.
+
+    Validation views of validation members where there are any, else any view of those, else validation views.
+    """
     kept = [row for row in rows(catalog) if row.split == "validation"]
-    kept = [row for row in kept if row.member.split == "validation"] or kept
+    of_members = [row for row in kept if row.member.split == "validation"]
+    of_both = [row for row in of_members if row.member.view_splits[row.view] == "validation"]
+    kept = of_both or of_members or kept
     if not kept or not count:
         return []
     return [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, count).round().astype(int))]

@@ -18,15 +18,17 @@ def test_only_training_members_at_training_views_are_learnt(make_catalog) -> Non
     ]
 
 
-def test_choices_look_at_validation_members_and_never_at_test(make_catalog) -> None:
+def test_choices_look_at_validation_views_of_validation_members_and_never_at_test(make_catalog) -> None:
     catalog = make_catalog(members=MEMBERS, view_splits=VIEWS)
-    assert [(row.member.name, row.view) for row in validation_rows(catalog, 10)] == [
-        ("member-1", 0),
-        ("member-1", 2),
-        ("member-1", 3),
-    ]
-    assert len(validation_rows(catalog, 2)) == 2
+    assert [(row.member.name, row.view) for row in validation_rows(catalog, 10)] == [("member-1", 2)]
     assert validation_rows(catalog, 0) == []
+
+
+def test_without_validation_views_choices_look_at_all_views_of_validation_members(make_catalog) -> None:
+    catalog = make_catalog(members=MEMBERS, view_splits=("train", "test", "train", "train"))
+    views = [(row.member.name, row.view) for row in validation_rows(catalog, 10)]
+    assert views == [("member-1", 0), ("member-1", 2), ("member-1", 3)]
+    assert len(validation_rows(catalog, 2)) == 2
 
 
 def test_without_validation_members_choices_look_at_validation_views(make_catalog) -> None:
