@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,12 @@ def cameras_around(bounds: Box, views: ViewPlan) -> tuple[Camera, ...]:
 def box_of(grid: Grid) -> Box:
     """The grid's world box as plain numbers."""
     return checked_box(grid.bounds)
+
+
+def box_around(grids: Sequence[Grid]) -> Box:
+    """The world box that holds all grids."""
+    boxes = np.array([box_of(grid) for grid in grids])  # [K, 2, 3]
+    return checked_box((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
 
 
 def check_inside(grid: Grid, bounds: Box) -> None:

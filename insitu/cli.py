@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -47,117 +49,169 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> 
 @click.option(
     "--scene", type=click.Path(dir_okay=False, path_type=Path), help="Take appearances and views from this scene."
 )
+@click.option(
+    "--appearance",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="TOML file of [[appearance]] tables, as `insitu probe` prints them.",
+)
 @click.option("--dataset", "name", default="field", show_default=True, help="HDF5 data set that holds the fields.")
-@click.option("--size", default=256, show_default=True, help="Width and height of the images without --scene.")
-@click.option("--target-decibels", default=50.0, show_default=True, help="PSNR against a converged rendering.")
+@click.option("--size", type=click.IntRange(min=1), help="Width and height of the images in pixels.  [default: 256]")
+@click.option("--target-decibels", type=float, help="PSNR that volume rendering must reach.  [default: 50]")
 @click.option("--validation", default=0, show_default=True, help="Training members to set aside for validation.")
 @click.option("--seed", default=0, show_default=True, help="Draws the validation members.")
+@click.option(
+    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
+)
 @WORKERS
 @SHARD
 def ensemble(
     file: Path,
     catalog: Path,
     scene: Path | None,
+    appearance: Path | None,
     name: str,
-    size: int,
-    target_decibels: float,
+    size: int | None,
+    target_decibels: float | None,
     validation: int,
     seed: int,
+    nan: str,
     workers: int | None,
     shard: str | None,
 ) -> None:
     """Render an ensemble stored in one HDF5 FILE: fields (member, z, y, x), params, attributes names, lower, upper, ...
 
-    Without --scene the transfer function is the one that `insitu probe` suggests, and is printed.
+    A new catalog is shown as --scene or --appearance say, else as `insitu probe` suggests, which is printed.  With a
+    catalog that exists, what is left out is the catalog's; members that it holds are skipped.
     """
     with _plain_errors():
-        from catalogs.scene import Scene, ViewPlan
         from insitu.ensemble import run_ensemble
-        from insitu.planning import Wishes
+        from insitu.planning import Wishes, appearances_from_toml, is_catalog
         from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
 
         stored = Hdf5Ensemble.open(file, name)
         members = stored.members(validation, seed)
         click.echo(repr(stored))
         if scene is not None:
-            loaded = Scene.load(scene)
-            appearances, views, target = loaded.appearances, loaded.views, loaded.render.target_decibels
-        elif catalog.is_dir():
-            appearances, views, target = None, ViewPlan(width=size, height=size), target_decibels
+            if appearance is not None or size is not None or target_decibels is not None:
+                raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
+            wishes = _wishes_of(scene, stored.space)
         else:
-            suggestion = _suggested(stored.space, members, Hdf5Source(stored))[1]
-            click.echo(suggestion.toml())
-            appearances = (suggestion.appearance,)
-            views, target = ViewPlan(width=size, height=size), target_decibels
-        wishes = Wishes(space=stored.space, appearances=appearances, views=views, target_decibels=target)
+            appearances = None if appearance is None else appearances_from_toml(appearance)
+            new = not is_catalog(catalog)
+            if appearances is None and new:
+                suggestion = _suggested(_pilots(stored.space, members, Hdf5Source(stored), 5, nan))[1]
+                click.echo(suggestion.toml())
+                appearances = (suggestion.appearance,)
+            wishes = Wishes(
+                stored.space,
+                appearances,
+                _square(size or 256) if new or size else None,
+                target_decibels=target_decibels,
+            )
         with _line() as line:
             result = run_ensemble(
-                catalog, members, Hdf5Source(stored), wishes, workers=workers, shard=_shard(shard), progress=line
+                catalog,
+                members,
+                Hdf5Source(stored),
+                wishes,
+                workers=workers,
+                shard=_shard(shard),
+                nan=nan,
+                progress=line,
             )
         click.echo(repr(result))
         _fail_on(dict(result.failures))
 
 
 @main.command()
-@click.argument("source", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--members", "count", default=3, show_default=True, help="Pilot members to look at.")
+@click.argument("sources", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--members", "count", default=5, show_default=True, help="Pilot members of an ensemble to look at.")
 @click.option("--alpha", default=0.5, show_default=True, help="Mean alpha that the foreground should have.")
+@click.option("--array", help="Which array of VTK files.")
+@click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
+@click.option(
+    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
+)
 @click.option("--preview", type=click.Path(path_type=Path), help="Write a picture of the suggestion (PNG).")
-def probe(source: Path, count: int, alpha: float, preview: Path | None) -> None:
-    """Look at pilot members of SOURCE (a scene's TOML or an HDF5 ensemble) and suggest a transfer function."""
-    with _plain_errors():
-        from catalogs.scene import Scene
-        from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
-        from insitu.sources import ensemble_of
+def probe(
+    sources: tuple[Path, ...],
+    count: int,
+    alpha: float,
+    array: str | None,
+    spacing: tuple[float, float, float] | None,
+    nan: str,
+    preview: Path | None,
+) -> None:
+    """Look at pilot members and suggest a transfer function.
 
-        if source.suffix == ".toml":
-            asked = ensemble_of(Scene.load(source))
-            space, members, fields = asked.space, asked.members, asked.source
+    SOURCES: a scene's TOML file (its simulation is run, or its file read), an ensemble in HDF5, or one file per member
+    (.npy, or whatever pyvista reads).
+    """
+    with _plain_errors():
+        from insitu.readers.files import read_field
+        from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
+
+        first = sources[0]
+        if len(sources) == 1 and first.suffix == ".toml":
+            from catalogs.scene import Scene
+            from insitu.sources import ensemble_of
+
+            asked = ensemble_of(Scene.load(first))
+            grids = _pilots(asked.space, asked.members, asked.source, count, nan)
+        elif len(sources) == 1 and first.suffix in (".h5", ".hdf5"):
+            stored = Hdf5Ensemble.open(first)
+            grids = _pilots(stored.space, stored.members(), Hdf5Source(stored), count, nan)
         else:
-            stored = Hdf5Ensemble.open(source)
-            space, members, fields = stored.space, stored.members(), Hdf5Source(stored)
-        found, suggestion, grids = _suggested(space, members, fields, count, alpha)
+            grids = {p.name: read_field(p, array=array, spacing=spacing or None, nan=nan) for p in sources}
+        found, suggestion = _suggested(grids, alpha)
         click.echo(str(found))
         click.echo(f"mean foreground alpha by member: {', '.join(f'{a:.2f}' for a in suggestion.alphas)}\n")
         click.echo(suggestion.toml())
         if preview is not None:
-            _preview(preview, grids, suggestion)
-            click.echo(f"{preview}: one member per row")
+            from catalogs.images import write_image
+            from insitu.suggestion import contact_sheet
+
+            write_image(preview, contact_sheet(list(grids.values()), suggestion.appearance))
+            click.echo(f"# {preview}: one member per row")
 
 
-def _suggested(space: Any, members: Any, source: Any, count: int = 3, alpha: float = 0.5) -> tuple[Any, Any, Any]:
-    """Probe, suggestion and grids of `count` pilot members that lie far apart."""
-    import numpy as np
+def _wishes_of(path: Path, space: Any) -> Any:
+    """What a scene says about rendering, for an ensemble of its own."""
+    from catalogs.scene import Scene
+    from insitu.planning import Wishes
 
+    scene = Scene.load(path)
+    if not scene.appearances:
+        raise ValueError(f"scene {path} has no [[appearance]]: its images were made elsewhere")
+    distance = scene.render.sample_distance
+    target = scene.render.target_decibels if distance is None else None
+    return Wishes(space, scene.appearances, scene.views, target_decibels=target, sample_distance=distance)
+
+
+def _square(size: int) -> Any:
+    from catalogs.scene import ViewPlan
+
+    return ViewPlan(width=size, height=size)
+
+
+def _pilots(space: Any, members: Any, source: Any, count: int, nan: str) -> dict[str, Any]:
+    """Grids by name of `count` members that lie far apart."""
     from insitu.adapters import as_grid
-    from insitu.boxes import box_of, checked_box
     from insitu.ensemble import pilot_members
-    from insitu.probe import probe_fields
-    from insitu.suggestion import suggest
 
     grids = {}
     for member in pilot_members(members, space, count):
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
-        grids[member.name] = as_grid(source.field(member, lambda fraction: None))
+        grids[member.name] = as_grid(source.field(member, lambda fraction: None), nan=nan)
+    return grids
+
+
+def _suggested(grids: dict[str, Any], alpha: float = 0.5) -> tuple[Any, Any]:
+    from insitu.probe import probe_fields
+    from insitu.suggestion import suggest
+
     found = probe_fields(grids)
-    boxes = np.array([box_of(grid) for grid in grids.values()])  # [K, 2, 3]
-    bounds = checked_box((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
-    return found, suggest(found, list(grids.values()), bounds, alpha=alpha), list(grids.values())
-
-
-def _preview(path: Path, grids: Any, suggestion: Any) -> None:
-    import numpy as np
-
-    from catalogs.images import write_image
-    from catalogs.scene import ViewPlan
-    from insitu.boxes import box_of, cameras_around
-    from render import render_views
-
-    rows = []
-    for grid in grids:
-        cameras = cameras_around(box_of(grid), ViewPlan(width=192, height=192))[20:230:52]
-        rows.append(np.concatenate(list(render_views(grid, suggestion.appearance, cameras)), axis=1))
-    write_image(path, np.concatenate(rows, axis=0))
+    return found, suggest(found, list(grids.values()), alpha=alpha)
 
 
 def _shard(text: str | None) -> tuple[int, int] | None:
@@ -180,10 +234,12 @@ def _line() -> Iterator[Any]:
     from insitu.progress import ProgressLine
 
     line = ProgressLine()
-    try:
-        yield line
-    finally:
-        line.close()
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: line.say(f"Warning: {message}")
+        try:
+            yield line
+        finally:
+            line.close()
 
 
 @contextmanager
@@ -194,10 +250,27 @@ def _plain_errors() -> Iterator[None]:
         click.echo(f"Warning: {message}", err=True)
 
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _termination_interrupts():
             warnings.showwarning = show
             yield
     except (ValueError, OSError, RuntimeError) as error:
         raise click.ClickException(str(error)) from error
     except KeyboardInterrupt:
         raise click.ClickException("interrupted; the same command goes on from here") from None
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """Let SIGTERM, as batch systems send it, end the work like Ctrl-C."""
+
+    def interrupt(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import time as clock
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs import durable
 from catalogs.catalog import Catalog
 from catalogs.exchange import import_nerf
-from catalogs.scene import Scene
+from catalogs.scene import PlannedMember, Scene
 from insitu.ensemble import run_ensemble
-from insitu.planning import Wishes
+from insitu.planning import Wishes, disagreements, is_catalog, misplaced
+from insitu.progress import duration
 from insitu.sources import ensemble_of
 
 CATALOG, RECORD, KEPT = "catalog.cdb", "dataset.json", "pilots"
+RECORD_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,21 @@ def make_dataset(
     scene can't be had; FileNotFoundError where its data are absent.
     """
     folder = scene.run_directory(runs)
-    with _timed(folder) as seconds:
+    stopwatch = _Stopwatch(folder)
+
+    def show(state: object) -> None:
+        stopwatch.progressed()
+        progress(state)
+
+    try:
         if scene.source["kind"] == "nerf":
-            made, failures = _import(scene, folder, progress)
+            made, failures = _import(scene, folder, show)
         else:
-            made, failures = _render(scene, folder, workers, shard, progress)
+            made, failures = _render(scene, folder, workers, shard, show)
+    finally:
+        stopwatch.record()
     members = len(Catalog.open(folder / CATALOG).members)
-    return DatasetResult(folder / CATALOG, members, made, seconds(), failures)
+    return DatasetResult(folder / CATALOG, members, made, stopwatch.seconds, failures)
 
 
 def _render(
@@ -71,6 +80,7 @@ def _render(
         sample_distance=distance,
         provenance={"scene": scene.name, "source": dict(ensemble.source.identity)},
     )
+    _check_unchanged(scene, folder / CATALOG, wishes, ensemble.members)
     result = run_ensemble(
         folder / CATALOG,
         ensemble.members,
@@ -84,6 +94,22 @@ def _render(
     return len(result.rendered), dict(result.failures)
 
 
+def _check_unchanged(scene: Scene, path: Path, wishes: Wishes, members: Sequence[PlannedMember]) -> None:
+    """Raise ValueError naming what the scene says otherwise than the catalog made from it; more members are welcome."""
+    if not is_catalog(path):
+        return
+    catalog = Catalog.open(path)
+    strangers = sorted({m.name for m in catalog.members} - {m.name for m in members})
+    changes = disagreements(catalog.plan, wishes) + misplaced(catalog, members)
+    changes += [f"member {name}: not in the scene" for name in strangers]
+    if changes:
+        more = f"; and {len(changes) - 6} more" if len(changes) > 6 else ""
+        raise ValueError(
+            f"scene {scene.path} is not the one that {path} was made from: {'; '.join(changes[:6])}{more}. "
+            f"Undo the change, give the changed scene another name, or remove {path.parent} to make it anew"
+        )
+
+
 def _import(scene: Scene, folder: Path, progress: Callable[[object], None]) -> tuple[int, dict[str, str]]:
     table = dict(scene.source)
     unknown = sorted(set(table) - {"kind", "path", "bounds", "background"})
@@ -91,12 +117,15 @@ def _import(scene: Scene, folder: Path, progress: Callable[[object], None]) -> t
         raise ValueError(
             f"scene {scene.path}: source of kind nerf needs path, bounds and maybe background, got {sorted(table)}"
         )
-    before = len(Catalog.open(folder / CATALOG).members) if (folder / CATALOG).is_dir() else 0
+    before = Catalog.open(folder / CATALOG).members if is_catalog(folder / CATALOG) else ()
+    there = sum(len(member.cameras) for member in before)  # images imported earlier
     started = clock.perf_counter()
 
     def show(done: int, total: int) -> None:
-        rate = done / (clock.perf_counter() - started)
-        progress(f"importing  {done}/{total} images  {rate:.0f}/s")
+        if done > there:
+            rate = (done - there) / (clock.perf_counter() - started)
+            left = duration((total - done) / rate)
+            progress(f"importing  {done}/{total} images  {rate:.0f} images/s  {left} left")
 
     catalog = import_nerf(
         scene.data_path(),
@@ -109,30 +138,34 @@ def _import(scene: Scene, folder: Path, progress: Callable[[object], None]) -> t
         provenance={"scene": scene.name},
         progress=show,
     )
-    return len(catalog.members) - before, {}
+    return len(catalog.members) - len(before), {}
 
 
-@contextmanager
-def _timed(folder: Path) -> Iterator[Callable[[], float]]:
-    """Add the block's seconds to those recorded in `dataset.json`, also when it is interrupted."""
-    path, started = folder / RECORD, clock.perf_counter()
-    before = _recorded_seconds(path)
+class _Stopwatch:
+    """Adds this run's seconds to those recorded in `dataset.json`, now and then, so that a killed run counts too."""
 
-    def seconds() -> float:
-        return before + clock.perf_counter() - started
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._started = folder, clock.perf_counter()
+        self._before = _recorded_seconds(folder / RECORD)
+        self._recorded = self._started
+        self._working = False
 
-    existed = (folder / CATALOG).is_dir()
-    complete = _members(folder)
-    try:
-        yield seconds
-    finally:
-        if (folder / CATALOG).is_dir() and (not existed or _members(folder) != complete):
-            durable.replace(path, json.dumps({"seconds": seconds()}).encode())
+    @property
+    def seconds(self) -> float:
+        """Seconds of all runs so far; those recorded where this run had nothing to do."""
+        return self._before + (clock.perf_counter() - self._started if self._working else 0.0)
 
+    def progressed(self) -> None:
+        """Say that work is going on."""
+        self._working = True
+        if clock.perf_counter() - self._recorded >= RECORD_SECONDS:
+            self.record()
 
-def _members(folder: Path) -> int:
-    members = folder / CATALOG / "members"
-    return sum(not p.name.startswith(".") for p in members.iterdir()) if members.is_dir() else 0
+    def record(self) -> None:
+        """Write the seconds down if work was done and left something."""
+        if self._working and ((self._folder / CATALOG).is_dir() or (self._folder / KEPT).is_dir()):
+            durable.replace(self._folder / RECORD, json.dumps({"seconds": round(self.seconds, 3)}).encode())
+            self._recorded = clock.perf_counter()
 
 
 def _recorded_seconds(path: Path) -> float:

@@ -19,7 +19,17 @@ from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
 from insitu.hook import RenderedMember, Session
 from insitu.kept import drop_field, keep_field, kept_field
-from insitu.planning import Pilot, Wishes, check_agreement, check_complete, combine_pilots, measure_pilot, plan_catalog
+from insitu.planning import (
+    Pilot,
+    Wishes,
+    check_agreement,
+    check_complete,
+    combine_pilots,
+    is_catalog,
+    measure_pilot,
+    misplaced,
+    plan_catalog,
+)
 from insitu.progress import EnsembleProgress, Tracker
 from insitu.workers import Crew, Report, channel, single_threaded
 
@@ -104,15 +114,16 @@ def run_ensemble(
     started = clock.perf_counter()
     path = Path(catalog)
     mine = _shard(members, shard)
-    present = _present(path, wishes)
+    present = _present(path, wishes, members)
     todo = [m for m in mine if m.name not in present]
     skipped = tuple(m.name for m in mine if m.name in present)
     if not todo:
+        Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
     with single_threaded(), Crew(count, executor) as crew:
         run = _Run(path, source, nan, kept, crew, progress or (lambda state: None))
-        if not path.exists():
+        if not is_catalog(path):
             space, _ = check_complete(wishes)
             run.plan(pilot_members(members, space), wishes, len(todo))
         rendered, failures = run.render(todo)
@@ -173,8 +184,10 @@ class _Run:
         plan = plan_catalog(combine_pilots([found[m.name] for m in pilots if m.name in found]), wishes)
         try:
             Catalog.create(self.path, plan)
-        except (ValueError, FileExistsError):
-            _present(self.path, wishes)  # another shard was first: its plan holds, if ours agrees with it
+        except ValueError:
+            check_agreement(
+                Catalog.open(self.path), wishes
+            )  # another shard was first: its plan holds, if ours agrees with it
 
     def render(self, members: Sequence[PlannedMember]) -> tuple[list[RenderedMember], dict[str, str]]:
         plan = Catalog.open(self.path).plan
@@ -210,10 +223,11 @@ def _measure(source: FieldSource, member: PlannedMember, nan: str, kept: Path | 
     from insitu.adapters import as_grid
 
     field, _ = _field(source, member, kept)
+    grid = as_grid(field, nan=nan)
     if source.dear and kept is not None:
         keep_field(kept, member.name, _identity(source, member), field)
     channel().send(Report(member.name, "pilot", 0.0))
-    return measure_pilot(as_grid(field, nan=nan), wishes)
+    return measure_pilot(grid, wishes)
 
 
 def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, kept: Path | None) -> _Drawn:
@@ -256,12 +270,15 @@ def _is_hopeless(error: BaseException) -> bool:
     return isinstance(error, OSError) and error.errno in STOPPING
 
 
-def _present(path: Path, wishes: Wishes) -> set[str]:
-    """Names of the members that the catalog, if there is one, holds; raises where it disagrees with the wishes."""
-    if not path.exists():
+def _present(path: Path, wishes: Wishes, members: Sequence[PlannedMember]) -> set[str]:
+    """Names of the members that the catalog, if there is one, holds; raises where it is not this ensemble's."""
+    if not is_catalog(path):
         return set()
     catalog = Catalog.open(path)
     check_agreement(catalog, wishes)
+    differences = misplaced(catalog, members)
+    if differences:
+        raise ValueError(f"catalog {path} holds members of another ensemble: {'; '.join(differences[:5])}")
     return {m.name for m in catalog.members}
 
 

@@ -13,8 +13,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from catalogs.appearance import Appearance, VolumeRendering
 from catalogs.catalog import Catalog, MemberWriter
 from catalogs.parameters import SPLITS, ParameterSpace
@@ -26,6 +24,7 @@ from insitu.planning import (
     Wishes,
     appearances_from,
     check_agreement,
+    is_catalog,
     measure_pilot,
     plan_catalog,
     space_from,
@@ -128,7 +127,7 @@ class Session:
         )
         self._nan = nan
         self._progress = progress
-        self._catalog = self._opened() if self.path.exists() else None
+        self._catalog = self._opened() if is_catalog(self.path) else None
 
     def __enter__(self) -> Session:
         return self
@@ -168,28 +167,30 @@ class Session:
         started, memory = clock.perf_counter(), PeakMemory()
         if split not in SPLITS:
             raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
-        self._check_parameters(parameters, name)
-        grid = as_grid(field, spacing=spacing, origin=origin, array=array, nan=nan or self._nan)
-        memory.sample()
-        catalog = self._catalog = self._catalog or self._created(grid)
-        check_inside(grid, catalog.plan.bounds)
-        notes = _notes(grid, parameters, catalog)
-        for note in notes:
-            warnings.warn(note, stacklevel=2)
-        recorded: dict[str, Any] = {**(provenance or {}), "bounds": box_of(grid)}
-        if time is not None:
-            recorded["time"] = float(time)
-        if notes:
-            recorded["warnings"] = notes
+        self._check_parameters(parameters)
         name = name or member_name(parameters)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # out of bounds is already said and recorded
-            opened = catalog.begin_member(name, parameters, split=split, provenance=recorded)
-        with _named_disk_errors(name, self.path), opened as writer:
-            drawn = self._draw(grid, catalog, writer, memory)
-            summary = summarize(grid, catalog.plan.appearances, tuple(catalog.plan.provenance["value_range"]))
-            memory.sample()
-            writer.write_summary(summary)
+        with _repeated_warnings() as resampled:
+            grid = as_grid(field, spacing=spacing, origin=origin, array=array, nan=nan or self._nan)
+        memory.sample()
+        with _named_disk_errors(name, self.path):
+            catalog = self._catalog = self._catalog or self._created(grid)
+            check_inside(grid, catalog.plan.bounds)
+            notes = _notes(grid, parameters, catalog)
+            for note in notes:
+                warnings.warn(note, stacklevel=2)
+            recorded: dict[str, Any] = {**(provenance or {}), "bounds": box_of(grid)}
+            if time is not None:
+                recorded["time"] = float(time)
+            if resampled or notes:
+                recorded["warnings"] = [*resampled, *notes]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # out of bounds is already said and recorded
+                opened = catalog.begin_member(name, parameters, split=split, provenance=recorded)
+            with opened as writer:
+                drawn = self._draw(grid, catalog, writer, memory)
+                summary = summarize(grid, catalog.plan.appearances, tuple(catalog.plan.provenance["value_range"]))
+                memory.sample()
+                writer.write_summary(summary)
         return RenderedMember(
             name=name,
             path=catalog.path / "members" / name,
@@ -200,7 +201,7 @@ class Session:
             extra_memory=memory.extra_bytes,
             range=(summary.minimum, summary.maximum),
             clipped_fraction=summary.clipped_fraction,
-            warnings=tuple(notes),
+            warnings=(*resampled, *notes),
         )
 
     def _opened(self) -> Catalog:
@@ -213,24 +214,18 @@ class Session:
         try:
             return Catalog.create(self.path, plan)
         except (ValueError, FileExistsError):
-            if not (self.path / "catalog.json").exists():
+            if not is_catalog(self.path):
                 raise
             return self._opened()  # another process was first: its plan holds, if the arguments agree with it
 
-    def _check_parameters(self, parameters: Mapping[str, float], name: str | None) -> None:
+    def _check_parameters(self, parameters: Mapping[str, float]) -> None:
+        """Refuse wrong names before the field is looked at; the catalog refuses duplicates."""
         space = self._catalog.plan.space if self._catalog else self._wishes.space
         if space is None:
             return  # a new catalog without a space: plan_catalog says what is missing
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            values = space.values(parameters)
-        if self._catalog is None:
-            return
-        for member in self._catalog.members:
-            if member.name == (name or member_name(parameters)):
-                raise ValueError(f"member {member.name} is already in {self.path}: give another name")
-            if np.array_equal([member.parameters[n] for n in space.names], values):
-                raise ValueError(f"member {member.name} in {self.path} already has the parameters {dict(parameters)}")
+            space.values(parameters)
 
     def _draw(self, grid: Grid, catalog: Catalog, writer: MemberWriter, memory: PeakMemory) -> _Drawn:
         """Render every appearance from every view, one image in memory at a time."""
@@ -331,6 +326,18 @@ class _Drawn:
     render: float
     write: float
     images: int
+
+
+@contextmanager
+def _repeated_warnings() -> Iterator[list[str]]:
+    """Yields a list that holds, after the block, what it warned of; the warnings are given on."""
+    messages: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield messages
+    for warning in caught:
+        messages.append(str(warning.message))
+        warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
 
 
 @contextmanager

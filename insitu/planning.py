@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.appearance import Appearance, VolumeRendering, appearance_to_json
+from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, appearance_to_json
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.scene import ViewPlan
+from catalogs.scene import PlannedMember, ViewPlan
 from insitu.boxes import Box, box_of, cameras_around, check_inside, checked_box, same_box
 from insitu.summarize import value_range
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from render.grids import Grid
 
 TARGET_DECIBELS = 50.0
+BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has no infinity
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,17 @@ def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> t
     return tuple(appearances) if isinstance(appearances, Iterable) else (appearances,)
 
 
+def appearances_from_toml(path: Path) -> tuple[Appearance, ...]:
+    """The `[[appearance]]` tables of a TOML file, such as `insitu probe` prints; raises ValueError naming the file."""
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("appearance", [])
+        if not isinstance(tables, list) or not tables:
+            raise ValueError("it holds no [[appearance]] table")
+        return tuple(appearance_from_json(table) for table in tables)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
 @dataclass(frozen=True)
 class Pilot:
     """What the plan of a new catalog needs to know of one member's field, or of several, before member 1.
@@ -109,7 +123,7 @@ def measure_pilot(grid: Grid, wishes: Wishes) -> Pilot:
         bounds,
         values,
         {name: float(c.distance) for name, c in chosen.items()},
-        {name: round(float(c.decibels), 2) for name, c in chosen.items()},
+        {name: round(min(float(c.decibels), BEST_DECIBELS), 2) for name, c in chosen.items()},
     )
 
 
@@ -172,9 +186,24 @@ def target_decibels(wishes: Wishes) -> float:
     return TARGET_DECIBELS if wishes.target_decibels is None else wishes.target_decibels
 
 
+def is_catalog(path: Path) -> bool:
+    """Whether a catalog was made at `path`; one whose making was interrupted is none yet."""
+    return (path / "catalog.json").is_file()
+
+
 def check_agreement(catalog: Catalog, wishes: Wishes) -> None:
     """Raise ValueError naming everything in which `wishes` differ from what the catalog has fixed."""
-    plan = catalog.plan
+    differences = disagreements(catalog.plan, wishes)
+    if differences:
+        raise ValueError(
+            f"catalog {catalog.path} was made with another plan, and every member must share it: "
+            + "; ".join(differences)
+            + ". Take the catalog's values (leave the argument out), or write to a new catalog"
+        )
+
+
+def disagreements(plan: CatalogPlan, wishes: Wishes) -> list[str]:
+    """Everything in which `wishes` differ from the plan of a catalog, each named by its place with both values."""
     differences = []
     if wishes.space is not None:
         differences += differing(wishes.space.to_json(), plan.space.to_json(), "space")
@@ -194,12 +223,19 @@ def check_agreement(catalog: Catalog, wishes: Wishes) -> None:
         differences += differing(wanted_distances, plan.provenance.get("sample_distances"), "sample_distances")
     for key, value in wishes.provenance.items():
         differences += differing(value, plan.provenance.get(key), key)
-    if differences:
-        raise ValueError(
-            f"catalog {catalog.path} was made with another plan, and every member must share it: "
-            + "; ".join(differences)
-            + ". Take the catalog's values (leave the argument out), or write to a new catalog"
-        )
+    return differences
+
+
+def misplaced(catalog: Catalog, members: Iterable[PlannedMember]) -> list[str]:
+    """Where stored members have the names of planned ones, but other parameters or another split."""
+    planned = {m.name: m for m in members}
+    differences = []
+    for stored in catalog.members:
+        if stored.name in planned:
+            wanted = planned[stored.name]
+            differences += differing(wanted.parameters, stored.parameters, f"{stored.name} parameters")
+            differences += differing(wanted.split, stored.split, f"{stored.name} split")
+    return differences
 
 
 def differing(wanted: Any, stored: Any, place: str) -> list[str]:
@@ -239,7 +275,7 @@ def _differing_views(views: ViewPlan, plan: CatalogPlan) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    return json.loads(json.dumps(value))
+    return json.loads(json.dumps(dict(value) if isinstance(value, Mapping) else value))
 
 
 def _short(value: Any) -> str:

@@ -36,7 +36,9 @@ class EnsembleProgress:
     seconds_left: float | None = None
 
     def __str__(self) -> str:
-        parts = [f"{self.members_done}/{self.members} members", f"{self.images_done}/{self.images} images"]
+        parts = [f"{self.members_done}/{self.members} members"]
+        if self.images:
+            parts.append(f"{self.images_done}/{self.images} images")
         if self.images_per_second:
             parts.append(f"{self.images_per_second:.1f} images/s")
         parts += self.running
@@ -115,9 +117,11 @@ class Tracker:
         return f"{stage} {member}" + (f" {100 * fraction:.0f} %" if stage == "simulate" else "")
 
     def _seconds_left(self, now: float) -> float | None:
+        if not self._images_per_member:
+            return None  # pilots: how long drawing takes is not known yet
         whole = self._field_seconds + self._render_seconds
         share = self._field_seconds / whole if whole > 0 else 0.0
-        drawn = sum(self._images.values()) / max(1, self._images_per_member)
+        drawn = sum(self._images.values()) / self._images_per_member
         computed = sum(self._fields.values())
         done = share * computed + (1.0 - share) * drawn  # members' worth of work
         elapsed = now - self._started
@@ -130,7 +134,7 @@ class Tracker:
 class ProgressLine:
     """Shows progress on one rewritten line of a terminal, or as a line now and then elsewhere."""
 
-    stream: TextIO = field(default_factory=lambda: sys.stderr)
+    stream: TextIO = field(default_factory=lambda: sys.stderr)  # looked up late: it may be replaced
     _last: float = 0.0
     _width: int = 0
 
@@ -142,6 +146,13 @@ class ProgressLine:
         elif clock.monotonic() - self._last >= LINE_SECONDS:
             self.stream.write(text + "\n")
             self._last = clock.monotonic()
+        self.stream.flush()
+
+    def say(self, text: str) -> None:
+        """Write a line of its own above the progress."""
+        if self._width:
+            self.stream.write("\r" + " " * self._width + "\r")
+        self.stream.write(text + "\n")
         self.stream.flush()
 
     def close(self) -> None:

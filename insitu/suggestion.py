@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.scene import ViewPlan
-from insitu.boxes import Box, cameras_around
+from insitu.boxes import Box, box_around, cameras_around
 from insitu.probe import Probe
 
 if TYPE_CHECKING:
@@ -63,9 +63,7 @@ class Suggestion:
         )
 
 
-def suggest(
-    probe: Probe, grids: Sequence[Grid], bounds: Box, *, name: str = "dvr", alpha: float = TARGET_ALPHA
-) -> Suggestion:
+def suggest(probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: float = TARGET_ALPHA) -> Suggestion:
     """A transfer function that leaves commonplace values transparent and rare ones visible through the depth.
 
     A value is as common as in the member that has most of it: what is mere background in one member must not fill its
@@ -76,7 +74,12 @@ def suggest(
     foreground alpha of `alpha`.
 
     What it cannot know: which values matter to you. It is a start to edit, not an answer.
+
+    Raises ValueError where `alpha` is not between 0 and 1.
     """
+    if not 0 < alpha < 1:
+        raise ValueError(f"alpha must lie between 0 and 1, got {alpha}")
+    bounds = box_around(grids)
     low, high = probe.quantile(CLIPPED), probe.quantile(1.0 - CLIPPED)
     if not low < high:
         middle = probe.quantile(0.5)
@@ -115,6 +118,18 @@ def foreground_alphas(
         shown = alphas[alphas > VISIBLE]
         means.append(float(shown.mean()) if shown.size else 0.0)
     return means
+
+
+def contact_sheet(grids: Sequence[Grid], appearance: VolumeRendering, *, size: int = 192) -> NDArray[np.uint8]:
+    """Pictures on white, RGBA: one grid per row, five views each, every picture `size` pixels square."""
+    from render import render_views
+
+    cameras = cameras_around(box_around(grids), ViewPlan(width=size, height=size))[20:230:52]
+    rows = [np.concatenate(list(render_views(grid, appearance, cameras)), axis=1) for grid in grids]
+    sheet = np.concatenate(rows, axis=0)  # [H, W, 4]
+    sheet[..., :3] += 255 - sheet[..., 3:]
+    sheet[..., 3] = 255
+    return sheet
 
 
 def _opacity_curve(fractions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import queue
 import signal
 import threading
 import time as clock
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
@@ -95,7 +97,7 @@ class Crew:
 
         `tick` gets what was reported a few times a second.  After an error for which `give_up` holds, no further task
         is begun: the rest fail with that error.  A task in whose company a worker process died is tried once more,
-        alone.
+        alone.  What a task warned of is warned of here, with its name.
         """
         waiting, suspects = deque(tasks.items()), deque[tuple[str, Callable[[], Any]]]()
         running: dict[Future[Any], tuple[str, Callable[[], Any], bool]] = {}
@@ -113,7 +115,10 @@ class Crew:
                     name, task, alone = running.pop(future)
                     error = future.exception()
                     if error is None:
-                        done(name, future.result())
+                        result, messages = future.result()
+                        for message in messages:
+                            warnings.warn(f"{name}: {message}", stacklevel=2)
+                        done(name, result)
                     elif isinstance(error, BrokenExecutor) and not alone and self._foreign is None:
                         suspects.append((name, task))
                     else:
@@ -129,13 +134,12 @@ class Crew:
                 future.cancel()
 
     def _hand_out(self, waiting: deque[Any], suspects: deque[Any], running: dict[Future[Any], Any]) -> None:
-        assert self._executor is not None
         while waiting and (self._foreign is not None or len(running) < self._count):
             name, task = waiting.popleft()
-            running[self._executor.submit(task)] = (name, task, False)
+            running[self._executor.submit(_guarded, task)] = (name, task, False)
         if suspects and not running:
             name, task = suspects.popleft()
-            running[self._executor.submit(task)] = (name, task, True)
+            running[self._executor.submit(_guarded, task)] = (name, task, True)
 
     def _reports(self) -> Iterator[Report]:
         while self._queue is not None:
@@ -163,6 +167,26 @@ class Crew:
                 process.join()
         self._queue.close()
         self._queue.cancel_join_thread()
+
+
+def _guarded(task: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
+    """In a worker: the task's result, and what it warned of; whatever it raises can travel to another process."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            result = task()
+        except Exception as error:
+            raise _portable(error) from None
+    return result, tuple(dict.fromkeys(str(warning.message) for warning in caught))
+
+
+def _portable(error: Exception) -> Exception:
+    """`error`, or its description where it does not survive pickling: that would break the pool."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def _explained(error: BaseException) -> BaseException:
