@@ -1,7 +1,18 @@
 """C++ kernels behind plain arrays: splatting with its gradient, and the image loss.  No torch, no logic.
 
-`forward`, `backward`, `image_loss` and `instruction_sets` load the compiled module when first used.  Arrays are float32 and
-C-contiguous; the same input gives bitwise the same output for any number of threads.
+The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are copied); the same
+input gives bitwise the same output for any number of threads.
+
+    forward(means, scales, quats, opacities, colors, world_to_camera, fx, fy, cx, cy, width, height, near, dilation,
+            alpha_floor, threads, instruction_set="") -> Drawing, with color (H, W, 3) and alpha (H, W)
+    backward(drawing, grad_color, grad_alpha, threads)
+            -> gradients by means, scales, quats, opacities, colors, and by the projected centres their lengths (N,)
+    image_loss(image, target, ssim_weight, threads, instruction_set="")
+            -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)
+    instruction_sets() -> names, the best of this machine first, which "" stands for
+
+Arguments mean what `surrogate.splatting.render` and `surrogate.losses.image_loss` say.  A drawing reads the Gaussians' arrays
+again in the backward pass: they must not have changed in between.
 """
 
 from __future__ import annotations

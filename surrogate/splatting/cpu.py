@@ -48,6 +48,7 @@ class _Splat(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Any) -> tuple[Tensor, Tensor]:
         *tensors, constants = inputs
         camera, near, dilation, alpha_floor, threads, instruction_set, ctx.screen_gradients = constants
+        ctx.save_for_backward(*tensors)  # only so that torch refuses a backward after one was changed in place
         arrays = [t.detach().to(torch.float32).contiguous().numpy() for t in tensors]
         ctx.threads, ctx.dtypes = threads, [t.dtype for t in tensors]
         ctx.drawing = native.forward(
@@ -69,6 +70,7 @@ class _Splat(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        _ = ctx.saved_tensors
         color, alpha = (g.to(torch.float32).contiguous().numpy() for g in gradients)
         *arrays, screen = native.backward(ctx.drawing, color, alpha, ctx.threads)
         if ctx.screen_gradients is not None:

@@ -3,22 +3,41 @@
 Gaussians are projected by EWA splatting (Zwicker, Pfister, van Baar & Gross 2002; Kerbl et al. 2023, section 4) and
 composited front to back in the order of their centres' depth:
 
-    alpha_i(p) = min(cap, opacity_i exp(-1/2 d^T conic_i d)),   d = p - centre_i,
+    alpha_i(p) = min(cap, opacity_i exp(-1/2 d^T S_i^-1 d)),   d = p - centre_i,
     color(p)   = sum_i T_i alpha_i color_i,    T_i = prod_{j<i} (1 - alpha_j).
 
-Contributions with alpha below the floor are left out, and so is what follows once T_i < 1e-4.  Every other backend is
-tested against this one, forward and backward.
+Contributions with alpha below the floor are left out, and so is what follows once T_i < 1e-4.  Depths are compared in
+float32, equal ones by index.  Every other backend is tested against this one, forward and backward.
+
+With M (2 x 3) the projected principal axes, S = M M^T + dilation I.  By the Cauchy-Binet formula
+
+    det S = |m_x x m_y|^2 + dilation (|m_x|^2 + |m_y|^2) + dilation^2,
+    det S d^T S^-1 d = |d_x m_y - d_y m_x|^2 + dilation |d|^2,
+
+sums of squares that lose no digits for needles, where the entries of S^-1 would cancel.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting.rendering import ALPHA_CAP, FRAME_MARGIN, MIN_TRANSMITTANCE, Rendering
+from surrogate.splatting.rendering import ALPHA_CAP, FRAME_MARGIN, MIN_TRANSMITTANCE, SHORTEST_QUATERNION, Rendering
 
-PIXELS_AT_ONCE = 4096
+PIXELS_AT_ONCE = 2048
+
+
+class Splats(NamedTuple):
+    """The M Gaussians that are drawn, front to back."""
+
+    centers: Tensor  # [M, 2], px
+    axes: Tensor  # [M, 2, 3], projected principal axes, px
+    opacities: Tensor  # [M]
+    colors: Tensor  # [M, 3]
+    dilation: float  # px^2
 
 
 def render(
@@ -34,46 +53,57 @@ def render(
     alpha_floor: float,
 ) -> Rendering:
     """Draw Gaussians; arguments as `surrogate.splatting.render`, the result in the dtype of `means`."""
-    centers, covariances, depths = project(means, scales, quats, camera, dilation=dilation)
-    determinants = covariances.det()  # [N]
-    drawn = (depths > near) & (opacities > alpha_floor) & (determinants > 0)  # [N]
-    chosen = drawn.nonzero()[:, 0]  # [M]
-    chosen = chosen[torch.argsort(depths[chosen].detach().float(), stable=True)]
-    centers, colors, opacities = centers[chosen], colors[chosen], opacities[chosen]
-    conics = torch.linalg.inv(covariances[chosen])  # [M, 2, 2]
-    pixels = _pixel_centers(camera).to(means)  # [P, 2]
+    splats = project(means, scales, quats, opacities, colors, camera, near=near, dilation=dilation, floor=alpha_floor)
     parts = [
-        _composite(block, centers, conics, opacities, colors, alpha_floor) for block in pixels.split(PIXELS_AT_ONCE)
+        composite(alphas_at(pixels, splats, alpha_floor), splats.colors)
+        for pixels in pixel_centers(camera).to(means).split(PIXELS_AT_ONCE)
     ]
     image = torch.cat(parts).reshape(camera.height, camera.width, 4)  # [H, W, 4]
     return Rendering(image[..., :3], image[..., 3])
 
 
 def project(
-    means: Tensor, scales: Tensor, quats: Tensor, camera: Camera, *, dilation: float
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Centres (N, 2) in pixels, covariances (N, 2, 2) in pixels squared with `dilation` added, and depths (N,)."""
+    means: Tensor,
+    scales: Tensor,
+    quats: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    camera: Camera,
+    *,
+    near: float,
+    dilation: float,
+    floor: float,
+) -> Splats:
+    """Those of N Gaussians that lie beyond `near` and are more opaque than `floor`, projected and sorted."""
     rotation = torch.as_tensor(camera.rotation.copy()).to(means)  # [3, 3]
     translation = torch.as_tensor(camera.world_to_camera[:3, 3].copy()).to(means)  # [3]
     local = means @ rotation.T + translation  # [N, 3]
-    depths = local[:, 2]  # [N]
-    ratios = local[:, :2] / depths[:, None]  # [N, 2]
+    drawn = ((local[:, 2] > near) & (opacities > floor)).nonzero()[:, 0]  # [M]
+    drawn = drawn[torch.argsort(local[drawn, 2].detach().float(), stable=True)]
+    local, scales, quats = local[drawn], scales[drawn], quats[drawn]
+    depths = local[:, 2:]  # [M, 1]
+    ratios = local[:, :2] / depths  # [M, 2]
     focal = means.new_tensor([camera.fx, camera.fy])  # [2]
     principal = means.new_tensor([camera.cx, camera.cy])  # [2]
     size = means.new_tensor([camera.width, camera.height])  # [2]
-    margin = FRAME_MARGIN * size / focal  # [2]
-    limited = ratios.clamp(-principal / focal - margin, (size - principal) / focal + margin)  # [N, 2]
+    margin = FRAME_MARGIN * size
+    limited = ratios.clamp((-principal - margin) / focal, (size - principal + margin) / focal)  # [M, 2]
     jacobians = torch.cat(
-        [torch.diag_embed(focal / depths[:, None]), (-focal * limited / depths[:, None])[..., None]], dim=2
-    )  # [N, 2, 3]
-    axes = jacobians @ rotation @ rotations(quats) * scales[:, None, :]  # [N, 2, 3]
-    covariances = axes @ axes.mT + dilation * torch.eye(2).to(means)  # [N, 2, 2]
-    return ratios * focal + principal, covariances, depths
+        [torch.diag_embed(focal / depths), (-focal * limited / depths)[..., None]], dim=2
+    )  # [M, 2, 3]
+    axes = jacobians @ rotation @ rotations(quats) * scales[:, None, :]  # [M, 2, 3]
+    return Splats(ratios * focal + principal, axes, opacities[drawn], colors[drawn], dilation)
 
 
 def rotations(quats: Tensor) -> Tensor:
-    """Rotation matrices (N, 3, 3) of quaternions (N, 4) in the order w, x, y, z, of any length; zero gives identity."""
-    w, x, y, z = torch.nn.functional.normalize(quats, dim=1, eps=1e-12).unbind(1)
+    """Rotation matrices (N, 3, 3) of quaternions (N, 4) in the order w, x, y, z, of any length but (nearly) zero.
+
+    One shorter than 1e-12 is no rotation, and has no gradient.
+    """
+    lengths = quats.norm(dim=1, keepdim=True)  # [N, 1]
+    long_enough = lengths > SHORTEST_QUATERNION
+    unit = torch.where(long_enough, quats / torch.where(long_enough, lengths, 1.0), 0.0)  # [N, 4]
+    w, x, y, z = unit.unbind(1)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -82,22 +112,34 @@ def rotations(quats: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)
 
 
-def _composite(
-    pixels: Tensor, centers: Tensor, conics: Tensor, opacities: Tensor, colors: Tensor, alpha_floor: float
-) -> Tensor:
-    offsets = pixels[:, None] - centers  # [P, M, 2]
-    exponents = -0.5 * torch.einsum("pmi,mij,pmj->pm", offsets, conics, offsets)  # [P, M]
-    alphas = opacities * exponents.exp()  # [P, M]
-    alphas = torch.where(alphas >= alpha_floor, alphas.clamp(max=ALPHA_CAP), 0.0)
+def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float) -> Tensor:
+    """What each splat covers of each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
+    across, down = splats.axes.unbind(1)  # [M, 3] each
+    determinants = torch.linalg.cross(across, down).square().sum(1) + splats.dilation * (
+        across.square().sum(1) + down.square().sum(1) + splats.dilation
+    )  # [M]
+    dx, dy = (pixels[:, None] - splats.centers).unbind(2)  # [P, M] each
+    numerators = (dx[..., None] * down - dy[..., None] * across).square().sum(2)  # [P, M]
+    numerators = numerators + splats.dilation * (dx.square() + dy.square())
+    distances = numerators / torch.where(determinants > 0, determinants, torch.inf)  # [P, M]
+    alphas = splats.opacities * torch.exp(-0.5 * distances)  # [P, M]
+    alphas = torch.where((alphas >= alpha_floor) & (determinants > 0), alphas.clamp(max=ALPHA_CAP), 0.0)
+    return torch.where(transmittances(alphas) >= MIN_TRANSMITTANCE, alphas, 0.0)
+
+
+def transmittances(alphas: Tensor) -> Tensor:
+    """The light (P, M) that reaches each splat through those before it, whose alphas are (P, M)."""
     through = torch.cumprod(1.0 - alphas, dim=1)  # [P, M]
-    before = torch.cat([torch.ones_like(through[:, :1]), through[:, :-1]], dim=1)  # [P, M]
-    alphas = torch.where(before >= MIN_TRANSMITTANCE, alphas, 0.0)
-    through = torch.cumprod(1.0 - alphas, dim=1)
-    before = torch.cat([torch.ones_like(through[:, :1]), through[:, :-1]], dim=1)
-    weights = before * alphas  # [P, M]
-    return torch.cat([weights @ colors, weights.sum(dim=1, keepdim=True)], dim=1)  # [P, 4]
+    return torch.cat([torch.ones_like(through[:, :1]), through[:, :-1]], dim=1)
 
 
-def _pixel_centers(camera: Camera) -> Tensor:
+def composite(alphas: Tensor, colors: Tensor) -> Tensor:
+    """Premultiplied colours and alpha (P, 4) of pixels that M splats of `colors` (M, 3) cover by `alphas` (P, M)."""
+    weights = transmittances(alphas) * alphas  # [P, M]
+    return torch.cat([weights @ colors, weights.sum(dim=1, keepdim=True)], dim=1)
+
+
+def pixel_centers(camera: Camera) -> Tensor:
+    """(H * W, 2) float32, row by row."""
     rows, columns = torch.meshgrid(torch.arange(camera.height), torch.arange(camera.width), indexing="ij")
-    return torch.stack([columns, rows], dim=-1).reshape(-1, 2) + 0.5  # [P, 2]
+    return torch.stack([columns, rows], dim=-1).reshape(-1, 2) + 0.5

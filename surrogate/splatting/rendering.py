@@ -10,6 +10,7 @@ from torch import Tensor
 ALPHA_CAP = 0.999  # no Gaussian hides everything behind it; where the cap holds, alpha has no gradient
 MIN_TRANSMITTANCE = 1e-4  # a pixel that lets less through takes no further Gaussian
 FRAME_MARGIN = 0.15  # the projection is linearised at most this fraction of the frame beyond its border
+SHORTEST_QUATERNION = 1e-12  # a shorter one is no rotation
 
 
 class Rendering(NamedTuple):

@@ -1,0 +1,135 @@
+"""The compiled module by itself: what it refuses, and that threads, processes and reused memory leave no trace."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import native
+from catalogs.cameras import Camera
+
+Arrays = list[NDArray[np.float32]]
+
+
+def gaussians(count: int, seed: int = 0) -> Arrays:
+    random = np.random.default_rng(seed)
+    values = (
+        random.uniform(-0.6, 0.6, (count, 3)),
+        random.uniform(0.02, 0.2, (count, 3)),
+        random.normal(size=(count, 4)),
+        random.uniform(0.02, 0.9, count),
+        random.uniform(0.0, 1.0, (count, 3)),
+    )
+    return [value.astype(np.float32) for value in values]
+
+
+def draw(arrays: Arrays, width: int = 70, height: int = 50, threads: int = 1, **changes: Any) -> Any:
+    camera = Camera.look_at((3, 0.6, 0.4), (0, 0, 0), vertical_fov_degrees=35.0, width=width, height=height)
+    view = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "width": width, "height": height}
+    constants = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1 / 255, "threads": threads}
+    return native.forward(*arrays, camera.world_to_camera, **{**view, **constants, **changes})
+
+
+def everything(arrays: Arrays, width: int = 70, height: int = 50, threads: int = 1) -> list[NDArray[np.float32]]:
+    """The picture and all gradients of its sum."""
+    drawing = draw(arrays, width, height, threads)
+    ones = np.ones((height, width, 3), np.float32), np.ones((height, width), np.float32)
+    return [drawing.color, drawing.alpha, *native.backward(drawing, *ones, threads)]
+
+
+def same(first: list[NDArray[np.float32]], second: list[NDArray[np.float32]]) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
+
+
+def test_every_machine_has_the_baseline_and_the_best_comes_first() -> None:
+    names = native.instruction_sets()
+    assert names[-1] == "baseline"
+    assert len(set(names)) == len(names)
+    default, best = draw(gaussians(50)), draw(gaussians(50), instruction_set=names[0])
+    assert np.array_equal(default.color, best.color)
+
+
+def test_a_picture_of_any_number_and_size_does_not_depend_on_what_was_drawn_before() -> None:
+    cases = [(300, 70, 50), (3, 200, 10), (0, 5, 5), (900, 33, 97), (1, 1, 1)]
+    expected = [everything(gaussians(count, seed=count), width, height) for count, width, height in cases]
+    for order in (range(5), reversed(range(5))):
+        for k in order:
+            count, width, height = cases[k]
+            assert same(everything(gaussians(count, seed=count), width, height, threads=2), expected[k])
+
+
+def test_calls_from_several_python_threads_at_once_do_not_disturb_each_other() -> None:
+    scenes = [gaussians(400, seed=k) for k in range(8)]
+    expected = [everything(scene) for scene in scenes]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(3):
+            found = list(pool.map(lambda scene: everything(scene, threads=3), scenes))
+            assert all(same(a, b) for a, b in zip(found, expected, strict=True))
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork on this system")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_forked_child_has_threads_of_its_own() -> None:
+    scene = gaussians(300)
+    expected = everything(scene, threads=2)
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert same(pool.apply_async(everything, (scene, 70, 50, 2)).get(timeout=60), expected)
+
+
+def test_a_drawing_keeps_what_it_needs_alive_and_can_be_differentiated_twice() -> None:
+    expected = everything(gaussians(200))
+    drawing = draw(gaussians(200))
+    gc.collect()
+    everything(gaussians(500, seed=3))  # takes memory that a careless drawing would still be reading
+    ones = np.ones((50, 70, 3), np.float32), np.ones((50, 70), np.float32)
+    for _ in range(2):
+        assert same(list(native.backward(drawing, *ones, 1)), expected[2:])
+
+
+def test_what_does_not_reach_the_picture_has_no_gradient() -> None:
+    scene = gaussians(50)
+    scene[0][:25, 1] = 100.0
+    drawing = draw(scene)
+    assert drawing.drawn <= 25
+    assert not any(gradient[:25].any() for gradient in everything(scene)[2:])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"width": 0}, "image size"),
+        ({"fx": -1.0}, "focal lengths"),
+        ({"cx": float("nan")}, "finite"),
+        ({"near": 0.0}, "near must be positive"),
+        ({"dilation": -0.1}, "dilation must not be negative"),
+        ({"alpha_floor": 0.0}, "alpha_floor must lie between 0 and 1"),
+        ({"instruction_set": "abacus"}, "none of this machine's: .*baseline"),
+    ],
+    ids=lambda value: str(value),
+)
+def test_bad_constants_are_refused_by_name(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        draw(gaussians(5), **change)
+
+
+def test_bad_arrays_are_refused() -> None:
+    scene = gaussians(5)
+    with pytest.raises(ValueError, match=r"quats must have shape \[5, 4\], got \[5, 3\]"):
+        draw([*scene[:2], scene[0], *scene[3:]])
+    drawing = draw(scene)
+    with pytest.raises(ValueError, match=r"grad_color must have shape \[50, 70, 3\]"):
+        native.backward(drawing, np.zeros((50, 71, 3), np.float32), np.zeros((50, 70), np.float32), 1)
+
+
+def test_other_layouts_and_precisions_are_converted() -> None:
+    scene = gaussians(30)
+    other = [np.asfortranarray(scene[0]), scene[1].astype(np.float64), *scene[2:]]
+    assert same(everything(other), everything(scene))
+    with pytest.raises(TypeError):
+        draw([[1.0, 2.0, 3.0], *scene[1:]])  # type: ignore[list-item]
