@@ -1,0 +1,75 @@
+"""A catalog of six members on a grid, its server, and a real browser."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalogs.appearance import ImportedImages
+from catalogs.browse import CatalogServer, page_of
+from catalogs.cameras import orbit, view_splits
+from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.parameters import Parameter, ParameterSpace
+from tests.catalogs.chromium import PROGRAMS, Browser, find_browser
+
+SIZE = 64
+GRID = [(x, y) for x in (0.0, 1.0, 2.0) for y in (-5.0, 5.0)]
+
+
+def picture(seed: int, opaque: bool = False) -> np.ndarray:
+    """Premultiplied noise in four smooth blocks and a transparent border, its own for every seed."""
+    random = np.random.default_rng(seed)
+    alpha = np.zeros((SIZE, SIZE, 1))
+    alpha[8:-8, 8:-8] = 255 if opaque else random.integers(0, 256, (SIZE - 16, SIZE - 16, 1))
+    color = random.integers(0, 256, (SIZE, SIZE, 3))
+    return np.concatenate([color * alpha // 255, np.full_like(alpha, 255) if opaque else alpha], axis=2).astype(
+        np.uint8
+    )
+
+
+def grid_plan(**changes: Any) -> CatalogPlan:
+    values: dict[str, Any] = {
+        "space": ParameterSpace((Parameter("x", 0.0, 2.0), Parameter("y<b>", -5.0, 5.0, "m/s"))),
+        "appearances": (ImportedImages("first"), ImportedImages("second")),
+        "cameras": tuple(orbit((1.0, 0.0, 0.0), 1.0, width=SIZE, height=SIZE, frequency=2)),
+        "view_splits": tuple(view_splits(42)),
+        "bounds": ((0.0, -1.0, -1.0), (2.0, 1.0, 1.0)),
+    }
+    return CatalogPlan(**{**values, **changes})
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
+    """Six members on a grid of two parameters, two appearances, 42 views."""
+    catalog = Catalog.create(tmp_path_factory.mktemp("grid") / "grid.cdb", grid_plan())
+    for number, (x, y) in enumerate(GRID):
+        split = "test" if number == 5 else "train"
+        with catalog.begin_member(f"m{number}", {"x": x, "y<b>": y}, split=split) as writer:
+            for a, appearance in enumerate(catalog.appearance_names):
+                for view in range(42):
+                    writer.write_image(appearance, view, picture(10000 * number + 1000 * a + view))
+    return catalog
+
+
+@pytest.fixture(scope="module")
+def server(grid: Catalog) -> Iterator[CatalogServer]:
+    with CatalogServer(grid.path, page_of(grid).encode()) as running:
+        thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+        thread.start()
+        yield running
+        running.shutdown()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    program = find_browser()
+    if program is None:
+        pytest.skip(f"no browser to test pages with (looked for {', '.join(PROGRAMS)})")
+    running = Browser(program, tmp_path_factory.mktemp("profile"))
+    yield running
+    running.close()

@@ -1,0 +1,86 @@
+"""What the page says and what it leaves alone."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from catalogs.browse import page_of, write_page
+from catalogs.browse.page import describe
+from catalogs.cameras import icosphere, view_splits
+from catalogs.catalog import Catalog, CatalogError
+from catalogs.check import check
+from catalogs.cli import main
+from catalogs.parameters import Parameter, ParameterSpace
+from tests.catalogs.browse.conftest import GRID, grid_plan
+
+
+def data_of(page: str) -> dict[str, Any]:
+    match = re.search(r'<script type="application/json" id="catalog">(.*?)</script>', page, re.DOTALL)
+    assert match is not None
+    return json.loads(match.group(1))
+
+
+def test_the_page_names_every_picture(grid: Catalog) -> None:
+    data = data_of(page_of(grid))
+    for member in data["members"]:
+        for appearance in data["appearances"]:
+            for view in range(len(data["viewpoints"][member["viewpoints"]])):
+                path = f"members/{member['name']}/{appearance['name']}/{data['files'][view]}"
+                assert (grid.path / path).is_file()
+    assert {m["name"]: tuple(m["values"]) for m in data["members"]} == {f"m{i}": p for i, p in enumerate(GRID)}
+    assert data["splits"] == [view_splits(42)]
+    assert data["background"] is None
+
+
+def test_viewpoints_are_seen_from_the_middle_of_the_box(grid: Catalog) -> None:
+    (points,) = describe(grid)["viewpoints"]
+    np.testing.assert_allclose(np.array(points)[:, :3], icosphere(2), atol=2e-6)
+    np.testing.assert_allclose(np.array(points)[:, 3:], [c.up for c in grid.plan.cameras], atol=2e-6)
+
+
+def test_a_hostile_name_stays_text(tmp_path: Path) -> None:
+    plan = grid_plan(space=ParameterSpace((Parameter("</script><script>alert(1)</script>", 0.0, 1.0),)))
+    page = page_of(Catalog.create(tmp_path / "x.cdb", plan))
+    assert page.count("<script") == 2
+    assert data_of(page)["parameters"][0]["name"] == "</script><script>alert(1)</script>"
+
+
+def test_the_page_asks_nobody_else(grid: Catalog) -> None:
+    page = page_of(grid)
+    assert not re.search(r"(src|href)=[\"']?(https?:)?//", page)
+    assert "default-src 'none'" in page
+
+
+def test_the_page_leaves_the_catalog_valid_and_replaces_itself(catalog: Catalog) -> None:
+    assert check(catalog.path) == []
+    page = write_page(catalog.path)
+    assert page == catalog.path / "index.html"
+    page.write_text("old")
+    assert "<html" in write_page(catalog.path).read_text()
+    assert check(catalog.path) == []
+    assert [p.name for p in catalog.path.iterdir() if "partial" in p.name] == []
+
+
+def test_what_can_not_be_browsed_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CatalogError, match="exr images, which no browser shows"):
+        page_of(Catalog.create(tmp_path / "x.cdb", grid_plan(image_format="exr")))
+    with pytest.raises(CatalogError, match=r"catalog\.json is missing"):
+        write_page(tmp_path)
+    assert list(tmp_path.glob("*.html")) == []
+    result = CliRunner().invoke(main, ["browse", str(tmp_path / "nothing.cdb")])
+    assert result.exit_code == 1
+    assert "catalog.json is missing" in result.output
+
+
+def test_the_title_tells_catalogs_apart(tmp_path: Path) -> None:
+    assert describe(Catalog.create(tmp_path / "runs/nyx/catalog.cdb", grid_plan()))["title"] == "nyx"
+    assert describe(Catalog.create(tmp_path / "mine.cdb", grid_plan()))["title"] == "mine"
+    plan = grid_plan(provenance={"scene": "tgv"})
+    assert describe(Catalog.create(tmp_path / "other.cdb", plan))["title"] == "tgv"
