@@ -97,6 +97,18 @@ def read_image(path: Path, *, dtype: str = "uint8") -> NDArray[Any]:
     return to_float(rgba) if dtype == "float32" else to_bytes(rgba)
 
 
+def image_shape(path: Path) -> tuple[int, int, int]:
+    """Height, width and channels that a file's header states; raises ImageError where it is no image."""
+    import OpenImageIO as oiio
+
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
+    spec = source.spec()
+    source.close()
+    return spec.height, spec.width, spec.nchannels
+
+
 def _four_channels(pixels: NDArray[Any], path: Path) -> NDArray[Any]:
     channels = pixels.shape[2]
     if channels not in (1, 2, 3, 4):

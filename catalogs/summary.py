@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -54,7 +55,7 @@ class FieldSummary:
         try:
             with np.load(path, allow_pickle=False) as archive:
                 values = {f.name: archive[f.name] for f in fields(cls)}
-        except (KeyError, ValueError, OSError, EOFError) as error:
+        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(f"{path} is no field summary: {error}") from error
         scalars = {name: float(values[name]) for name in ("minimum", "maximum", "clipped_fraction")}
         return cls(**{**values, **scalars})

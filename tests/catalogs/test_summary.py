@@ -1,0 +1,49 @@
+"""The sidecar keeps what it was given, in kilobytes, and never runs code from a file."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.summary import FieldSummary
+from tests.catalogs.conftest import summary
+
+
+def test_it_reads_back_what_was_kept(tmp_path: Path) -> None:
+    kept = summary(3)
+    kept.save(tmp_path / "field.npz")
+    again = FieldSummary.load(tmp_path / "field.npz")
+    assert all(np.array_equal(getattr(kept, f.name), getattr(again, f.name)) for f in fields(kept))
+
+
+def test_four_thousand_points_take_kilobytes(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    points = random.random((4000, 3)).astype(np.float32)
+    large = replace(summary(), points=points, point_values=points[:, 0], point_opacities=points[:, 1])
+    large.save(tmp_path / "field.npz")
+    assert (tmp_path / "field.npz").stat().st_size < 100_000
+
+
+@pytest.mark.parametrize("data", [b"", b"hello", pickle.dumps({"minimum": 1.0})])
+def test_what_is_none_is_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "field.npz").write_bytes(data)
+    with pytest.raises(ValueError, match=r"field\.npz"):
+        FieldSummary.load(tmp_path / "field.npz")
+
+
+def test_pickled_objects_inside_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "field.npz", minimum=np.array({"a": 1}, dtype=object))
+    with pytest.raises(ValueError, match=r"field\.npz"):
+        FieldSummary.load(tmp_path / "field.npz")
+
+
+@pytest.mark.parametrize(
+    "change", [{"points": np.zeros((5, 2))}, {"point_values": np.zeros(4)}, {"bin_edges": np.zeros(9)}]
+)
+def test_shapes_must_agree(change: dict[str, np.ndarray]) -> None:
+    with pytest.raises(ValueError, match=r"must|needs"):
+        replace(summary(), **change)  # type: ignore[arg-type]
