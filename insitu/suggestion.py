@@ -22,6 +22,7 @@ TARGET_ALPHA = 0.5
 CLIPPED = 0.001  # of all values, at either end, lie outside the suggested range
 COMMONPLACE = 0.5  # of all values, the most frequent ones, stay transparent
 LARGEST_OPACITY = 0.8
+FAINTEST = 0.05  # of the largest surprise: what is hardly rarer than the commonplace stays transparent too
 BINS = 64
 SMOOTHING = 2.5  # bins: members between the pilots have their background between the pilots' backgrounds
 POINTS = 12
@@ -70,8 +71,9 @@ def suggest(probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: fl
     pictures with fog, however rare it is in the others.  The most common values, half of all, are transparent; beyond,
     opacity grows as values get rarer (their information, -log of frequency; compare Bordoloi & Shen 2005, "View
     selection for volume rendering", section 3).  Colours are spread so that each covers an equal part of what is
-    visible.  The unit distance is then solved, by bisection over small rendered pictures of `grids`, for a mean
-    foreground alpha of `alpha`.
+    visible.  The unit distance is then solved for a mean foreground alpha of `alpha` over small rendered pictures of
+    `grids`: the optical depth along every ray is inversely proportional to it (Max 1995, "Optical models for direct
+    volume rendering", absorption only), so one picture serves all distances.
 
     What it cannot know: which values matter to you. It is a start to edit, not an answer.
 
@@ -94,10 +96,12 @@ def suggest(probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: fl
     def appearance(unit_distance: float) -> VolumeRendering:
         return VolumeRendering(name, TransferFunction(color_points, opacity_points, _rounded(unit_distance, 3)))
 
+    thin = appearance(size)
+    depths = [-np.log1p(-np.minimum(a, 1.0 - 1e-6)) * size for a in _alphas(grids, thin, bounds)]
     finest, coarsest = 1e-3 * size, 10.0 * size
-    for _ in range(12):
+    for _ in range(30):
         middle = math.sqrt(finest * coarsest)
-        if np.mean(foreground_alphas(grids, appearance(middle), bounds)) > alpha:
+        if np.mean([_shown_mean(-np.expm1(-depth / middle)) for depth in depths]) > alpha:
             finest = middle
         else:
             coarsest = middle
@@ -109,15 +113,25 @@ def foreground_alphas(
     grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box, views: ViewPlan = PROBE_VIEWS
 ) -> list[float]:
     """Mean alpha over the foreground (alpha > 1/255) of each grid's pictures; 0 where there is none."""
+    return [_shown_mean(alphas) for alphas in _alphas(grids, appearance, bounds, views)]
+
+
+def _alphas(
+    grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box, views: ViewPlan = PROBE_VIEWS
+) -> list[NDArray[np.float64]]:
+    """Alpha [V, H, W] of each grid's pictures."""
     from render import render_views
 
     cameras = cameras_around(bounds, views)
-    means = []
-    for grid in grids:
-        alphas = np.stack([rgba[..., 3] / 255.0 for rgba in render_views(grid, appearance, cameras)])  # [V, H, W]
-        shown = alphas[alphas > VISIBLE]
-        means.append(float(shown.mean()) if shown.size else 0.0)
-    return means
+    return [
+        np.stack([rgba[..., 3] for rgba in render_views(grid, appearance, cameras, float_output=True)]).astype(float)
+        for grid in grids
+    ]
+
+
+def _shown_mean(alphas: NDArray[np.float64]) -> float:
+    shown = alphas[alphas > VISIBLE]
+    return float(shown.mean()) if shown.size else 0.0
 
 
 def contact_sheet(grids: Sequence[Grid], appearance: VolumeRendering, *, size: int = 192) -> NDArray[np.uint8]:
@@ -144,7 +158,7 @@ def _opacity_curve(fractions: NDArray[np.float64]) -> NDArray[np.float64]:
     if threshold <= floor * (1.0 + 1e-9):
         return np.full(len(fractions), LARGEST_OPACITY)  # all values alike: nothing to set apart
     surprise = np.log(threshold / np.maximum(smooth, floor)) / np.log(threshold / floor)
-    return LARGEST_OPACITY * np.clip(surprise, 0.0, 1.0)
+    return LARGEST_OPACITY * np.clip((surprise - FAINTEST) / (1.0 - FAINTEST), 0.0, 1.0)
 
 
 def _simplified(
@@ -156,6 +170,7 @@ def _simplified(
     kept = [0, len(values) - 1]
     while len(kept) < POINTS:
         error = np.abs(opacities - np.interp(values, values[kept], opacities[kept]))
+        error[opacities == 0.0] *= 5.0  # what is to be clear must not become fog
         if error.max() < 0.01:
             break
         kept = sorted([*kept, int(np.argmax(error))])

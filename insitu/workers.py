@@ -53,6 +53,8 @@ class Channel:
 
 
 _channel = Channel()  # a worker process has one parent, so one channel
+_idle = threading.Event()  # ... and one task at a time
+_idle.set()
 
 
 def channel() -> Channel:
@@ -171,12 +173,15 @@ class Crew:
 
 def _guarded(task: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
     """In a worker: the task's result, and what it warned of; whatever it raises can travel to another process."""
+    _idle.clear()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         try:
             result = task()
         except Exception as error:
             raise _portable(error) from None
+        finally:
+            _idle.set()
     return result, tuple(dict.fromkeys(str(warning.message) for warning in caught))
 
 
@@ -221,5 +226,5 @@ def _leave_with_parent(stop: Any) -> None:
         return
     parent.join()
     stop.set()
-    threading.Event().wait(GRACE_SECONDS)
-    os._exit(1)  # waiting for work that will never come
+    _idle.wait(GRACE_SECONDS)
+    os._exit(1)  # this process would wait for ever for work that never comes

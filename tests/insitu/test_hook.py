@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from catalogs.catalog import Catalog
 from catalogs.check import check
 from catalogs.scene import ViewPlan
 
+PROJECT = Path(__file__).resolve().parents[2]
 FUNCTION = TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
 VOLUME = VolumeRendering("dvr", FUNCTION)
 SPACING = (0.1, 0.1, 0.1)
@@ -180,6 +183,79 @@ def test_what_has_little_to_show_is_rendered_as_it_is(tmp_path: Path, field: np.
     assert shown == isinstance(appearance, VolumeRendering)
 
 
+def test_a_transparent_first_member_is_as_good_as_any(tmp_path: Path) -> None:
+    result = render(tmp_path / "a.cdb", np.zeros((8, 8, 8)), sample_distance=None)
+    assert result.images == 12
+    decibels = Catalog.open(tmp_path / "a.cdb").plan.provenance["measured_decibels"]["dvr"]
+    assert np.isfinite(decibels)
+
+
+def test_resampling_is_said_and_recorded(tmp_path: Path) -> None:
+    import pyvista
+
+    axis = np.linspace(0.0, 1.1, 12)
+    mesh = pyvista.RectilinearGrid(axis, axis, axis**2 / 1.1)
+    mesh["density"] = blob().ravel()
+    with pytest.warns(UserWarning, match=r"(?i)resampl|interpolat"):
+        result = render(tmp_path / "a.cdb", mesh, spacing=None)
+    stored = Catalog.open(tmp_path / "a.cdb").members[0].provenance["warnings"]
+    assert list(result.warnings) == stored
+    assert len(stored) == 1
+
+
+def test_a_smaller_member_is_rendered_with_a_warning(catalog: Path) -> None:
+    with pytest.warns(UserWarning, match="spacing and origin"):
+        render(catalog, reynolds=160.0, spacing=(0.1, 0.1, 0.05))
+
+
+def test_bounds_given_hold_different_members_without_a_warning(tmp_path: Path, recwarn: Any) -> None:
+    bounds = ((-1.0, -1.0, -1.0), (2.0, 2.0, 2.0))
+    render(tmp_path / "a.cdb", reynolds=110.0, bounds=bounds)
+    render(tmp_path / "a.cdb", reynolds=120.0, spacing=(0.15, 0.1, 0.1))
+    assert Catalog.open(tmp_path / "a.cdb").plan.bounds == bounds
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"space": None}, "space="),
+        ({"appearances": None}, "appearances="),
+        ({"appearances": ()}, "appearances="),
+        ({"bounds": ((0, 0, 0), (1, 1, 0))}, "low < high"),
+        ({"sample_distance": -1.0}, "positive"),
+        ({"sample_distance": {"other": 0.1}}, "dvr"),
+        ({"target_decibels": 40.0}, "not both"),
+        ({"sample_distance": None, "target_decibels": 90.0}, "58"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_refused_before_anything_is_written(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        render(tmp_path / "a.cdb", **changes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_memory_is_bounded_by_a_few_copies_of_the_field(tmp_path: Path) -> None:
+    program = (
+        "import sys, numpy, insitu\n"
+        "from catalogs.appearance import *\nfrom catalogs.scene import ViewPlan\n"
+        "volume = VolumeRendering('dvr', TransferFunction(((0, 0, 0, 1), (1, 1, 0, 0)), ((0, 0), (1, 0.5)), 0.3))\n"
+        "axis = numpy.linspace(-1, 1, int(sys.argv[2]), dtype='f4')\n"
+        "field = numpy.exp(-sum(g**2 for g in numpy.meshgrid(axis, axis, axis, indexing='ij', sparse=True)))\n"
+        "print(insitu.render_member(field, {'a': 0.5}, catalog=sys.argv[1], space={'a': (0, 1)}, appearances=volume,"
+        " views=ViewPlan(frequency=1, width=16, height=16), spacing=(1, 1, 1), sample_distance=2.0).extra_memory)\n"
+    )
+    extra = {}
+    for size in (32, 192):
+        command = [sys.executable, "-c", program, str(tmp_path / f"{size}.cdb"), str(size)]
+        result = subprocess.run(command, capture_output=True, text=True, cwd=PROJECT, check=True)
+        extra[size] = int(result.stdout)
+    field = 4 * (192**3 - 32**3)
+    assert field < extra[192] - extra[32] < 5 * field
+
+
 def test_a_newer_catalog_is_refused(catalog: Path) -> None:
     path = catalog / "catalog.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "schema": 99}))
@@ -201,11 +277,16 @@ def test_a_full_disk_keeps_nothing_of_the_member(catalog: Path, monkeypatch: pyt
     assert tree(catalog) == before
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_read_only_folder_is_named(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
-    with pytest.raises(PermissionError):
+@pytest.mark.parametrize("code", [errno.EACCES, errno.EROFS])
+def test_a_read_only_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int) -> None:
+    def refuse(path: Any, *_: Any, **__: Any) -> None:
+        raise OSError(code, os.strerror(code), str(path))
+
+    monkeypatch.setattr(os, "mkdir", refuse)  # as root, under which tests may run, no folder is read-only
+    with pytest.raises(OSError, match=r"nothing of it was kept.*a\.cdb") as caught:
         render(tmp_path / "a.cdb")
+    assert caught.value.errno == code
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_data_sets_of_pyvista_and_vtk_are_taken(tmp_path: Path) -> None:
