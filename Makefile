@@ -41,7 +41,7 @@ browse: dataset
 CLIENTS := .venv-pycinema/.complete .venv-cinemasci/.complete
 clients: $(CLIENTS)
 .venv-%/.complete: tests/clients/%.txt
-	$(PYTHON) -m venv .venv-$*
+	$(PYTHON) -m venv --clear .venv-$*
 	.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $<
 	@touch $@
 
