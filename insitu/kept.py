@@ -53,7 +53,7 @@ def kept_field(folder: Path, name: str, identity: Mapping[str, Any]) -> KeptFiel
             spacing, origin = tuple(stored["spacing"].tolist()), tuple(stored["origin"].tolist())
             time = float(stored["time"])
             return KeptField(stored["values"], spacing, origin, None if np.isnan(time) else time)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
 
 

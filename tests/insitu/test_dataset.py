@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import h5py
@@ -15,6 +19,8 @@ from catalogs.check import check
 from catalogs.scene import Scene
 from insitu.cli import main
 from insitu.dataset import make_dataset
+
+PROJECT = Path(__file__).resolve().parents[2]
 
 APPEARANCE = """
 [[appearance]]
@@ -69,6 +75,20 @@ def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished `runs/flow`, made once: copy it to change it."""
+    folder = tmp_path_factory.mktemp("flow")
+    make_dataset(scene(folder, SIMULATION), folder / "runs", workers=1)
+    return folder / "runs" / "flow"
+
+
+@pytest.fixture
+def flow(finished: Path, tmp_path: Path) -> Path:
+    """A finished `runs/flow` of this test's own."""
+    return Path(shutil.copytree(finished, tmp_path / "runs" / "flow"))
+
+
 def test_a_simulation_is_rendered_over_processes_and_then_left_alone(tmp_path: Path) -> None:
     asked = scene(tmp_path, SIMULATION)
     lines: list[str] = []
@@ -96,6 +116,57 @@ def test_what_is_missing_is_made_and_another_scene_is_refused(tmp_path: Path) ->
     with pytest.raises(ValueError, match="opacity_points"):
         make_dataset(other, tmp_path / "runs")
     assert len(Catalog.open(tmp_path / "runs/flow/catalog.cdb").members) == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("resolution = 16", "resolution = 24", "source.resolution: 24 here, 16 in the catalog"),
+        ("train = [100.0, 200.0]", "train = [100.0, 190.0]", "train-001 parameters.Re: 190.0 here, 200.0"),
+        ("test = [150.0]", "validation = [150.0]", "member test-000: not in the scene"),
+        ("width = 24", "width = 32", "width 32 here, 24"),
+        ("target_decibels = 40.0", "target_decibels = 45.0", "target_decibels: 45.0 here, 40.0"),
+        ("high = 200.0", "high = 300.0", "space.Re.high: 300.0 here, 200.0"),
+    ],
+)
+def test_a_changed_scene_is_told_what_changed_and_nothing_is_touched(
+    flow: Path, tmp_path: Path, old: str, new: str, named: str
+) -> None:
+    before = {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in flow.rglob("*") if p.is_file()}
+    with pytest.raises(ValueError, match=r"remove .*flow to make it anew") as caught:
+        make_dataset(scene(tmp_path, SIMULATION.replace(old, new, 1)), flow.parent)
+    assert named in str(caught.value)
+    assert before == {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in flow.rglob("*") if p.is_file()}
+
+
+def test_training_and_title_may_change(flow: Path, tmp_path: Path) -> None:
+    changed = scene(tmp_path, SIMULATION.replace("[members]", "[training]\ngaussians = 5\n[members]", 1))
+    assert make_dataset(changed, flow.parent).made == 0
+
+
+def test_doing_nothing_is_quick_and_says_so(flow: Path, tmp_path: Path) -> None:
+    path = scene(tmp_path, SIMULATION).path
+    command = [sys.executable, "-c", "from insitu.cli import main; main()", "dataset", str(path)]
+    seconds = []
+    for _ in range(3):
+        started = time.perf_counter()
+        result = subprocess.run(
+            [*command, "--runs", str(flow.parent)], cwd=PROJECT, capture_output=True, text=True, check=True
+        )
+        seconds.append(time.perf_counter() - started)
+        assert result.stdout.endswith("nothing to do\n")
+        assert result.stdout.count("\n") == 1
+    assert min(seconds) < 1.5
+
+
+def test_seconds_add_up_over_runs(flow: Path, tmp_path: Path) -> None:
+    record = flow / "dataset.json"
+    record.write_text(json.dumps({"seconds": 1000.0}))
+    more = scene(tmp_path, SIMULATION.replace("test = [150.0]", "test = [150.0, 160.0]", 1))
+    result = make_dataset(more, flow.parent, workers=1)
+    assert result.made == 1
+    assert 1000.0 < json.loads(record.read_text())["seconds"] < 1100.0
+    assert result.seconds == pytest.approx(json.loads(record.read_text())["seconds"], abs=0.1)
 
 
 def test_a_stored_ensemble_is_rendered(tmp_path: Path, stored: Path) -> None:
@@ -151,7 +222,44 @@ def test_an_hdf5_file_is_rendered_with_the_suggested_transfer_function(tmp_path:
     assert result.exit_code == 0, result.output
     assert "opacity_points" in result.output
     assert len(Catalog.open(out).members) == 5
-    assert CliRunner().invoke(main, arguments).exit_code == 0  # and again: nothing to do
+    again = CliRunner().invoke(main, ["ensemble", str(stored), "--catalog", str(out)])  # the rest is the catalog's
+    assert again.exit_code == 0, again.output
+    assert "5 were there already" in again.output
+    other = CliRunner().invoke(main, ["ensemble", str(stored), "--catalog", str(out), "--size", "32"])
+    assert other.exit_code == 1
+    assert "32 here, 16 in the catalog" in other.output
+
+
+def test_an_hdf5_file_is_rendered_as_a_toml_file_says(tmp_path: Path, stored: Path) -> None:
+    (tmp_path / "look.toml").write_text(APPEARANCE.split("[views]")[0])
+    arguments = ["ensemble", str(stored), "--catalog", str(tmp_path / "out.cdb"), "--size", "16", "--workers", "1"]
+    shown = CliRunner().invoke(main, [*arguments, "--appearance", str(tmp_path / "look.toml"), "--shard", "1/2"])
+    assert shown.exit_code == 0, shown.output
+    made = Catalog.open(tmp_path / "out.cdb")
+    assert made.plan.appearances == scene(tmp_path, SIMULATION).appearances
+    assert [m.name for m in made.members] == ["member-0000", "member-0002", "member-0004"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--shard", "0/2"], "1 <= i <= n"),
+        (["--shard", "two"], "I/N"),
+        (["--appearance", "{folder}/empty.toml"], r"empty.toml: it holds no [[appearance]]"),
+        (["--appearance", "{folder}/empty.toml", "--scene", "{folder}/empty.toml"], "leave out"),
+        (["--dataset", "pressure"], "no dataset 'pressure'"),
+        (["--validation", "9"], "9 validation members"),
+    ],
+)
+def test_a_wrong_option_is_named_before_anything_is_written(
+    tmp_path: Path, stored: Path, options: list[str], message: str
+) -> None:
+    (tmp_path / "empty.toml").write_text("title = 'nothing'")
+    arguments = ["ensemble", str(stored), "--catalog", str(tmp_path / "out.cdb"), "--size", "16"]
+    result = CliRunner().invoke(main, [*arguments, *(o.format(folder=tmp_path) for o in options)])
+    assert result.exit_code == 1
+    assert message in result.output
+    assert not (tmp_path / "out.cdb").exists()
 
 
 def test_probe_suggests_what_parses(tmp_path: Path, stored: Path) -> None:
@@ -160,6 +268,5 @@ def test_probe_suggests_what_parses(tmp_path: Path, stored: Path) -> None:
     assert result.exit_code == 0, result.output
     assert preview.stat().st_size > 1000
     table = result.output[result.output.index("[[appearance]]") :].rsplit("\n/", 1)[0]
-    table = "\n".join(line for line in table.splitlines() if "member per row" not in line)
     parsed = scene(tmp_path, f'name = "x"\n[source]\nkind = "hdf5"\npath = "{stored.name}"\n{table}')
     assert parsed.appearances[0].name == "dvr"

@@ -1,0 +1,51 @@
+"""Fields kept between pilot run and rendering."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insitu.kept import KeptField, drop_field, keep_field, kept_field
+
+IDENTITY = {"simulation": "flow", "Re": 100.0}
+
+
+def field(time: float | None = 2.0) -> KeptField:
+    values = np.random.default_rng(0).random((3, 4, 5)).astype(np.float32)
+    return KeptField(values, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), time)
+
+
+@pytest.mark.parametrize("time", [2.0, None])
+def test_what_is_kept_comes_back_bit_for_bit(tmp_path: Path, time: float | None) -> None:
+    keep_field(tmp_path / "kept", "a", IDENTITY, field(time))
+    back = kept_field(tmp_path / "kept", "a", dict(reversed(IDENTITY.items())))
+    assert back is not None
+    assert np.array_equal(back.values, field().values)
+    assert (back.spacing, back.origin, back.time) == ((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), time)
+
+
+def test_what_another_simulation_left_is_not_taken(tmp_path: Path) -> None:
+    keep_field(tmp_path, "a", IDENTITY, field())
+    assert kept_field(tmp_path, "a", {**IDENTITY, "Re": 101.0}) is None
+    assert kept_field(tmp_path, "b", IDENTITY) is None
+
+
+@pytest.mark.parametrize("length", [0, 10, 200, 400])
+def test_a_truncated_field_is_not_taken(tmp_path: Path, length: int) -> None:
+    keep_field(tmp_path, "a", IDENTITY, field())
+    path = tmp_path / "a.npz"
+    path.write_bytes(path.read_bytes()[:length])
+    assert kept_field(tmp_path, "a", IDENTITY) is None
+
+
+def test_the_last_one_takes_the_folder_along(tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    keep_field(folder, "a", IDENTITY, field())
+    keep_field(folder, "b", IDENTITY, field())
+    drop_field(folder, "a")
+    assert folder.is_dir()
+    drop_field(folder, "b")
+    assert not folder.exists()
+    drop_field(folder, "b")
