@@ -259,7 +259,6 @@ def test_interrupted_it_leaves_no_process_and_goes_on(tmp_path: Path, log: Path,
     assert not psutil.wait_procs(workers, timeout=20)[1]
     partial = list(path.glob("members/.*"))
     assert signal_number == signal.SIGKILL or not partial
-    assert check(path) == [] or partial
     some = len(names(path))
     todo = planned(40)[: some + 2]
     wishes = Wishes(SPACE, (VOLUME,), ViewPlan(frequency=2, width=64, height=64), sample_distance=0.002)
