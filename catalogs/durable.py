@@ -2,29 +2,37 @@
 
 Whatever is committed goes through these functions in this order: contents, `sync` of the file, `rename` into place,
 `sync` of the folder (Pillai et al., "All File Systems Are Not Created Equal", OSDI 2014, section 4).  The tests kill a
-writer before and after every one of them.
+writer before, within and after every one of them, and take away what was not synced.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
+import functools
+import hashlib
 import os
 import secrets
 import shutil
 import socket
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 PARTIAL = ".partial"
 SYNCS_AT_ONCE = 16
+QUIET_SECONDS = 86400.0  # how long a writer that can't be asked may do nothing before it counts as dead
 
 
 def write(path: Path, data: bytes) -> None:
     """Write `data` to a new or existing file, neither synced nor atomic: for files nobody reads yet."""
-    with open(path, "wb") as stream:
-        stream.write(data)
+    try:
+        with open(path, "wb") as stream:
+            stream.write(data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from None  # a full disk's error names no file by itself
 
 
 def sync(path: Path) -> None:
@@ -41,12 +49,17 @@ def rename(source: Path, target: Path) -> None:
     os.replace(source, target)
 
 
-def replace(path: Path, data: bytes) -> None:
-    """Let `path` hold `data`, durably, so that a reader sees the old or the new contents and nothing between."""
+@contextlib.contextmanager
+def staged(path: Path, data: bytes) -> Iterator[None]:
+    """Put `data` on disk beside `path` before the block, and in its place after; an exception leaves `path` as it was.
+
+    A reader sees the old or the new contents and nothing between.  A full disk is noticed before the block.
+    """
     partial = partial_name(path)
     try:
         write(partial, data)
         sync(partial)
+        yield
         rename(partial, path)
         sync(path.parent)
     except BaseException:
@@ -54,32 +67,60 @@ def replace(path: Path, data: bytes) -> None:
         raise
 
 
-def commit_folder(partial: Path, target: Path) -> None:
-    """Make everything below `partial` durable, then let it appear as `target`, whole.
+def replace(path: Path, data: bytes) -> None:
+    """Let `path` hold `data`, durably and at once."""
+    with staged(path, data):
+        pass
+
+
+def make_folder(path: Path) -> None:
+    """Create `path` and its missing parents, durably."""
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    path.mkdir(parents=True, exist_ok=True)
+    for folder in missing:
+        sync(folder.parent)
+
+
+def sync_tree(folder: Path) -> None:
+    """Make everything in and below `folder` durable.
 
     Files are synced side by side, so that the file system commits many at once.
     """
-    folders = [Path(folder) for folder, _, _ in os.walk(partial, topdown=False)]
-    files = [path for folder in folders for path in sorted(folder.iterdir()) if path.is_file()]
+    folders = [Path(inner) for inner, _, _ in os.walk(folder, topdown=False)]
+    files = [path for inner in folders for path in sorted(inner.iterdir()) if path.is_file()]
     with ThreadPoolExecutor(SYNCS_AT_ONCE) as pool:
         list(pool.map(sync, files))
-    for folder in folders:
-        sync(folder)
+    for inner in folders:
+        sync(inner)
+
+
+def commit_folder(partial: Path, target: Path) -> None:
+    """Make everything below `partial` durable, then let it appear as `target`, whole."""
+    sync_tree(partial)
     rename(partial, target)
     sync(target.parent)
 
 
 def partial_name(path: Path) -> Path:
-    """A hidden sibling of `path` that says which process of which host writes it."""
-    return path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.{secrets.token_hex(4)}{PARTIAL}")
+    """A hidden sibling of `path` that says which process writes it, so that others know when its writer is dead."""
+    process = os.getpid()
+    writer = f"{socket.gethostname()}~{_process_space()}~{process}~{_start_time(process)}"
+    return path.with_name(f".{path.name}~{writer}~{secrets.token_hex(4)}{PARTIAL}")
+
+
+def partials(folder: Path) -> list[Path]:
+    """Files and folders in `folder` that are being written, or were when their writer died."""
+    return sorted(folder.glob(f".*~*{PARTIAL}"))
 
 
 def remove_abandoned(folder: Path) -> list[Path]:
-    """Remove and return partial files and folders in `folder` whose writer, on this host, is no longer alive."""
+    """Remove and return the partial files and folders in `folder` whose writer is dead.
+
+    A writer of another host, container or boot can't be asked: it counts as dead when nothing changed for a day.
+    """
     removed = []
-    for path in sorted(folder.glob(f".*{PARTIAL}")):
-        host, _, process = path.name[: -len(PARTIAL)].rsplit(".", 1)[0].rpartition(".")
-        if not host.endswith(socket.gethostname()) or not process.isdigit() or _alive(int(process)):
+    for path in partials(folder):
+        if not _abandoned(path):
             continue
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -91,22 +132,68 @@ def remove_abandoned(folder: Path) -> list[Path]:
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold the file lock `path` (created if needed); the kernel releases it when its holder dies."""
+    """Hold the file lock `path` (created if needed); the kernel releases it when its holder dies.
+
+    Raises OSError naming the place where the file system has no locks (some network mounts).
+    """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError as error:
+            if error.errno not in (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP):
+                raise
+            reason = "this file system has no file locks, without which writers would overwrite each other"
+            raise OSError(error.errno, f"{reason}: mount it with flock, or write elsewhere", str(path)) from error
         yield
     finally:
         os.close(descriptor)
 
 
-def _alive(process: int) -> bool:
-    if process == os.getpid():
-        return True
+def _abandoned(path: Path) -> bool:
+    parts = path.name.removesuffix(PARTIAL).split("~")
+    if len(parts) < 6:
+        return False  # not ours
+    host, space, process, start = parts[-5:-1]
+    if (host, space) == (socket.gethostname(), _process_space()) and process.isdigit():
+        return _start_time(int(process)) != start
+    try:
+        return time.time() - _last_change(path) > QUIET_SECONDS
+    except FileNotFoundError:
+        return False  # its writer has just finished
+
+
+def _last_change(path: Path) -> float:
+    inner = [folder for folder in path.iterdir() if folder.is_dir()] if path.is_dir() else []
+    return max(entry.lstat().st_mtime for entry in (path, *inner))
+
+
+@functools.cache
+def _process_space() -> str:
+    """Within what process numbers mean the same processes: this boot of this machine, and this container."""
+    known = []
+    with contextlib.suppress(OSError):
+        known.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        known.append(os.readlink("/proc/self/ns/pid"))
+    return hashlib.sha256("".join(known).encode()).hexdigest()[:8]
+
+
+def _start_time(process: int) -> str:
+    """When a process started, in ticks since boot; "0" where the system doesn't say, "" where there is no such process.
+
+    A number may be given to a new process soon after the old one's death; together with the start it is unique.
+    """
+    try:
+        status = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()  # proc(5): fields 3, 4, ...
+        return "" if status[0] in (b"Z", b"X") else status[19].decode()  # a zombie writes no more
+    except (OSError, IndexError):
+        pass
+    if Path("/proc/self/stat").exists():
+        return ""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
-        return False
+        return ""
     except PermissionError:
-        return True
-    return True
+        pass
+    return "0"

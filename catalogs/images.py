@@ -9,14 +9,19 @@ a / 510 < 1/2 of c (and at a = 255 they are equal).
 from __future__ import annotations
 
 import functools
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-COMPRESSION = 1  # zlib level: 6 makes files 10 % smaller and takes three times as long
+from catalogs import durable
+from catalogs.png import SIGNATURE
+
 FORMATS = {"png": ".png", "exr": ".exr"}
+MOST_CHANNELS = 4
 
 
 class ImageError(ValueError):
@@ -26,15 +31,21 @@ class ImageError(ValueError):
 def straighten(rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Straight 8-bit RGBA [..., 4] of premultiplied; colour above alpha is no valid pixel and is cut to alpha."""
     table = _division_table()
-    alpha = rgba[..., 3:]  # [..., 1]
-    return np.concatenate([table[alpha, rgba[..., :3]], alpha], axis=-1)
+    row = rgba[..., 3].astype(np.intp) << 8
+    straight = np.empty_like(rgba)
+    for channel in range(3):  # three short gathers are faster than one that is three times as wide
+        straight[..., channel] = table.take(row + rgba[..., channel])
+    straight[..., 3] = rgba[..., 3]
+    return straight
 
 
 def premultiply(rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Premultiplied 8-bit RGBA [..., 4] of straight; inverts `straighten` exactly."""
     alpha = rgba[..., 3:].astype(np.uint16)  # [..., 1]
-    colors = (rgba[..., :3] * alpha + 127) // 255
-    return np.concatenate([colors.astype(np.uint8), rgba[..., 3:]], axis=-1)
+    premultiplied = np.empty_like(rgba)
+    premultiplied[..., :3] = (rgba[..., :3] * alpha + 127) // 255
+    premultiplied[..., 3:] = rgba[..., 3:]
+    return premultiplied
 
 
 def to_float(rgba: NDArray[Any]) -> NDArray[np.float32]:
@@ -50,51 +61,73 @@ def to_bytes(rgba: NDArray[Any]) -> NDArray[np.uint8]:
 def write_image(path: Path, rgba: NDArray[Any]) -> None:
     """Write premultiplied RGBA [H, W, 4]; `.png` stores 8-bit straight alpha, `.exr` float32 premultiplied.
 
-    Raises ValueError for another shape or dtype, OSError where the disk refuses.
+    Raises ValueError for another shape or dtype, or floats that are not finite; OSError where the disk refuses.
     """
-    import OpenImageIO as oiio
-
-    if rgba.ndim != 3 or rgba.shape[2] != 4 or rgba.dtype not in (np.uint8, np.float32):
+    if rgba.ndim != 3 or rgba.shape[2] != 4 or 0 in rgba.shape or rgba.dtype not in (np.uint8, np.float32):
         raise ValueError(f"an image must be [H, W, 4] of uint8 or float32, got {rgba.shape} of {rgba.dtype}")
-    height, width = rgba.shape[:2]
+    if rgba.dtype == np.float32 and not np.isfinite(rgba).all():
+        raise ValueError("an image must be finite: it holds NaN or infinite pixels")
     if path.suffix == ".png":
-        pixels: NDArray[Any] = straighten(to_bytes(rgba))
-        spec = oiio.ImageSpec(width, height, 4, "uint8")
-        spec.attribute("oiio:UnassociatedAlpha", 1)
-        spec.attribute("oiio:ColorSpace", "sRGB")
-        spec.attribute("png:compressionLevel", COMPRESSION)
+        durable.write(path, encode_png(straighten(to_bytes(rgba))))
     else:
-        pixels = to_float(rgba)
-        spec = oiio.ImageSpec(width, height, 4, "float")
-    output = oiio.ImageOutput.create(str(path))
-    written = output is not None and output.open(str(path), spec) and output.write_image(np.ascontiguousarray(pixels))
-    closed = output is not None and output.close()
-    if not (written and closed):
-        raise OSError(f"{path} could not be written: {output.geterror() if output else oiio.geterror()}")
+        _write_exr(path, to_float(rgba))
+
+
+def encode_png(rgba: NDArray[np.uint8]) -> bytes:
+    """Straight RGBA [H, W, 4] as a PNG file (PNG specification, third edition, sections 5, 9 and 10).
+
+    Every row has filter 1 ("Sub") and is deflated by run lengths: for rendered pictures as small as a full search at zlib's
+    level 1, six times faster, and unlike OpenImageIO's writer it lets the caller notice a full disk.
+    """
+    height, width = rgba.shape[:2]
+    rows = rgba.reshape(height, 4 * width)
+    filtered = np.empty((height, 1 + 4 * width), dtype=np.uint8)
+    filtered[:, 0] = 1
+    filtered[:, 1:5] = rows[:, :4]
+    np.subtract(rows[:, 4:], rows[:, :-4], out=filtered[:, 5:])  # modulo 256
+    deflate = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    chunks = (
+        (b"IHDR", header),
+        (b"sRGB", b"\0"),
+        (b"IDAT", deflate.compress(filtered) + deflate.flush()),
+        (b"IEND", b""),
+    )
+    return SIGNATURE + b"".join(_chunk(kind, body) for kind, body in chunks)
 
 
 def read_image(path: Path, *, dtype: str = "uint8") -> NDArray[Any]:
     """Premultiplied RGBA [H, W, 4] of an image file, as "uint8" or "float32".
 
-    Grey and RGB files are opaque.  Raises ImageError naming the file when it is absent, truncated or no image.
+    Gray and RGB files are opaque.  Raises ImageError naming the file when it is absent, truncated or no image.
+    """
+    rgba = _four_channels(read_stored(path), path)
+    if rgba.dtype == np.uint8:
+        rgba = premultiply(rgba)
+    return to_float(rgba) if dtype == "float32" else to_bytes(rgba)
+
+
+def read_stored(path: Path) -> NDArray[Any]:
+    """The channels [H, W, C] as an image file stores them: uint8 for PNG (alpha straight), else float32.
+
+    Raises ImageError naming the file when it is absent, truncated or no image.
     """
     import OpenImageIO as oiio
 
+    if not path.is_file():
+        raise ImageError(f"{path} is missing")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
         raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
     spec = source.spec()
-    pixels = source.read_image("uint8" if path.suffix == ".png" else "float")
+    pixels = source.read_image("uint8" if source.format_name() == "png" else "float")
     problem = source.geterror()
     source.close()
     if pixels is None or problem:
         raise ImageError(f"{path} is damaged or truncated: {problem or 'no pixels'}")
-    rgba = _four_channels(pixels.reshape(spec.height, spec.width, spec.nchannels), path)
-    if rgba.dtype == np.uint8:
-        rgba = premultiply(rgba)
-    return to_float(rgba) if dtype == "float32" else to_bytes(rgba)
+    return pixels.reshape(spec.height, spec.width, spec.nchannels)
 
 
 def image_shape(path: Path) -> tuple[int, int, int]:
@@ -109,9 +142,26 @@ def image_shape(path: Path) -> tuple[int, int, int]:
     return spec.height, spec.width, spec.nchannels
 
 
+def _write_exr(path: Path, rgba: NDArray[np.float32]) -> None:
+    import OpenImageIO as oiio
+
+    height, width = rgba.shape[:2]
+    output = oiio.ImageOutput.create(str(path))
+    if output is None:
+        raise OSError(f"{path} could not be written: {oiio.geterror()}")
+    opened = output.open(str(path), oiio.ImageSpec(width, height, 4, "float"))
+    written = opened and output.write_image(np.ascontiguousarray(rgba))
+    if not (output.close() and written):
+        raise OSError(f"{path} could not be written: {output.geterror()}")
+
+
+def _chunk(kind: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
 def _four_channels(pixels: NDArray[Any], path: Path) -> NDArray[Any]:
     channels = pixels.shape[2]
-    if channels not in (1, 2, 3, 4):
+    if channels > MOST_CHANNELS:
         raise ImageError(f"{path} has {channels} channels; 1 to 4 are understood")
     if channels == 4:
         return pixels
@@ -125,4 +175,4 @@ def _division_table() -> NDArray[np.uint8]:
     alpha = np.arange(256)[:, None]  # [256, 1]
     color = np.minimum(np.arange(256)[None, :], alpha)  # [256, 256]
     table = (2 * 255 * color + alpha) // np.maximum(2 * alpha, 1)
-    return table.astype(np.uint8)
+    return table.astype(np.uint8).ravel()  # indexed by 256 alpha + color

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
+import errno
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 from PIL import Image  # an independent decoder
 
-from catalogs.images import ImageError, premultiply, read_image, straighten, to_bytes, to_float, write_image
+from catalogs.images import (
+    ImageError,
+    encode_png,
+    image_shape,
+    premultiply,
+    read_image,
+    read_stored,
+    straighten,
+    to_bytes,
+    to_float,
+    write_image,
+)
+from catalogs.png import check_png
 
 
 def every_pixel() -> np.ndarray:
@@ -23,6 +40,25 @@ def test_the_eight_bit_round_trip_is_exact_for_every_valid_pixel(tmp_path: Path)
     assert np.array_equal(premultiply(straighten(pixels)), pixels)
     write_image(tmp_path / "all.png", pixels)
     assert np.array_equal(read_image(tmp_path / "all.png"), pixels)
+
+
+@given(arrays.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(4))))
+def test_another_decoder_reads_what_is_encoded(rgba: np.ndarray) -> None:
+    seen = Image.open(io.BytesIO(encode_png(rgba)))
+    assert seen.mode == "RGBA"
+    assert np.array_equal(np.asarray(seen), rgba)
+
+
+def test_encoded_pictures_are_whole_and_small(tmp_path: Path) -> None:
+    y, x = np.mgrid[0:256, 0:256] / 256.0
+    alpha = np.clip(1.2 - 3.0 * np.hypot(x - 0.5, y - 0.5), 0.0, 1.0)
+    color = [alpha * (0.5 + 0.5 * np.sin(9 * x + i) * np.cos(7 * y * i)) for i in (1, 2, 3)]
+    smooth = to_bytes(np.stack([*color, alpha], axis=-1).astype(np.float32))
+    write_image(tmp_path / "a.png", smooth)
+    header = check_png(tmp_path / "a.png")
+    assert (header.width, header.height, header.kind) == (256, 256, "8-bit RGBA")
+    Image.fromarray(straighten(smooth)).save(tmp_path / "other.png", compress_level=1)
+    assert (tmp_path / "a.png").stat().st_size < 1.1 * (tmp_path / "other.png").stat().st_size
 
 
 def test_another_decoder_sees_straight_alpha(tmp_path: Path) -> None:
@@ -63,6 +99,37 @@ def test_files_with_fewer_channels_become_rgba(tmp_path: Path, mode: str, channe
     assert np.array_equal(seen, premultiply(wanted))
 
 
+def test_every_damaged_byte_is_told_or_harmless(tmp_path: Path) -> None:
+    path = tmp_path / "flipped.png"
+    pixels = every_pixel()[100:112, 40:60]
+    write_image(path, pixels)
+    data = path.read_bytes()
+    told = 0
+    for place in range(len(data)):
+        path.write_bytes(data[:place] + bytes([data[place] ^ 0x20]) + data[place + 1 :])
+        try:
+            assert np.array_equal(read_image(path), pixels), f"byte {place}"
+        except ImageError:
+            told += 1
+    assert told > 0.9 * len(data)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no disk that is always full")
+@pytest.mark.parametrize("name", ["a.png", "a.exr"])
+def test_a_full_disk_is_noticed(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).symlink_to("/dev/full")
+    with pytest.raises(OSError, match=rf"{name}") as caught:
+        write_image(tmp_path / name, every_pixel())
+    assert name.endswith("exr") or caught.value.errno == errno.ENOSPC
+
+
+def test_what_is_stored_is_seen_as_it_is(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (6, 9, 3), dtype=np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "A.PNG")
+    assert np.array_equal(read_stored(tmp_path / "A.PNG"), pixels)
+    assert image_shape(tmp_path / "A.PNG") == (6, 9, 3)
+
+
 @pytest.mark.parametrize("keep", [0, 7, 40, 0.5, 0.95])
 def test_a_truncated_file_is_named(tmp_path: Path, keep: float) -> None:
     path = tmp_path / "cut.png"
@@ -74,7 +141,14 @@ def test_a_truncated_file_is_named(tmp_path: Path, keep: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "bad", [np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint8), np.zeros((4, 4, 4), np.float64)]
+    "bad",
+    [
+        np.zeros((4, 4, 3), np.uint8),
+        np.zeros((4, 4), np.uint8),
+        np.zeros((0, 4, 4), np.uint8),
+        np.zeros((4, 4, 4), np.float64),
+        np.full((4, 4, 4), np.nan, np.float32),
+    ],
 )
 def test_what_is_no_image_is_refused(tmp_path: Path, bad: np.ndarray) -> None:
     with pytest.raises(ValueError, match="must be"):
