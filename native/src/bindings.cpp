@@ -30,10 +30,11 @@ using Output = nb::ndarray<nb::numpy, float, nb::c_contig>;
 std::vector<const Kernels*> available() {
     std::vector<const Kernels*> found;
 #if defined(GS_X86)
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
+    const bool haswell = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi");
+    if (haswell && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
         __builtin_cpu_supports("avx512vl"))
         found.push_back(&kernels_avx512);
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found.push_back(&kernels_avx2);
+    if (haswell) found.push_back(&kernels_avx2);
 #endif
     found.push_back(&kernels_baseline);
     return found;

@@ -11,7 +11,6 @@ namespace gs {
 namespace {
 
 constexpr int kPortionsPerThread = 4;
-constexpr int64_t kAhead = 8;  // entries fetched before they are needed
 constexpr size_t kKeptWorkspaces = 2;
 
 std::mutex kept_mutex;
@@ -88,7 +87,6 @@ void Drawing::project(int threads) {
     portions_ = tasks_of(count, portion_size_);
     m.splats.resize(size_t(count));
     m.depths.resize(size_t(count));
-    m.begin.resize(size_t(count));
     if (m.portions.size() < size_t(portions_)) m.portions.resize(size_t(portions_));
     parallel(portions_, threads, [&](int64_t task) {
         struct Growing : Touches {
@@ -107,14 +105,14 @@ void Drawing::project(int threads) {
             t.data = t.buffer->grow(2 * t.capacity + room, t.count);
             t.capacity = t.buffer->capacity();
         };
-        kernels_.project(gaussians, view, tiling_, task * portion_size_, std::min(count, (task + 1) * portion_size_),
-                         m.splats.data(), m.depths.data(), touches, m.begin.data());
-        portion.touched = touches.count;
+        const int64_t first = task * portion_size_, last = std::min(count, first + portion_size_);
+        portion.begin.resize(size_t(last - first) + 1);
+        kernels_.project(gaussians, view, tiling_, first, last, m.splats.data(), m.depths.data(), touches, portion.begin.data());
     });
     uint64_t slot = 0;
     for (int64_t task = 0; task < portions_; ++task) {
         m.portions[task].first_slot = slot;
-        slot += m.portions[task].touched;
+        slot += m.portions[task].begin[std::min(portion_size_, count - task * portion_size_)];
     }
     if (slot >= UINT32_MAX)
         throw std::length_error("the Gaussians touch " + std::to_string(slot) +
@@ -149,11 +147,9 @@ void Drawing::list(int threads) {
         const int64_t last = drawn_ * (run + 1) / runs;
         for (int64_t k = drawn_ * run / runs; k < last; ++k) {
             const uint32_t i = m.order[k].index;
-            if (k + kAhead < last) __builtin_prefetch(&m.begin[m.order[k + kAhead].index]);
             const Portion& portion = m.portions[i / portion_size_];
-            const int64_t next = int64_t(i) + 1;
-            const size_t end = next == gaussians.count || next % portion_size_ == 0 ? portion.touched : m.begin[next];
-            for (size_t t = m.begin[i]; t < end; ++t) take(portion.touches[t], i, uint32_t(portion.first_slot + t));
+            const uint32_t* begin = portion.begin.data() + i % portion_size_;
+            for (uint32_t t = begin[0]; t < begin[1]; ++t) take(portion.touches[t], i, uint32_t(portion.first_slot + t));
         }
     };
     parallel(runs, threads, [&](int64_t run) {
@@ -192,13 +188,9 @@ void Drawing::backward(const float* grad_color, const float* grad_alpha, int thr
     });
     parallel(portions_, threads, [&](int64_t task) {
         const Portion& portion = m.portions[task];
-        const int64_t last = std::min(gaussians.count, (task + 1) * portion_size_);
-        for (int64_t i = task * portion_size_; i < last; ++i) {
-            const size_t end = i + 1 < last ? m.begin[i + 1] : portion.touched;
-            if (end > m.begin[i])
-                kernels_.project_backward(gaussians, view, i, m.moments.data() + (portion.first_slot + m.begin[i]) * kMoments,
-                                          int64_t(end - m.begin[i]), out);
-        }
+        const int64_t first = task * portion_size_, last = std::min(gaussians.count, first + portion_size_);
+        kernels_.project_backward(gaussians, view, first, last, m.moments.data() + portion.first_slot * kMoments,
+                                  portion.begin.data(), out);
     });
 }
 

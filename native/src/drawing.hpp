@@ -19,7 +19,7 @@ struct DepthKey {
 // A run of Gaussians that one task projects.
 struct Portion {
     Buffer<Touch> touches;
-    size_t touched = 0;
+    Buffer<uint32_t> begin;  // [Gaussians + 1], where each one's begin in `touches`
     uint64_t first_slot = 0;
 };
 
@@ -27,13 +27,12 @@ struct Portion {
 struct Workspace {
     Buffer<Splat> splats;
     Buffer<float> depths;
-    Buffer<uint32_t> begin;       // [N], where in its portion's touches each Gaussian's begin
     std::vector<Portion> portions;
     Buffer<DepthKey> order, spare;
     Buffer<uint32_t> counts;      // [runs of the sorted Gaussians, tiles]
     Buffer<uint64_t> starts;      // [tiles + 1]
     Buffer<Entry> entries;
-    Buffer<float> states;         // [tiles, 4, pixels of a tile]
+    Buffer<float> states;         // [tiles, 4 x pixels of a tile]
     Buffer<float> moments;        // [entries, kMoments], Gaussian by Gaussian
 };
 

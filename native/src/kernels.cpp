@@ -13,6 +13,7 @@ namespace gs {
 namespace {
 
 #include "vectors.inc"
+#include "doubles.inc"
 #include "projection.inc"
 #include "touches.inc"
 #include "tiles.inc"

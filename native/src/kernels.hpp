@@ -86,19 +86,19 @@ struct ImagePair {
 struct Kernels {
     const char* name;
     int tile_width, tile_height;
-    // Projects Gaussians [first, last): writes splats, depths (-1 for one that is not drawn), what they touch, and where in
-    // `touches` each one's begin.
+    // Projects Gaussians [first, last): writes splats, depths (-1 for one that is not drawn), what they touch, and in
+    // `begin` where each one's begin in `touches`, and at its end where they end.
     void (*project)(const Gaussians&, const View&, const Tiling&, int64_t first, int64_t last, Splat*, float* depths,
                     Touches& touches, uint32_t* begin);
-    // Draws one tile from its list, front to back; `state` [4, pixels of a tile] keeps transmittance and colour.
+    // Draws one tile from its list, front to back; `state` keeps four values per pixel.
     void (*forward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, float* state,
                          float* color, float* alpha);
     // Moments of one tile's entries, each written to moments + slot * kMoments.
     void (*backward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, const float* state,
                           const float* grad_color, const float* grad_alpha, float* moments);
-    // Chain rule of the projection for Gaussian `index` from its moments in `slots` slots.
-    void (*project_backward)(const Gaussians&, const View&, int64_t index, const float* moments, int64_t slots,
-                             const GaussianGradients&);
+    // Chain rule of the projection for Gaussians [first, last), with their moments in slots begin[0] to begin[last - first].
+    void (*project_backward)(const Gaussians&, const View&, int64_t first, int64_t last, const float* moments,
+                             const uint32_t* begin, const GaussianGradients&);
     // The image loss, see image_loss.inc: floats of scratch memory that one call needs, and the call.
     int64_t (*loss_scratch)(const ImagePair&);
     void (*loss_rows)(const ImagePair&, int first, int last, float l1_weight, float ssim_weight, float* scratch,
