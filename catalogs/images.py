@@ -90,7 +90,7 @@ def encode_png(rgba: NDArray[np.uint8]) -> bytes:
     chunks = (
         (b"IHDR", header),
         (b"sRGB", b"\0"),
-        (b"IDAT", deflate.compress(filtered) + deflate.flush()),
+        (b"IDAT", deflate.compress(filtered.tobytes()) + deflate.flush()),
         (b"IEND", b""),
     )
     return SIGNATURE + b"".join(_chunk(kind, body) for kind, body in chunks)
