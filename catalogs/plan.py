@@ -1,11 +1,13 @@
-"""What is fixed for a whole ensemble before its first member is written."""
+"""What is fixed for a whole ensemble before its first member is written: the contents of `catalog.json`."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from catalogs import cinema
@@ -14,7 +16,9 @@ from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]*")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
+KEPT_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz")  # what a member's folder holds beside images
+VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view_split")
 
 
 class CatalogError(ValueError):
@@ -47,19 +51,41 @@ class CatalogPlan:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        low, high = (tuple(map(float, corner)) for corner in self.bounds)
-        if len(low) != 3 or len(high) != 3 or not all(a < b for a, b in zip(low, high, strict=True)):
-            raise CatalogError(f"bounds must be two corners low < high of three numbers, got {self.bounds}")
-        names = [a.name for a in self.appearances]
-        if not names or len(set(names)) != len(names) or not all(NAME.fullmatch(n) for n in names):
-            raise CatalogError(f"appearances need unique names of letters, digits and _.+=-, got {names}")
-        check_views(self.cameras, self.view_splits)
+        object.__setattr__(self, "bounds", _box(self.bounds))
+        object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
+        if self.background is not None:
+            object.__setattr__(self, "background", _color(self.background))
+        names = self.appearance_names
+        if not names or len(set(names)) != len(names):
+            raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
+        for problem in filter(None, map(name_problem, names)):
+            raise CatalogError(f"an appearance can't be called so: {problem}")
+        if self.cameras or self.view_splits:
+            check_views(self.cameras, self.view_splits)
         if self.image_format not in FORMATS:
             raise CatalogError(f"image_format must be one of {sorted(FORMATS)}, got {self.image_format!r}")
-        problems = cinema.header_problems(table_header(self))
+        problems = cinema.header_problems(self.header)
         if problems:
             raise CatalogError(f"these columns would break Cinema specification D: {'; '.join(problems)}")
-        object.__setattr__(self, "bounds", (low, high))
+
+    @property
+    def appearance_names(self) -> list[str]:
+        return [appearance.name for appearance in self.appearances]
+
+    @property
+    def has_isosurface(self) -> bool:
+        """Whether the table has a column `isovalue`."""
+        return any(isinstance(appearance, Isosurface) for appearance in self.appearances)
+
+    @property
+    def header(self) -> list[str]:
+        """The labels of the table, in their order."""
+        isovalue = ["isovalue"] if self.has_isosurface else []
+        return [*self.space.names, "appearance", *isovalue, *VIEW_COLUMNS, "FILE"]
+
+    def image_name(self, appearance: str, view: int) -> str:
+        """Path of an image below its member's folder."""
+        return f"{appearance}/{view:03d}{FORMATS[self.image_format]}"
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the schema version, as JSON values."""
@@ -77,7 +103,11 @@ class CatalogPlan:
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> CatalogPlan:
-        """The plan of a `to_json` record; unknown keys are ignored, so that minor additions stay readable."""
+        """The plan of a `to_json` record.
+
+        Unknown keys beside the known ones are ignored, so that additions which change no meaning stay readable; what changes
+        the meaning of a catalog raises its schema, and unknown keys inside appearances and parameters are errors.
+        """
         low, high = record["bounds"]
         return cls(
             space=ParameterSpace.from_json(record["parameters"]),
@@ -96,13 +126,6 @@ class CatalogPlan:
         return [key for key in mine if key != "provenance" and mine[key] != theirs[key]]
 
 
-def table_header(plan: CatalogPlan) -> list[str]:
-    """The labels of the plan's table, in their order."""
-    isovalue = ["isovalue"] if any(isinstance(a, Isosurface) for a in plan.appearances) else []
-    views = ["member", "view", "phi", "theta", "split", "member_split", "view_split"]
-    return [*plan.space.names, "appearance", *isovalue, *views, "FILE"]
-
-
 def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
     """Raise CatalogError unless every camera has one of the known splits."""
     if len(cameras) != len(view_splits):
@@ -110,3 +133,56 @@ def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
     strange = sorted(set(view_splits) - set(SPLITS))
     if strange:
         raise CatalogError(f"a view's split must be one of {SPLITS}, got {strange}")
+
+
+def name_problem(name: str) -> str | None:
+    """Why a member or an appearance can't have this name, or None: it becomes a folder, and a cell among words."""
+    if not NAME.fullmatch(name):
+        return f"a name must be 1 to 100 letters, digits and _.+=-, a letter or digit first, got {name!r}"
+    if cinema.reads_as_number(name):
+        return f"the name {name!r} reads as a number, for which clients would take it: put a letter first"
+    if name in KEPT_NAMES:
+        return f"the name {name!r} is kept for a file of the catalog"
+    return None
+
+
+def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
+    """A copy of `values`, as JSON would give them back; raises CatalogError naming `what` where JSON can't hold them."""
+    try:
+        return json.loads(json.dumps(dict(values), allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise CatalogError(f"{what} must hold JSON values (words, finite numbers, lists, tables): {error}") from error
+
+
+def read_json(path: Path, kind: type = dict) -> Any:
+    """What a JSON file holds; raises CatalogError naming it where it is absent, damaged, or holds no `kind`."""
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CatalogError(f"{path} is missing: is {path.parent} a catalog made by gs-surrogate?") from None
+    except (ValueError, RecursionError) as error:
+        raise CatalogError(f"{path} is damaged: {error}") from error
+    if not isinstance(record, kind):
+        raise CatalogError(f"{path} is damaged: it must hold a {kind.__name__}")
+    return record
+
+
+def _box(bounds: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    try:
+        low, high = (tuple(map(float, corner)) for corner in bounds)
+        proper = len(low) == len(high) == 3 and all(a < b < math.inf for a, b in zip(low, high, strict=True))
+    except (TypeError, ValueError):
+        proper = False
+    if not proper or -math.inf in low:
+        raise CatalogError(f"bounds must be two corners low < high of three finite numbers, got {bounds}")
+    return low, high
+
+
+def _color(color: Any) -> tuple[float, ...]:
+    try:
+        values = tuple(map(float, color))
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != 3 or not all(0.0 <= value <= 1.0 for value in values):
+        raise CatalogError(f"background must be None or three numbers in [0, 1], got {color!r}")
+    return values

@@ -1,0 +1,128 @@
+"""One member of an ensemble as it lies on disk: a folder of images, its part of the table, and what both can't say."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs import cinema, durable
+from catalogs.appearance import Isosurface
+from catalogs.cameras import Camera, spherical_angles
+from catalogs.parameters import SPLITS
+from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
+from catalogs.summary import FieldSummary
+
+RECORD = "member.json"
+ROWS = "rows.csv"
+CAMERAS = "cameras.json"
+SUMMARY = "field.npz"
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of an ensemble.
+
+    Attributes
+    ----------
+    name : its folder in `members/`.
+    parameters : the simulation parameters by name, in physical units.
+    split : "train", "validation" or "test".
+    cameras : the viewpoints of its images.
+    view_splits : "train", "validation" or "test" per camera.
+    path : its folder.
+    provenance : JSON values: the simulated time, the hook's warnings, where images came from.
+    """
+
+    name: str
+    parameters: Mapping[str, float]
+    split: str
+    cameras: tuple[Camera, ...]
+    view_splits: tuple[str, ...]
+    path: Path
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        problem = name_problem(self.name)
+        if problem:
+            raise CatalogError(f"a member can't be called so: {problem}")
+        if self.split not in SPLITS:
+            raise CatalogError(f"split must be one of {SPLITS}, got {self.split!r}")
+        if not self.cameras:
+            raise CatalogError(f"member {self.name} has no cameras: every member of this catalog must bring its own")
+        check_views(self.cameras, self.view_splits)
+        object.__setattr__(self, "provenance", json_values(self.provenance, f"the provenance of member {self.name}"))
+
+    def summary(self) -> FieldSummary | None:
+        """What was kept of the field; None for images that came without one."""
+        path = self.path / SUMMARY
+        return FieldSummary.load(path) if path.is_file() else None
+
+    def row_split(self, view: int) -> str:
+        """The split of one image: test wins over validation, validation over train."""
+        return max(self.split, self.view_splits[view], key=SPLITS.index)
+
+
+def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
+    """The member's part of the table: a row per appearance and view."""
+    low, high = np.array(plan.bounds)
+    for appearance in plan.appearances:
+        isovalue = float(appearance.isovalue) if isinstance(appearance, Isosurface) else 0.0
+        for view, camera in enumerate(member.cameras):
+            yield [
+                *member.parameters.values(),
+                appearance.name,
+                *([isovalue] if plan.has_isosurface else []),
+                member.name,
+                view,
+                *spherical_angles(camera.position - (low + high) / 2.0),
+                member.row_split(view),
+                member.split,
+                member.view_splits[view],
+                f"members/{member.name}/{plan.image_name(appearance.name, view)}",
+            ]
+
+
+def write_record(member: Member, plan: CatalogPlan) -> None:
+    """Write into the member's folder everything but its images and summary; not synced yet."""
+    durable.write(member.path / ROWS, cinema.format_rows(rows_of(member, plan)).encode())
+    if not plan.cameras:
+        cameras = [camera.to_json() for camera in member.cameras]
+        durable.write(member.path / CAMERAS, json.dumps(cameras).encode())
+    record = {
+        "name": member.name,
+        "parameters": dict(member.parameters),
+        "split": member.split,
+        "own_cameras": not plan.cameras,
+        "view_splits": list(member.view_splits),
+        "provenance": dict(member.provenance),
+    }
+    durable.write(member.path / RECORD, json.dumps(record, indent=1, allow_nan=False).encode())
+
+
+def read_record(path: Path, plan: CatalogPlan) -> Member:
+    """The member in the folder `path`; raises CatalogError naming the file that is absent or damaged."""
+    record = read_json(path / RECORD)
+    try:
+        cameras = plan.cameras
+        if record["own_cameras"]:
+            cameras = tuple(Camera.from_json(camera) for camera in read_json(path / CAMERAS, list))
+        parameters = {name: float(record["parameters"][name]) for name in plan.space.names}
+        if not all(map(math.isfinite, parameters.values())) or record["name"] != path.name:
+            raise ValueError(f"it describes {record['name']} with {parameters}")
+        return Member(
+            name=record["name"],
+            parameters=parameters,
+            split=record["split"],
+            cameras=cameras,
+            view_splits=tuple(record["view_splits"]),
+            path=path,
+            provenance=record["provenance"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error
