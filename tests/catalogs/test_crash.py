@@ -1,55 +1,47 @@
-"""A writer that is killed at any moment leaves a catalog that reads well and that the next run completes."""
+"""A writer that dies at any moment leaves a catalog that reads well and that the next run completes."""
 
 from __future__ import annotations
 
 import os
 import random
+import shutil
 import signal
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from catalogs import cinema, durable
 from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.check import check
 from tests.catalogs.conftest import add_member, make_plan
 
 MEMBERS = {"a": 110.0, "b": 150.0, "c": 190.0}
-OPERATIONS = ("write", "sync", "rename")
+LOSSES = ("before", "within", "after", "contents", "everything")
 
 
 def small_plan() -> CatalogPlan:
-    """Three views are enough: every kind of file and of moment is there."""
+    """Two views are enough: every kind of file and of moment is there."""
     whole = make_plan()
-    return make_plan(cameras=whole.cameras[:3], view_splits=whole.view_splits[:3])
+    return make_plan(cameras=whole.cameras[:2], view_splits=whole.view_splits[:2])
 
 
-def write_all(path: Path) -> None:
-    """What a simulation's run does: create or open, then add the members that are not there."""
+def write_all(path: Path, names: tuple[str, ...] = tuple(MEMBERS), stored: Path | None = None) -> None:
+    """What a simulation's run does: create or open, then add the members that are not there, noting what is `stored`."""
     catalog = Catalog.create(path, small_plan())
     for seed, (name, reynolds) in enumerate(MEMBERS.items()):
-        if name not in catalog:
+        if name in names and name not in catalog:
             add_member(catalog, name, reynolds, seed=seed)
+            if stored is not None:
+                stored.write_text(stored.read_text() + name)
     catalog.rebuild_table()
 
 
 def contents(path: Path) -> dict[str, bytes]:
-    """Every file of a finished catalog."""
+    """Every file of a catalog."""
     return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file()}
-
-
-def in_child(work: Callable[[], None]) -> tuple[int, Callable[[], int]]:
-    """Start `work` in a forked child; returns its process number and what waits for its status."""
-    child = os.fork()
-    if child == 0:
-        try:
-            work()
-        except BaseException:
-            os._exit(3)
-        os._exit(0)
-    return child, lambda: os.waitpid(child, 0)[1]
 
 
 def check_consistent(path: Path) -> None:
@@ -64,81 +56,160 @@ def check_consistent(path: Path) -> None:
     for member in catalog.members:
         assert member.summary() is not None
         for appearance in catalog.appearance_names:
-            catalog.images(member, appearance, range(3), threads=1)
+            catalog.images(member, appearance, threads=1)
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    path = tmp_path_factory.mktemp("whole") / "run.cdb"
-    write_all(path)
-    return contents(path)
+def in_child(work: Callable[[], None]) -> tuple[int, Callable[[], int]]:
+    """Start `work` in a forked child; returns its process number and what waits for its status."""
+    child = os.fork()
+    if child == 0:
+        try:
+            work()
+        except BaseException:
+            os._exit(3)
+        os._exit(0)
+    return child, lambda: os.waitpid(child, 0)[1]
 
 
-def dying_at(step: int, patched: Callable[[str, Any], None]) -> list[int]:
-    """Patch the door to the disk so that the process kills itself at its `step`-th moment, before or after an operation."""
-    count = [0]
+class MortalDisk:
+    """Stands in `durable`'s place at the door to the disk and dies at a chosen operation, with a chosen loss.
 
-    def moment() -> None:
-        count[0] += 1
-        if count[0] == step:
-            os.kill(os.getpid(), signal.SIGKILL)
+    "before", "within" and "after" the operation the process is killed.  A power cut after it takes away, too, what
+    was not synced: the "contents" of files, or "everything", new names and renames as well.
+    """
 
-    for name in OPERATIONS:
-        operation = getattr(durable, name)
+    def __init__(self, step: int, loss: str, root: Path) -> None:
+        self.count, self.step, self.loss, self.root = 0, step, loss, root
+        self.unsynced: set[int] = set()  # files by inode
+        self.new_names: dict[int, set[str]] = {}  # by folder's inode
+        self.renames: list[tuple[Path, Path, bytes | None]] = []
+        self.write, self.sync, self.rename = durable.write, durable.sync, durable.rename
 
-        def guarded(*arguments: Any, operation: Any = operation) -> None:
-            moment()
-            operation(*arguments)
-            moment()
+    def install(self) -> None:
+        durable.SYNCS_AT_ONCE = 1  # so that the operations come in one order
+        durable.write, durable.sync, durable.rename = self._write, self._sync, self._rename
 
-        patched(name, guarded)
-    return count
+    def remove(self) -> None:
+        durable.SYNCS_AT_ONCE = 16
+        durable.write, durable.sync, durable.rename = self.write, self.sync, self.rename
+
+    def _write(self, path: Path, data: bytes) -> None:
+        def within() -> None:
+            self.write(path, data[: len(data) // 2])
+
+        def whole() -> None:
+            self.new_names.setdefault(path.parent.stat().st_ino, set()).add(path.name)
+            self.write(path, data)
+            self.unsynced.add(path.stat().st_ino)
+
+        self._operate(whole, within)
+
+    def _sync(self, path: Path) -> None:
+        def whole() -> None:
+            self.sync(path)
+            node = path.stat().st_ino
+            self.unsynced.discard(node)
+            self.new_names.pop(node, None)
+            self.renames = [rename for rename in self.renames if rename[1].parent != path]
+
+        self._operate(whole, lambda: None)
+
+    def _rename(self, source: Path, target: Path) -> None:
+        def whole() -> None:
+            self.renames.append((source, target, target.read_bytes() if target.is_file() else None))
+            self.rename(source, target)
+
+        self._operate(whole, lambda: None)
+
+    def _operate(self, whole: Callable[[], None], within: Callable[[], None]) -> None:
+        self.count += 1
+        if self.count != self.step:
+            whole()
+            return
+        if self.loss == "within":
+            within()
+        elif self.loss != "before":
+            whole()
+        if self.loss == "everything":
+            self._lose_names()
+        if self.loss in ("contents", "everything"):
+            self._lose_contents()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def _lose_names(self) -> None:
+        for source, target, replaced in reversed(self.renames):
+            os.replace(target, source)
+            if replaced is not None:
+                target.write_bytes(replaced)
+        for folder in [self.root, *(p for p in self.root.rglob("*") if p.is_dir())]:
+            for name in self.new_names.get(folder.stat().st_ino, ()):
+                (folder / name).unlink(missing_ok=True)
+
+    def _lose_contents(self) -> None:
+        for path in self.root.rglob("*"):
+            if path.is_file() and path.stat().st_ino in self.unsynced:
+                os.truncate(path, path.stat().st_size // 2)
 
 
-def moments(tmp_path: Path) -> int:
-    """How many moments an undisturbed run has."""
-    original = {name: getattr(durable, name) for name in OPERATIONS}
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """In memory where the system has such a place: these tests sync thousands of times."""
+    memory = Path("/dev/shm")
+    place = Path(tempfile.mkdtemp(dir=memory if os.access(memory, os.W_OK) else None))
+    yield place
+    shutil.rmtree(place)
+
+
+@pytest.fixture
+def undisturbed(folder: Path) -> dict[str, bytes]:
+    write_all(folder / "whole.cdb")
+    assert check(folder / "whole.cdb") == []
+    return contents(folder / "whole.cdb")
+
+
+def operations(folder: Path) -> int:
+    """How many operations an undisturbed run has."""
+    disk = MortalDisk(-1, "after", folder)
+    disk.install()
     try:
-        count = dying_at(-1, lambda name, value: setattr(durable, name, value))
-        write_all(tmp_path / "count.cdb")
+        write_all(folder / "count.cdb", ("a", "b"))
     finally:
-        for name, value in original.items():
-            setattr(durable, name, value)
-    return count[0]
+        disk.remove()
+    return disk.count
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(600)
-def test_killed_before_and_after_every_operation(
-    tmp_path: Path, undisturbed: dict[str, bytes], monkeypatch: Any
-) -> None:
-    monkeypatch.setattr(durable, "SYNCS_AT_ONCE", 1)  # so that the moments come in one order
-    total = moments(tmp_path)
-    assert total > 100
+@pytest.mark.parametrize("loss", LOSSES)
+def test_dead_at_every_operation(folder: Path, loss: str) -> None:
+    write_all(folder / "whole.cdb", ("a", "b"))
+    undisturbed = contents(folder / "whole.cdb")
+    total = operations(folder)
+    assert total > 50
     for step in range(1, total + 1):
-        path = tmp_path / f"{step}.cdb"
+        path, stored = folder / f"{step}.cdb", folder / "stored"
+        stored.write_text("")
 
-        def work(path: Path = path, step: int = step) -> None:
-            dying_at(step, lambda name, value: setattr(durable, name, value))
-            write_all(path)
+        def work(path: Path = path, step: int = step, stored: Path = stored) -> None:
+            MortalDisk(step, loss, path).install()
+            write_all(path, ("a", "b"), stored)
 
-        _, wait = in_child(work)
-        assert os.WTERMSIG(wait()) == signal.SIGKILL
+        assert os.WTERMSIG(in_child(work)[1]()) == signal.SIGKILL
         check_consistent(path)
-        write_all(path)
-        assert contents(path) == undisturbed, f"killed at moment {step} of {total}"
+        assert all(name in Catalog.open(path) for name in stored.read_text())
+        write_all(path, ("a", "b"))
+        assert contents(path) == undisturbed, f"{loss} operation {step} of {total}"
+        shutil.rmtree(path)
 
 
-def test_killed_at_fifty_random_moments(tmp_path: Path, undisturbed: dict[str, bytes]) -> None:
+def test_killed_at_fifty_random_moments(folder: Path, undisturbed: dict[str, bytes]) -> None:
     started = time.perf_counter()
-    write_all(tmp_path / "timing.cdb")
+    write_all(folder / "timing.cdb")
     whole = time.perf_counter() - started
     draw = random.Random(0)
     killed = attempt = 0
     while killed < 50:
         attempt += 1
         assert attempt < 500, "the writer keeps ending before it is killed"
-        path = tmp_path / f"{attempt}.cdb"
+        path = folder / f"{attempt}.cdb"
         child, wait = in_child(lambda path=path: write_all(path))
         time.sleep(draw.uniform(0.0, whole))
         os.kill(child, signal.SIGKILL)
@@ -148,23 +219,90 @@ def test_killed_at_fifty_random_moments(tmp_path: Path, undisturbed: dict[str, b
         assert contents(path) == undisturbed, f"attempt {attempt}"
 
 
-def test_two_writers_at_once_lose_nothing(tmp_path: Path, undisturbed: dict[str, bytes]) -> None:
-    path = tmp_path / "shared.cdb"
-    Catalog.create(path, small_plan())
+def test_a_reader_sees_a_whole_catalog_at_any_time(folder: Path) -> None:
+    path = folder / "watched.cdb"
+    _, wait = in_child(lambda: write_all(path))
+    looks = 0
+    while not (path / "members/c").is_dir():
+        check_consistent(path)
+        looks += 1
+    assert wait() == 0
+    assert looks > 3
+    assert check(path) == []
 
-    def add(seed: int, name: str) -> None:
-        add_member(Catalog.open(path), name, MEMBERS[name], seed=seed)
 
-    waits = [in_child(lambda s=s, n=n: add(s, n))[1] for s, n in enumerate(MEMBERS)]
+def test_writers_at_once_lose_nothing(folder: Path, undisturbed: dict[str, bytes]) -> None:
+    path = folder / "shared.cdb"
+    waits = [in_child(lambda name=name: write_all(path, (name,)))[1] for name in MEMBERS]
     assert [wait() for wait in waits] == [0, 0, 0]
     assert contents(path) == undisturbed
 
 
-def test_the_leavings_of_the_living_are_kept(tmp_path: Path) -> None:
-    catalog = Catalog.create(tmp_path / "a.cdb", small_plan())
+def test_writers_at_once_survive_the_death_of_some(folder: Path, undisturbed: dict[str, bytes]) -> None:
+    draw = random.Random(1)
+    for attempt in range(10):
+        path = folder / f"{attempt}.cdb"
+        children = [in_child(lambda path=path, name=name: write_all(path, (name,))) for name in MEMBERS]
+        time.sleep(draw.uniform(0.0, 0.05))
+        for child, _ in children[:2]:
+            os.kill(child, signal.SIGKILL)
+        statuses = [wait() for _, wait in children]
+        assert statuses[2] == 0
+        check_consistent(path)
+        assert "c" in Catalog.open(path)
+        write_all(path)
+        assert contents(path) == undisturbed
+
+
+def test_one_of_two_that_write_the_same_member_is_told(folder: Path) -> None:
+    catalog = Catalog.create(folder / "a.cdb", small_plan())
+    slow = catalog.begin_member("a", {"Re": 110.0, "Pr": 1.0})
+    add_member(catalog, "a", 110.0)
+    before = contents(catalog.path)
+    for appearance in catalog.appearance_names:
+        for view in range(2):
+            slow.write_image(appearance, view, catalog.image("a", appearance, view))
+    with pytest.raises(ValueError, match="already"):
+        slow.__exit__(None)
+    assert contents(catalog.path) == before
+    assert catalog.unfinished() == []
+
+
+def test_the_leavings_of_the_living_are_kept(folder: Path) -> None:
+    catalog = Catalog.create(folder / "a.cdb", small_plan())
     writer = catalog.begin_member("slow", {"Re": 150.0, "Pr": 1.0})
     add_member(catalog, "quick", 160.0)
-    assert writer.path.is_dir()
-    with pytest.raises(RuntimeError), writer:
-        raise RuntimeError("interrupted")
-    assert not writer.path.exists()
+    assert catalog.unfinished() == [writer.path]
+    with pytest.raises(KeyboardInterrupt), writer:
+        raise KeyboardInterrupt
+    assert catalog.unfinished() == []
+
+
+def test_without_syncs_a_power_cut_would_be_noticed(folder: Path) -> None:
+    """The tests above can fail: a writer that forgets to sync loses a member that it had reported as stored."""
+
+    def work() -> None:
+        disk = MortalDisk(operations_of_one, "everything", folder / "careless.cdb")
+        disk.install()
+        durable.sync_tree = lambda _: None
+        write_all(folder / "careless.cdb", ("a",))
+
+    def count() -> int:
+        disk = MortalDisk(-1, "after", folder)
+        disk.install()
+        kept, durable.sync_tree = durable.sync_tree, lambda _: None
+        try:
+            write_all(folder / "count.cdb", ("a",))
+        finally:
+            disk.remove()
+            durable.sync_tree = kept
+        return disk.count
+
+    operations_of_one = count()
+    assert os.WTERMSIG(in_child(work)[1]()) == signal.SIGKILL
+    try:
+        check_consistent(folder / "careless.cdb")
+        whole = "a" in Catalog.open(folder / "careless.cdb")
+    except (ValueError, AssertionError):
+        whole = False
+    assert not whole
