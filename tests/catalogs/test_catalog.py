@@ -5,14 +5,19 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from catalogs import cinema, durable
+from catalogs.appearance import Isosurface
 from catalogs.cameras import orbit
 from catalogs.catalog import Catalog, CatalogError
+from catalogs.check import check
 from catalogs.images import ImageError
 from catalogs.parameters import Parameter, ParameterSpace
 from tests.catalogs.conftest import add_member, make_plan, picture
@@ -68,6 +73,12 @@ def test_creating_twice_opens_and_another_plan_is_refused(catalog: Catalog) -> N
         ("third", {"Re": float("nan"), "Pr": 1.0}, {}, "finite"),
         ("../third", {"Re": 150.0, "Pr": 1.0}, {}, "name"),
         (".third", {"Re": 150.0, "Pr": 1.0}, {}, "name"),
+        ("007", {"Re": 150.0, "Pr": 1.0}, {}, "reads as a number"),
+        ("nan", {"Re": 150.0, "Pr": 1.0}, {}, "reads as a number"),
+        ("x" * 101, {"Re": 150.0, "Pr": 1.0}, {}, "100 letters"),
+        ("third", {"Re": 150.0, "Pr": 1.0}, {"provenance": {"time": float("nan")}}, "provenance of member third"),
+        ("third", {"Re": 150.0, "Pr": 1.0}, {"provenance": {"field": np.zeros(3)}}, "provenance of member third"),
+        ("third", {"Re": 150.0, "Pr": 1.0}, {"view_splits": ["test"]}, "12 cameras"),
         ("third", {"Re": 150.0, "Pr": 1.0}, {"split": "tets"}, "split"),
         ("third", {"Re": 150.0, "Pr": 1.0}, {"cameras": orbit((0, 0, 0), 1, width=4, height=4)}, "shared"),
     ],
@@ -105,42 +116,118 @@ def test_an_incomplete_member_is_not_stored(catalog: Catalog) -> None:
     assert tree(catalog.path) == before
 
 
-def test_a_full_disk_changes_nothing(catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = tree(catalog.path)
+@pytest.mark.parametrize("left", range(31))
+def test_a_disk_that_fills_at_any_write_changes_nothing(
+    catalog: Catalog, monkeypatch: pytest.MonkeyPatch, left: int
+) -> None:
+    """24 images, summary, rows and record of the member, and the new table: the disk is full after `left` of them."""
+    before, write, count = tree(catalog.path), durable.write, [0]
 
     def full(path: Path, data: bytes) -> None:
-        path.write_bytes(data[: len(data) // 2])
+        count[0] += 1
+        if count[0] <= left:
+            write(path, data)
+            return
+        write(path, data[: len(data) // 2])
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
     monkeypatch.setattr(durable, "write", full)
-    with pytest.raises(OSError, match="No space left"):
+    if left < 28:
+        with pytest.raises(OSError, match="No space left"):
+            add_member(catalog, "third", 150.0)
+        assert tree(catalog.path) == before
+        monkeypatch.undo()
+    add_member(catalog, "third", 150.0 if left < 28 else 151.0)
+    assert check(catalog.path) == []
+
+
+@pytest.mark.parametrize("operation", ["sync", "rename"])
+def test_a_disk_that_fails_changes_nothing(catalog: Catalog, monkeypatch: pytest.MonkeyPatch, operation: str) -> None:
+    before = tree(catalog.path)
+
+    def fail(*paths: Path) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(paths[0]))
+
+    monkeypatch.setattr(durable, operation, fail)
+    with pytest.raises(OSError, match="Input/output error"):
         add_member(catalog, "third", 150.0)
     assert tree(catalog.path) == before
-    monkeypatch.undo()
-    add_member(catalog, "third", 150.0)
-    assert len(catalog.members) == 3
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_read_only_folder_is_named(catalog: Catalog) -> None:
-    members = catalog.path / "members"
-    members.chmod(0o500)
-    try:
-        with pytest.raises(PermissionError, match="members"):
-            add_member(catalog, "third", 150.0)
-    finally:
-        members.chmod(0o700)
+def as_nobody(work: Callable[[], None]) -> str:
+    """What `work` raises in a child that owns nothing, or "": root would be allowed everything."""
+    receive, send = os.pipe()
+    child = os.fork()
+    if child == 0:
+        said = b""
+        try:
+            if os.geteuid() == 0:
+                os.seteuid(65534)
+            work()
+        except BaseException as error:
+            said = f"{type(error).__name__}: {error}".encode()
+        os.write(send, said)
+        os._exit(0)
+    os.close(send)
+    os.waitpid(child, 0)
+    with os.fdopen(receive, "rb") as stream:
+        return stream.read().decode()
 
 
-def test_a_newer_schema_is_refused(catalog: Catalog) -> None:
+@pytest.fixture
+def read_only() -> Iterator[Catalog]:
+    """A catalog in a folder that everyone may read and nobody write."""
+    folder = Path(tempfile.mkdtemp())
+    made = Catalog.create(folder / "small.cdb", make_plan())
+    add_member(made, "first", 120.0, seed=1)
+    for path in [folder, *folder.rglob("*")]:
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    yield made
+    for path in [folder, *folder.rglob("*")]:
+        path.chmod(0o755 if path.is_dir() else 0o644)
+    shutil.rmtree(folder)
+
+
+def test_a_read_only_folder_is_named_and_nothing_changes(read_only: Catalog) -> None:
+    before = tree(read_only.path)
+    said = as_nobody(lambda: add_member(read_only, "second", 150.0))
+    assert said.startswith("PermissionError")
+    assert str(read_only.path / "members") in said
+    said = as_nobody(lambda: Catalog.create(read_only.path.parent / "new.cdb", make_plan()) and None)
+    assert said.startswith("PermissionError")
+    assert "new.cdb" in said
+    assert tree(read_only.path.parent) == {f"small.cdb/{name}": data for name, data in before.items()}
+
+
+def test_a_read_only_catalog_is_read(read_only: Catalog) -> None:
+    def read() -> None:
+        again = Catalog.create(read_only.path, make_plan())
+        assert np.array_equal(again.image("first", "iso", 7), picture(1107))
+        assert check(again.path) == []
+
+    assert as_nobody(read) == ""
+
+
+@pytest.mark.parametrize(("schema", "message"), [(99, "newer"), (2, "newer"), (0, "damaged"), (True, "damaged")])
+def test_other_schemas_are_refused(catalog: Catalog, schema: int, message: str) -> None:
     path = catalog.path / "catalog.json"
     record = json.loads(path.read_text())
-    path.write_text(json.dumps({**record, "schema": 99}))
-    with pytest.raises(CatalogError, match="newer"):
+    path.write_text(json.dumps({**record, "schema": schema}))
+    before = tree(catalog.path)
+    with pytest.raises(CatalogError, match=message):
         Catalog.open(catalog.path)
+    with pytest.raises(CatalogError, match=message):
+        Catalog.create(catalog.path, make_plan())
+    assert tree(catalog.path) == before
 
 
-@pytest.mark.parametrize("damage", ["", "{", "[]", '{"schema": 1}', '{"schema": "1"}'])
+def test_keys_that_a_later_version_added_are_ignored(catalog: Catalog) -> None:
+    path = catalog.path / "catalog.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "comment": "new"}))
+    assert len(Catalog.open(catalog.path).members) == 2
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", "[" * 9999, '{"schema": 1}', '{"schema": "1"}'])
 def test_a_damaged_catalog_is_named(catalog: Catalog, damage: str) -> None:
     (catalog.path / "catalog.json").write_text(damage)
     with pytest.raises(CatalogError, match="catalog"):
@@ -168,12 +255,23 @@ def test_a_missing_or_damaged_image_is_named(catalog: Catalog) -> None:
     "changes",
     [
         {"bounds": ((0, 0, 0), (0, 1, 1))},
+        {"bounds": ((0, 0, 0), (1, 1, float("inf")))},
+        {"bounds": ((0, 0, 0), 1)},
+        {"background": (1.0, 1.0)},
+        {"background": (255, 255, 255)},
+        {"background": "white"},
+        {"provenance": {"when": object()}},
+        {"appearances": (Isosurface("a", 1.0), Isosurface("a", 2.0))},
+        {"appearances": (Isosurface("../a", 1.0),)},
+        {"appearances": (Isosurface("rows.csv", 1.0),)},
+        {"appearances": (Isosurface("40", 40.0),)},
         {"view_splits": ("train",)},
         {"view_splits": ("tain",) * 12},
         {"image_format": "gif"},
         {"appearances": ()},
         {"space": ParameterSpace((Parameter("file_number", 0.0, 1.0),))},
         {"space": ParameterSpace((Parameter("view", 0.0, 1.0),))},
+        {"space": ParameterSpace((Parameter("1", 0.0, 1.0),))},
     ],
 )
 def test_an_impossible_plan_is_refused(changes: dict[str, object]) -> None:
@@ -195,9 +293,45 @@ def test_members_may_bring_their_own_cameras(tmp_path: Path) -> None:
     )
 
 
+def test_images_on_a_background_are_opaque(tmp_path: Path) -> None:
+    made = Catalog.create(tmp_path / "white.cdb", make_plan(background=(1, 1, 1)))
+    with (
+        pytest.raises(CatalogError, match="transparent"),
+        made.begin_member("a", {"Re": 150.0, "Pr": 1.0}) as writer,
+    ):
+        writer.write_image("dvr", 0, picture(0))
+    with made.begin_member("a", {"Re": 150.0, "Pr": 1.0}) as writer:
+        for appearance, view in writer.missing():
+            writer.write_image(appearance, view, np.full((12, 16, 4), 255, np.uint8))
+    assert (made.images("a", "dvr")[..., 3] == 255).all()
+
+
+def test_float_images_are_kept_to_the_bit(tmp_path: Path) -> None:
+    made = Catalog.create(tmp_path / "exact.cdb", make_plan(image_format="exr"))
+    pixels = np.random.default_rng(0).random((12, 16, 4)).astype(np.float32)
+    with made.begin_member("a", {"Re": 150.0, "Pr": 1.0}) as writer:
+        for appearance, view in writer.missing():
+            writer.write_image(appearance, view, pixels)
+    assert np.array_equal(made.images("a", "iso", [3], dtype="float32")[0], pixels)
+    assert check(made.path) == []
+
+
+def test_provenance_in_memory_is_what_a_file_gives_back(tmp_path: Path) -> None:
+    made = Catalog.create(tmp_path / "a.cdb", make_plan(provenance={"step": (1, 2), "of": {"vtk": "9"}}))
+    assert made.plan.provenance == Catalog.open(made.path).plan.provenance == {"step": [1, 2], "of": {"vtk": "9"}}
+
+
+def test_a_stray_folder_is_no_member(catalog: Catalog) -> None:
+    (catalog.path / "members/notes").mkdir()
+    assert [m.name for m in catalog.members] == ["first", "second"]
+    assert "notes" not in catalog
+
+
 def test_its_repr_says_what_is_in_it(catalog: Catalog) -> None:
     assert "2 (1 train, 0 validation, 1 test)" in repr(catalog)
     assert "Re in [100, 200]" in repr(catalog)
+    (catalog.path / "members/first/member.json").write_text("{}")
+    assert "damaged" in repr(catalog)
 
 
 def test_other_things_are_not_taken_over(tmp_path: Path) -> None:
