@@ -4,11 +4,13 @@ The functions load the compiled module when first used.  Arrays are float32 and 
 input gives bitwise the same output for any number of threads.
 
     forward(means, scales, quats, opacities, colors, world_to_camera, fx, fy, cx, cy, width, height, near, dilation,
-            alpha_floor, threads, instruction_set="") -> Drawing, with color (H, W, 3) and alpha (H, W)
-    backward(drawing, grad_color, grad_alpha, threads)
+            alpha_floor, threads, instruction_set="", background=None) -> Drawing, with color (H, W, 3) and alpha (H, W) or,
+            over a background colour, with over (H, W, 4): colours over the background, and alpha
+    backward(drawing, grad_color, grad_alpha, threads), or backward_over(drawing, gradient, threads)
             -> gradients by means, scales, quats, opacities, colors, and by the projected centres their lengths (N,)
     image_loss(image, target, ssim_weight, threads, instruction_set="")
             -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)
+            target: floats, or bytes that are 255 times as large; channels that only the image has are not compared
     instruction_sets() -> names, the best of this machine first, which "" stands for
 
 Arguments mean what `surrogate.splatting.render` and `surrogate.losses.image_loss` say.  A drawing reads the Gaussians' arrays
@@ -20,7 +22,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__all__ = ["backward", "forward", "image_loss", "instruction_sets"]
+__all__ = ["backward", "backward_over", "forward", "image_loss", "instruction_sets"]
 
 
 def __getattr__(name: str) -> Any:

@@ -18,8 +18,9 @@ C1, C2 = 0.01**2, 0.03**2
 def image_loss(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2, threads: int | None = None) -> Tensor:
     """mean |image - target| + ssim_weight (1 - SSIM) of pictures (H, W, C); differentiable in `image` only.
 
-    SSIM is Wang et al. 2004 with an 11x11 Gaussian window of sigma 1.5 and zeros beyond the border, averaged over pixels and
-    channels, for values in [0, 1].  Computed by the C++ kernel in float32, value and gradient at once.
+    `target` holds floats or, as image files do, bytes that are 255 times as large.  Channels that only `image` has are not
+    compared.  SSIM is Wang et al. 2004 with an 11x11 Gaussian window of sigma 1.5 and zeros beyond the border, averaged over
+    pixels and channels, for values in [0, 1].  Computed by the C++ kernel in float32, value and gradient at once.
     """
     return _ImageLoss.apply(image, target, ssim_weight, threads or cores())
 
@@ -53,7 +54,8 @@ class _ImageLoss(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Any) -> Tensor:
         image, target, ssim_weight, threads = inputs
-        arrays = [t.detach().to(torch.float32).contiguous().numpy() for t in (image, target)]
+        kinds = (torch.float32, torch.uint8 if target.dtype == torch.uint8 else torch.float32)
+        arrays = [t.detach().to(kind).contiguous().numpy() for t, kind in zip((image, target), kinds, strict=True)]
         difference, similarity, gradient = native.image_loss(*arrays, ssim_weight, threads)
         ctx.gradient = torch.from_numpy(gradient)
         return image.new_tensor(difference + ssim_weight * (1.0 - similarity))

@@ -1,15 +1,19 @@
 // Arrays in, arrays out: the Python face of drawing and of the image loss, with the checks of what comes in.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <tuple>
@@ -25,6 +29,7 @@ namespace {
 
 using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const double, nb::shape<4, 4>, nb::c_contig, nb::device::cpu>;
+using Bytes = nb::ndarray<const uint8_t, nb::c_contig, nb::device::cpu>;
 using Output = nb::ndarray<nb::numpy, float, nb::c_contig>;
 
 std::vector<const Kernels*> available() {
@@ -98,14 +103,23 @@ void require_finite(const Input& array, const char* name, size_t columns) {
 // A drawing, with the arrays that it reads again in the backward pass.
 struct BoundDrawing {
     Input means, scales, quats, opacities, colors;
-    Output color, alpha;
+    std::optional<std::array<float, 3>> background;
+    std::optional<Output> color, alpha;  // without a background
+    std::optional<Output> over;          // with one
     std::unique_ptr<Drawing> drawing;
+
+    template <class Float>
+    Frame<Float> frame(Float* color_data, Float* alpha_data, Float* over_data) const {
+        Frame<Float> f{color_data, alpha_data, over_data, {}};
+        if (background) std::copy(background->begin(), background->end(), f.background);
+        return f;
+    }
 };
 
 std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, Input opacities, Input colors,
                                       Matrix world_to_camera, double fx, double fy, double cx, double cy, int width, int height,
                                       double near, double dilation, float alpha_floor, int threads,
-                                      const std::string& instruction_set) {
+                                      const std::string& instruction_set, std::optional<std::array<float, 3>> background) {
     require(means.ndim() == 2 && means.shape(1) == 3, "means must have shape [N, 3], got " + shape_of(means));
     const size_t count = means.shape(0);
     require_shape(scales, "scales", {count, 3});
@@ -137,42 +151,76 @@ std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, In
     view.dilation = dilation;
     view.alpha_floor = alpha_floor;
     const Kernels& kernels = kernels_named(instruction_set);
-    auto bound = std::make_unique<BoundDrawing>(BoundDrawing{means, scales, quats, opacities, colors,
-                                                             new_array({size_t(height), size_t(width), 3}),
-                                                             new_array({size_t(height), size_t(width)}), nullptr});
+    const size_t rows = size_t(height), columns = size_t(width);
+    auto bound = std::make_unique<BoundDrawing>();
+    bound->means = means;
+    bound->scales = scales;
+    bound->quats = quats;
+    bound->opacities = opacities;
+    bound->colors = colors;
+    bound->background = background;
+    if (background) {
+        bound->over = new_array({rows, columns, 4});
+    } else {
+        bound->color = new_array({rows, columns, 3});
+        bound->alpha = new_array({rows, columns});
+    }
+    const auto data = [](const std::optional<Output>& array) { return array ? array->data() : nullptr; };
+    const Frame<float> frame = bound->frame(data(bound->color), data(bound->alpha), data(bound->over));
     const Gaussians gaussians{means.data(), scales.data(), quats.data(), opacities.data(), colors.data(), int64_t(count)};
     nb::gil_scoped_release released;
-    bound->drawing = std::make_unique<Drawing>(gaussians, view, kernels, threads, bound->color.data(), bound->alpha.data());
+    bound->drawing = std::make_unique<Drawing>(gaussians, view, kernels, threads, frame);
     return bound;
 }
 
 using Gradients = std::tuple<Output, Output, Output, Output, Output, Output>;
 
-Gradients backward(const BoundDrawing& bound, Input grad_color, Input grad_alpha, int threads) {
-    const View& view = bound.drawing->view;
-    require_shape(grad_color, "grad_color", {size_t(view.height), size_t(view.width), 3});
-    require_shape(grad_alpha, "grad_alpha", {size_t(view.height), size_t(view.width)});
+Gradients gradients_of(const BoundDrawing& bound, const Frame<const float>& gradient, int threads) {
     const size_t count = bound.means.shape(0);
     Gradients out{new_array({count, 3}), new_array({count, 3}), new_array({count, 4}),
                   new_array({count}),    new_array({count, 3}), new_array({count})};
     const GaussianGradients gradients{std::get<0>(out).data(), std::get<1>(out).data(), std::get<2>(out).data(),
                                       std::get<3>(out).data(), std::get<4>(out).data(), std::get<5>(out).data()};
     nb::gil_scoped_release released;
-    bound.drawing->backward(grad_color.data(), grad_alpha.data(), threads, gradients);
+    bound.drawing->backward(gradient, threads, gradients);
     return out;
 }
 
-std::tuple<double, double, Output> bound_image_loss(Input image, Input target, double ssim_weight, int threads,
-                                                    const std::string& instruction_set) {
+Gradients backward(const BoundDrawing& bound, Input grad_color, Input grad_alpha, int threads) {
+    const View& view = bound.drawing->view;
+    require(!bound.background, "this drawing is over a background: use backward_over");
+    require_shape(grad_color, "grad_color", {size_t(view.height), size_t(view.width), 3});
+    require_shape(grad_alpha, "grad_alpha", {size_t(view.height), size_t(view.width)});
+    return gradients_of(bound, bound.frame<const float>(grad_color.data(), grad_alpha.data(), nullptr), threads);
+}
+
+Gradients backward_over(const BoundDrawing& bound, Input gradient, int threads) {
+    const View& view = bound.drawing->view;
+    require(bound.background.has_value(), "this drawing has no background: use backward");
+    require_shape(gradient, "gradient", {size_t(view.height), size_t(view.width), 4});
+    return gradients_of(bound, bound.frame<const float>(nullptr, nullptr, gradient.data()), threads);
+}
+
+using Loss = std::tuple<double, double, Output>;
+
+template <class Target>
+Loss bound_image_loss(Input image, Target target, double ssim_weight, int threads, const std::string& instruction_set) {
     require(image.ndim() == 3 && target.ndim() == 3, "image and target must have shape [H, W, C]");
-    for (int k = 0; k < 3; ++k)
-        require(image.shape(k) == target.shape(k),
-                "image and target must have the same shape, got " + shape_of(image) + " and " + shape_of(target));
-    require(image.size() > 0, "an image must have pixels");
+    require(image.shape(0) == target.shape(0) && image.shape(1) == target.shape(1) && image.shape(2) >= target.shape(2),
+            "image and target must have the same shape, or the image more channels, got [" + std::to_string(image.shape(0)) +
+                ", " + std::to_string(image.shape(1)) + ", " + std::to_string(image.shape(2)) + "] and [" +
+                std::to_string(target.shape(0)) + ", " + std::to_string(target.shape(1)) + ", " +
+                std::to_string(target.shape(2)) + "]");
+    require(target.size() > 0, "an image must have pixels");
     const Kernels& kernels = kernels_named(instruction_set);
     Output gradient = new_array({image.shape(0), image.shape(1), image.shape(2)});
+    ImagePair images{image.data(), nullptr, nullptr, int(image.shape(0)), int(image.shape(1)), int(image.shape(2)),
+                     int(target.shape(2))};
+    if constexpr (std::is_same_v<Target, Bytes>)
+        images.target_bytes = target.data();
+    else
+        images.target = target.data();
     nb::gil_scoped_release released;
-    const ImagePair images{image.data(), target.data(), int(image.shape(0)), int(image.shape(1)), int(image.shape(2))};
     const ImageLoss loss = image_loss(images, ssim_weight, kernels, threads, gradient.data());
     return {loss.difference, loss.similarity, gradient};
 }
@@ -187,6 +235,7 @@ NB_MODULE(_kernels, m) {
     nb::class_<BoundDrawing>(m, "Drawing")
         .def_prop_ro("color", [](const BoundDrawing& d) { return d.color; }, nb::rv_policy::automatic)
         .def_prop_ro("alpha", [](const BoundDrawing& d) { return d.alpha; }, nb::rv_policy::automatic)
+        .def_prop_ro("over", [](const BoundDrawing& d) { return d.over; }, nb::rv_policy::automatic)
         .def_prop_ro("drawn", [](const BoundDrawing& d) { return d.drawing->drawn(); })
         .def_prop_ro("touches", [](const BoundDrawing& d) { return d.drawing->touches(); });
     m.def("instruction_sets", [] {
@@ -195,7 +244,12 @@ NB_MODULE(_kernels, m) {
         return names;
     });
     m.def("forward", &forward, "means"_a, "scales"_a, "quats"_a, "opacities"_a, "colors"_a, "world_to_camera"_a, "fx"_a, "fy"_a,
-          "cx"_a, "cy"_a, "width"_a, "height"_a, "near"_a, "dilation"_a, "alpha_floor"_a, "threads"_a, "instruction_set"_a = "");
+          "cx"_a, "cy"_a, "width"_a, "height"_a, "near"_a, "dilation"_a, "alpha_floor"_a, "threads"_a, "instruction_set"_a = "",
+          "background"_a = nb::none());
     m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
-    m.def("image_loss", &bound_image_loss, "image"_a, "target"_a, "ssim_weight"_a, "threads"_a, "instruction_set"_a = "");
+    m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
+    // Bytes first, and not converted: floats would be cut to them.
+    m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,
+          "instruction_set"_a = "");
+    m.def("image_loss", &bound_image_loss<Input>, "image"_a, "target"_a, "ssim_weight"_a, "threads"_a, "instruction_set"_a = "");
 }

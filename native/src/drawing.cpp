@@ -11,6 +11,7 @@ namespace gs {
 namespace {
 
 constexpr int kPortionsPerThread = 4;
+constexpr int64_t kFewestGaussians = 512;  // in a portion: waking a thread takes as long as projecting hundreds
 constexpr size_t kKeptWorkspaces = 2;
 
 std::mutex kept_mutex;
@@ -60,7 +61,7 @@ void sort_by_depth(Buffer<DepthKey>& order, Buffer<DepthKey>& spare, int64_t cou
 
 }  // namespace
 
-Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int threads, float* color, float* alpha)
+Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int threads, const Frame<float>& frame)
     : gaussians(g), view(v), kernels_(kernels), memory_(take_workspace()) {
     if (g.count >= int64_t(UINT32_MAX)) throw std::length_error("more Gaussians than 32 bits can count");
     tiling_ = {int(tasks_of(v.width, kernels.tile_width)), int(tasks_of(v.height, kernels.tile_height)), kernels.tile_width,
@@ -74,7 +75,7 @@ Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int 
     parallel(tiles, threads, [&](int64_t tile) {
         kernels_.forward_tile(m.splats.data(), m.entries.data() + m.starts[tile], int64_t(m.starts[tile + 1] - m.starts[tile]),
                               view, int(tile % tiling_.across) * tiling_.width, int(tile / tiling_.across) * tiling_.height,
-                              m.states.data() + tile * state, color, alpha);
+                              m.states.data() + tile * state, frame);
     });
 }
 
@@ -83,7 +84,7 @@ Drawing::~Drawing() { give_workspace(std::move(memory_)); }
 void Drawing::project(int threads) {
     Workspace& m = *memory_;
     const int64_t count = gaussians.count;
-    portion_size_ = std::max<int64_t>(1, threads > 1 ? tasks_of(count, int64_t(threads) * kPortionsPerThread) : count);
+    portion_size_ = std::max(kFewestGaussians, threads > 1 ? tasks_of(count, int64_t(threads) * kPortionsPerThread) : count);
     portions_ = tasks_of(count, portion_size_);
     m.splats.resize(size_t(count));
     m.depths.resize(size_t(count));
@@ -139,7 +140,7 @@ void Drawing::sort() {
 void Drawing::list(int threads) {
     Workspace& m = *memory_;
     const size_t tiles = size_t(tiling_.across) * tiling_.down;
-    const int64_t runs = std::min(threads > 1 ? int64_t(threads) * kPortionsPerThread : 1, drawn_);
+    const int64_t runs = std::min(threads > 1 ? int64_t(threads) * kPortionsPerThread : 1, tasks_of(drawn_, kFewestGaussians));
     m.counts.resize(size_t(runs) * tiles);
     m.starts.resize(tiles + 1);
     m.entries.resize(size_t(touches_));
@@ -176,7 +177,7 @@ void Drawing::list(int threads) {
     });
 }
 
-void Drawing::backward(const float* grad_color, const float* grad_alpha, int threads, const GaussianGradients& out) {
+void Drawing::backward(const Frame<const float>& gradient, int threads, const GaussianGradients& out) {
     const std::lock_guard<std::mutex> guard(in_backward_);
     Workspace& m = *memory_;
     const int64_t tiles = int64_t(tiling_.across) * tiling_.down, state = 4 * tiling_.width * tiling_.height;
@@ -184,7 +185,7 @@ void Drawing::backward(const float* grad_color, const float* grad_alpha, int thr
     parallel(tiles, threads, [&](int64_t tile) {
         kernels_.backward_tile(m.splats.data(), m.entries.data() + m.starts[tile], int64_t(m.starts[tile + 1] - m.starts[tile]),
                                view, int(tile % tiling_.across) * tiling_.width, int(tile / tiling_.across) * tiling_.height,
-                               m.states.data() + tile * state, grad_color, grad_alpha, m.moments.data());
+                               m.states.data() + tile * state, gradient, m.moments.data());
     });
     parallel(portions_, threads, [&](int64_t task) {
         const Portion& portion = m.portions[task];

@@ -76,11 +76,23 @@ struct Touches {
     void (*grow)(Touches*, size_t room);  // makes room for at least that many more
 };
 
-// Two images [height, width, channels].
+// An image [height, width, image_channels], whose first `channels` are compared with a target [height, width, channels],
+// given as floats or, where that is null, as bytes that are 255 times as large.
 struct ImagePair {
     const float* image;
     const float* target;
-    int height, width, channels;
+    const uint8_t* target_bytes;
+    int height, width, image_channels, channels;
+};
+
+// A picture to draw: colours and alpha apart, or, where `over` is not null, together as [H, W, 4] with the colours over
+// `background`.  And, in the backward pass, the gradient by it.
+template <class Float>
+struct Frame {
+    Float* color;  // [H, W, 3], premultiplied
+    Float* alpha;  // [H, W]
+    Float* over;   // [H, W, 4]
+    float background[3];
 };
 
 struct Kernels {
@@ -92,10 +104,10 @@ struct Kernels {
                     Touches& touches, uint32_t* begin);
     // Draws one tile from its list, front to back; `state` keeps four values per pixel.
     void (*forward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, float* state,
-                         float* color, float* alpha);
+                         const Frame<float>&);
     // Moments of one tile's entries, each written to moments + slot * kMoments.
     void (*backward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, const float* state,
-                          const float* grad_color, const float* grad_alpha, float* moments);
+                          const Frame<const float>& gradient, float* moments);
     // Chain rule of the projection for Gaussians [first, last), with their moments in slots begin[0] to begin[last - first].
     void (*project_backward)(const Gaussians&, const View&, int64_t first, int64_t last, const float* moments,
                              const uint32_t* begin, const GaussianGradients&);

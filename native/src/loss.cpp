@@ -16,7 +16,7 @@ constexpr int kFewestRows = 32;
 
 ImageLoss image_loss(const ImagePair& images, double ssim_weight, const Kernels& kernels, int threads, float* gradient) {
     const int height = images.height, tasks = std::max(1, std::min(threads, height / kFewestRows));
-    const double values = double(height) * images.width * images.channels;
+    const double values = double(height) * images.width * images.channels;  // that are compared
     const int64_t each = kernels.loss_scratch(images);
     std::vector<double> difference(static_cast<size_t>(height)), similarity(static_cast<size_t>(height));
     Buffer<float> scratch;

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import ModuleType
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.splatting import cpu, reference
 from surrogate.splatting.rendering import Rendering
 
-__all__ = ["BACKENDS", "Rendering", "render"]
+__all__ = ["BACKENDS", "Rendering", "render", "render_over"]
 
-BACKENDS = {"cpu": cpu.render, "reference": reference.render}
+BACKENDS: dict[str, ModuleType] = {"cpu": cpu, "reference": reference}
 
 
 def render(
@@ -52,7 +55,39 @@ def render(
 
     Sorting by centres is an approximation: Gaussians that interpenetrate are not integrated along the ray.
     """
-    if backend not in BACKENDS:
-        raise ValueError(f"backend must be one of {sorted(BACKENDS)}, got {backend!r}")
-    constants = {"near": near, "dilation": dilation, "alpha_floor": alpha_floor}
-    return BACKENDS[backend](means, scales, quats, opacities, colors, camera, **constants, **options)
+    constants: dict[str, Any] = {"near": near, "dilation": dilation, "alpha_floor": alpha_floor, **options}
+    return _backend(backend).render(means, scales, quats, opacities, colors, camera, **constants)
+
+
+def render_over(
+    means: Tensor,
+    scales: Tensor,
+    quats: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    camera: Camera,
+    background: Sequence[float],
+    *,
+    near: float = 0.02,
+    dilation: float = 0.1,
+    alpha_floor: float = 1.0 / 255.0,
+    backend: str = "cpu",
+    **options: Any,
+) -> Tensor:
+    """The picture of `render` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4).
+
+    What training compares.  It is the same as `Rendering.over` and a concatenation, but the cpu backend writes it, and reads
+    its gradient, in one pass; the other arguments are those of `render`.
+    """
+    constants: dict[str, Any] = {"near": near, "dilation": dilation, "alpha_floor": alpha_floor, **options}
+    gaussians = (means, scales, quats, opacities, colors)
+    if backend == "cpu":
+        return cpu.render_over(*gaussians, camera, background, **constants)
+    rendering = _backend(backend).render(*gaussians, camera, **constants)
+    return torch.cat([rendering.over(background), rendering.alpha.unsqueeze(-1)], dim=2)
+
+
+def _backend(name: str) -> ModuleType:
+    if name not in BACKENDS:
+        raise ValueError(f"backend must be one of {sorted(BACKENDS)}, got {name!r}")
+    return BACKENDS[name]

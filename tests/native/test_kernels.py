@@ -127,6 +127,18 @@ def test_bad_arrays_are_refused() -> None:
         native.backward(drawing, np.zeros((50, 71, 3), np.float32), np.zeros((50, 70), np.float32), 1)
 
 
+def test_a_drawing_is_differentiated_as_it_was_drawn() -> None:
+    scene = gaussians(5)
+    ones = np.ones((50, 70, 3), np.float32), np.ones((50, 70), np.float32)
+    apart, over = draw(scene), draw(scene, background=(1.0, 1.0, 1.0))
+    assert over.color is None
+    assert apart.over is None
+    with pytest.raises(ValueError, match="use backward_over"):
+        native.backward(over, *ones, 1)
+    with pytest.raises(ValueError, match="use backward"):
+        native.backward_over(apart, np.ones((50, 70, 4), np.float32), 1)
+
+
 def test_other_layouts_and_precisions_are_converted() -> None:
     scene = gaussians(30)
     other = [np.asfortranarray(scene[0]), scene[1].astype(np.float64), *scene[2:]]

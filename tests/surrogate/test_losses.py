@@ -78,3 +78,27 @@ def test_threads_and_instruction_sets_agree() -> None:
 def test_different_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match="same shape"):
         image_loss(torch.zeros(4, 4, 3), torch.zeros(4, 5, 3))
+
+
+def test_bytes_are_compared_as_the_fractions_that_they_stand_for() -> None:
+    image = pair(30, 37)[0].float()
+    target = torch.randint(0, 256, (30, 37, 3), generator=torch.Generator().manual_seed(1), dtype=torch.uint8)
+    for name in native.instruction_sets():
+        as_bytes = native.image_loss(image.numpy(), target.numpy(), 0.2, 1, name)
+        as_floats = native.image_loss(image.numpy(), (target.float() * (1 / 255)).numpy(), 0.2, 1, name)
+        assert as_bytes[:2] == as_floats[:2]
+        assert np.array_equal(as_bytes[2], as_floats[2])
+    assert image_loss(image, target).item() == pytest.approx(image_loss(image, target / 255).item(), rel=1e-6)
+
+
+def test_channels_that_the_target_lacks_are_not_compared() -> None:
+    image, target = (t.float() for t in pair(20, 33, channels=4))
+    four = image.clone().requires_grad_()
+    image_loss(four, target[..., :3].contiguous()).backward()
+    three = image[..., :3].clone().requires_grad_()
+    loss = image_loss(three, target[..., :3].contiguous())
+    loss.backward()
+    assert four.grad is not None
+    assert three.grad is not None
+    assert torch.equal(four.grad[..., :3], three.grad)
+    assert not four.grad[..., 3].any()

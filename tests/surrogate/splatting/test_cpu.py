@@ -11,7 +11,7 @@ from torch import Tensor
 
 import native
 from catalogs.cameras import Camera
-from surrogate.splatting import render
+from surrogate.splatting import render, render_over
 
 Scene = list[Tensor]
 CONSTANTS = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1.0 / 255.0}
@@ -287,6 +287,23 @@ def test_a_gradient_of_gaussians_that_have_changed_since_is_refused() -> None:
         leaves[0].add_(0.1)
     with pytest.raises(RuntimeError, match="modified by an inplace operation"):
         picture.color.sum().backward()
+
+
+@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+def test_a_picture_over_a_background_is_that_of_colour_and_alpha(instruction_set: str) -> None:
+    background, view = (1.0, 0.25, 0.5), camera(37, 41)
+    weights = torch.randn(41, 37, 4, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    slow = [t.requires_grad_() for t in snapped(scene(60))]
+    apart = render(*slow, view, **CONSTANTS, backend="reference")  # type: ignore[arg-type]
+    wanted = torch.cat([apart.over(background), apart.alpha[..., None]], dim=2)
+    assert torch.equal(wanted, render_over(*slow, view, background, **CONSTANTS, backend="reference"))  # type: ignore[arg-type]
+    fast = [t.detach().float().requires_grad_() for t in slow]
+    got = render_over(*fast, view, background, **CONSTANTS, instruction_set=instruction_set)  # type: ignore[arg-type]
+    assert float((got - wanted).detach().abs().max()) < 3e-6
+    by_slow = torch.autograd.grad((wanted * weights).sum(), slow)
+    by_fast = torch.autograd.grad((got * weights.float()).sum(), fast)
+    for a, b in zip(by_fast, by_slow, strict=True):
+        assert float((a - b).abs().max()) < 1e-5 * float(b.abs().max())
 
 
 def test_screen_gradients_are_those_of_the_projected_centres() -> None:
