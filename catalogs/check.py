@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs import cinema
-from catalogs.catalog import Catalog, CatalogError, Member
-from catalogs.images import ImageError, image_shape, read_image
+from catalogs.catalog import MEMBERS, TABLE, Catalog, CatalogError, Member
+from catalogs.images import ImageError, read_stored
+from catalogs.members import ROWS, read_record, rows_of
+from catalogs.png import PngError, check_png
 
 Progress = Callable[[int, int], None]
-IMAGES = {".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp"}
+Shape = tuple[int, int, int]
+IMAGES = {".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp"}
+READERS = 2
+REPAIR = "`catalogs check --repair` rebuilds the table"
 
 
 @dataclass(frozen=True)
@@ -26,129 +31,162 @@ class Finding:
         return f"{self.place}: {self.problem}"
 
 
+@dataclass(frozen=True)
+class _File:
+    """A file that must be there: who says so, and the height, width and channels that it must have, if that is known."""
+
+    place: str
+    name: str
+    shape: Shape | None
+
+
 def check(path: Path, *, progress: Progress = lambda done, total: None) -> list[Finding]:
     """Everything that is wrong with the database at `path`, ours or anybody's; empty when nothing is.
 
-    The table is held to specification D; every image is decoded whole; where a `catalog.json` stands beside the table,
-    members, sizes and summaries must agree with it too.
+    The table is held to specification D (see `catalogs.cinema`); every image is decoded whole, once; where a `catalog.json`
+    stands beside the table, members, rows, image sizes and summaries must agree with it too.  URLs are not fetched.
     """
     if not path.is_dir():
         return [Finding(str(path), "is no folder")]
     findings = [] if path.suffix == ".cdb" else [Finding(str(path), "a Cinema database's folder ends with .cdb")]
-    table = path / "data.csv"
-    if not table.is_file():
-        return [*findings, Finding(str(table), "is missing: it is the one file that every Cinema database has")]
-    try:
-        header, rows = cinema.parse(table.read_bytes().decode("utf-8"))
-    except (UnicodeDecodeError, cinema.TableError) as error:
-        return [*findings, Finding("data.csv", str(error))]
-    problems = [*cinema.header_problems(header), *cinema.column_problems(header, rows)]
-    findings += [Finding("data.csv", problem) for problem in problems]
-    findings += _check_files(path, header, rows, progress)
+    header, rows, problems = _read_table(path)
+    findings += problems
+    shapes: dict[str, Shape] = {}
     if (path / "catalog.json").is_file():
-        findings += _check_catalog(path, header, rows)
-    return findings
+        findings += _check_catalog(path, shapes)
+    return [*findings, *_check_files(path, _files(header, rows, shapes), progress)]
 
 
-def _check_files(
-    path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], progress: Progress
-) -> Iterator[Finding]:
-    columns = [i for i, label in enumerate(header) if cinema.is_file_column(label)]
-    cells = [(number, header[i], row[i]) for number, row in enumerate(rows, start=2) for i in columns]
-    cells = [cell for cell in cells if cinema.path_problem(cell[2]) is None]
-
-    def problem(cell: tuple[int, str, str]) -> str | None:
-        return _file_problem(path, path / cell[2])
-
-    with ThreadPoolExecutor(2) as pool:
-        for done, (cell, found) in enumerate(zip(cells, pool.map(problem, cells), strict=True), start=1):
-            progress(done, len(cells))
-            if found:
-                yield Finding(f"data.csv row {cell[0]}, column {cell[1]}", found)
-
-
-def _file_problem(root: Path, file: Path) -> str | None:
-    if not file.is_file():
-        return f"{file.relative_to(root)} is missing"
-    if not file.resolve().is_relative_to(root.resolve()):
-        return f"{file.relative_to(root)} is a link that leaves the database"
-    if file.suffix.lower() not in IMAGES:
-        return None if file.stat().st_size else f"{file.relative_to(root)} is empty"
+def _read_table(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
     try:
-        read_image(file)
-    except ImageError as error:
-        return str(error)
+        header, rows = cinema.parse((path / TABLE).read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        return [], [], [Finding(TABLE, "is missing: it is the one file that every Cinema database has")]
+    except (UnicodeDecodeError, cinema.TableError) as error:
+        return [], [], [Finding(TABLE, str(error))]
+    problems = [*cinema.header_problems(header), *cinema.column_problems(header, rows)]
+    return header, rows, [Finding(TABLE, problem) for problem in problems]
+
+
+def _files(header: Sequence[str], rows: Sequence[Sequence[str]], shapes: dict[str, Shape]) -> list[_File]:
+    """What the table's cells name, and what the members must hold beside it."""
+    columns = [(i, label) for i, label in enumerate(header) if cinema.is_file_column(label)]
+    named = {
+        row[i]: f"{TABLE} row {number}, column {label}"
+        for number, row in enumerate(rows, start=2)
+        for i, label in columns
+        if cinema.path_problem(row[i]) is None and not cinema.is_url(row[i])
+    }
+    places = dict.fromkeys(shapes, "a member's image") | named
+    return [_File(place, name, shapes.get(name)) for name, place in places.items()]
+
+
+def _check_files(root: Path, files: Sequence[_File], progress: Progress) -> Iterator[Finding]:
+    with ThreadPoolExecutor(READERS) as pool:
+        problems = pool.map(lambda file: _file_problem(root, file), files)
+        for done, (file, problem) in enumerate(zip(files, problems, strict=True), start=1):
+            progress(done, len(files))
+            if problem:
+                yield Finding(file.place, f"{file.name} {problem}")
+
+
+def _file_problem(root: Path, file: _File) -> str | None:
+    path = root / file.name
+    if not path.is_file():
+        return "is missing"
+    if not path.resolve().is_relative_to(root.resolve()):
+        return "is a link that leaves the database"
+    try:
+        shape = _read_shape(path)
+    except (PngError, ImageError, OSError) as error:
+        return f"is damaged: {error}"
+    if shape is None:
+        return None if path.stat().st_size else "is empty"
+    if file.shape is not None and shape != file.shape:
+        return f"is {_size(shape)}; its camera makes {_size(file.shape)}"
     return None
 
 
-def _check_catalog(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[Finding]:
+def _read_shape(path: Path) -> Shape | None:
+    """Height, width and channels of an image whose every byte was read; None for a file that is no image."""
+    if path.suffix.lower() == ".png":
+        header = check_png(path)
+        if header.is_plain_color:
+            return header.height, header.width, 4 if header.has_alpha else 3
+    if path.suffix.lower() not in {".png", *IMAGES}:
+        return None
+    height, width, channels = read_stored(path).shape
+    return height, width, channels
+
+
+def _size(shape: Shape) -> str:
+    height, width, channels = shape
+    return f"{width}x{height} with {channels} channels"
+
+
+def _check_catalog(path: Path, shapes: dict[str, Shape]) -> Iterator[Finding]:
+    """What is wrong with `catalog.json` and the members; fills in the `shapes` that their images must have."""
     try:
         catalog = Catalog.open(path)
-        members = catalog.members
-    except (CatalogError, ValueError) as error:
+    except CatalogError as error:
         yield Finding("catalog.json", str(error))
         return
-    named = {row[header.index("member")] for row in rows} if "member" in header else set()
-    for name in sorted(named ^ {m.name for m in members}):
-        where = "in the table but not stored" if name in named else "stored but not in the table"
-        yield Finding(f"member {name}", f"is {where}: `catalogs check --repair` rebuilds the table")
-    images = sum(len(m.cameras) for m in members) * len(catalog.appearance_names)
-    if not named ^ {m.name for m in members} and len(rows) != images:
-        yield Finding("data.csv", f"has {len(rows)} rows, the members {images} images")
+    if (path / MEMBERS).is_dir():
+        strays = {p for p in (path / MEMBERS).iterdir() if not p.name.startswith(".")} - set(catalog.member_paths())
+        yield from (Finding(f"{MEMBERS}/{p.name}", "is no member: it holds no member.json") for p in sorted(strays))
+    members = []
+    for folder in catalog.member_paths():
+        try:
+            members.append(read_record(folder, catalog.plan))
+        except CatalogError as error:
+            yield Finding(f"member {folder.name}", str(error))
     for member in members:
         yield from _check_member(catalog, member)
+        for appearance in catalog.appearance_names:
+            for view, camera in enumerate(member.cameras):
+                name = catalog.image_path(member, appearance, view).relative_to(path).as_posix()
+                shapes[name] = (camera.height, camera.width, 4)
+    yield from _check_duplicates(members)
+    yield from _check_table(catalog)
 
 
 def _check_member(catalog: Catalog, member: Member) -> Iterator[Finding]:
-    for appearance in catalog.appearance_names:
-        for view, camera in enumerate(member.cameras):
-            file = catalog.image_path(member, appearance, view)
-            try:
-                height, width, channels = image_shape(file)
-            except ImageError:
-                continue  # told already, row by row
-            if (width, height, channels) != (camera.width, camera.height, 4):
-                yield Finding(
-                    str(file.relative_to(catalog.path)),
-                    f"is {width}x{height} with {channels} channels; its camera makes {camera.width}x{camera.height} RGBA",
-                )
     try:
         member.summary()
     except ValueError as error:
         yield Finding(f"member {member.name}", str(error))
+    rows = member.path / ROWS
+    if not rows.is_file() or rows.read_bytes() != cinema.format_rows(rows_of(member, catalog.plan)).encode():
+        yield Finding(f"member {member.name}", f"{ROWS} is not what its member.json and the catalog's plan make")
 
 
-def describe(path: Path) -> str:
-    """What is in a catalog, as a table for people.  Raises CatalogError where `path` is none."""
-    catalog = Catalog.open(path)
-    members = catalog.members
-    plan = catalog.plan
-    lines = [repr(catalog)]
-    if members:
-        first = members[0].cameras[0]
-        size = sum(f.stat().st_size for f in path.rglob("*") if f.is_file())
-        images = sum(len(m.cameras) for m in members) * len(plan.appearances)
-        alpha = "RGBA" if plan.background is None else f"opaque on {plan.background}"
-        lines += [
-            f"  images      {images:,} of {first.width}x{first.height}, {plan.image_format}, {alpha}, {size / 1e6:.1f} MB",
-            f"  box         {plan.bounds[0]} to {plan.bounds[1]}",
-            "",
-        ]
-        lines += _member_table(catalog, members)
-    return "\n".join(lines)
-
-
-def _member_table(catalog: Catalog, members: Sequence[Member]) -> list[str]:
-    names = catalog.plan.space.names
-    rows = [["member", "split", *names, "views", "minimum", "maximum", "clipped"]]
+def _check_duplicates(members: Iterable[Member]) -> Iterator[Finding]:
+    first: dict[tuple[float, ...], str] = {}
     for member in members:
-        summary = member.summary()
-        kept = (
-            ["–"] * 3
-            if summary is None
-            else [f"{summary.minimum:.5g}", f"{summary.maximum:.5g}", f"{100 * summary.clipped_fraction:.2f} %"]
-        )
-        values = [f"{member.parameters[n]:g}" for n in names]
-        rows.append([member.name, member.split, *values, str(len(member.cameras)), *kept])
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+        other = first.setdefault(tuple(member.parameters.values()), member.name)
+        if other != member.name:
+            yield Finding(f"member {member.name}", f"has the parameters of member {other}")
+
+
+def _check_table(catalog: Catalog) -> Iterator[Finding]:
+    """Whether the table is what the members make: which members it lacks or invents, and else the first row that differs."""
+    path = catalog.path / TABLE
+    try:
+        wanted = catalog.table()
+        if path.read_bytes() == wanted:
+            return
+        (header, rows), (labels, cells) = cinema.parse(wanted.decode()), cinema.parse(path.read_bytes().decode())
+    except (OSError, ValueError):
+        return  # told already
+    if labels != header:
+        yield Finding(TABLE, f"has the columns {labels}, the catalog makes {header}: {REPAIR}")
+        return
+    column = header.index("member")
+    stored, named = {row[column] for row in rows}, {row[column] for row in cells}
+    for name in sorted(stored ^ named):
+        where = "stored but not in the table" if name in stored else "in the table but not stored"
+        yield Finding(f"member {name}", f"is {where}: {REPAIR}")
+    if stored == named:
+        number = next((n for n, (a, b) in enumerate(zip(rows, cells, strict=False), start=2) if a != b), None)
+        where = f"{len(cells)} rows instead of {len(rows)}" if number is None else f"row {number} and maybe others"
+        yield Finding(TABLE, f"differs from what the members make ({where}): {REPAIR}")

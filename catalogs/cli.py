@@ -34,7 +34,7 @@ def check(path: Path, repair: bool) -> None:
     for finding in findings:
         click.echo(str(finding))
     if findings:
-        raise click.ClickException(f"{path}: {len(findings)} findings")
+        raise click.ClickException(f"{path}: {len(findings)} finding{'s' * (len(findings) > 1)}")
     click.echo(f"{path}: nothing wrong")
 
 
@@ -43,7 +43,7 @@ def check(path: Path, repair: bool) -> None:
 def show(path: Path) -> None:
     """Say what is in PATH, as a table."""
     from catalogs.catalog import CatalogError
-    from catalogs.check import describe
+    from catalogs.show import describe
 
     try:
         click.echo(describe(path))
@@ -120,7 +120,8 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
 
 
 def _counter(label: str) -> Callable[[int, int], None]:
-    started, last = time.perf_counter(), [0.0]
+    started = time.perf_counter()
+    last = [started]
 
     def show(done: int, total: int) -> None:
         now = time.perf_counter()

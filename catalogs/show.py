@@ -1,0 +1,147 @@
+"""What is in a Cinema database, as a table for people."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from catalogs import cinema
+from catalogs.appearance import Appearance, Isosurface, VolumeRendering
+from catalogs.catalog import TABLE, Catalog, CatalogError
+from catalogs.members import Member
+from catalogs.parameters import SPLITS
+from catalogs.plan import CatalogPlan
+
+UNKNOWN = "-"
+
+
+def describe(path: Path) -> str:
+    """What is in the database at `path`: ours by its members, anybody else's by the columns of its table.
+
+    Raises CatalogError where `path` is neither, or is damaged.
+    """
+    if (path / "catalog.json").exists() or not (path / TABLE).is_file():
+        return _describe_catalog(Catalog.open(path))
+    return _describe_table(path)
+
+
+def _describe_catalog(catalog: Catalog) -> str:
+    members, plan = catalog.members, catalog.plan
+    counts = Counter(member.split for member in members)
+    low, high = plan.bounds
+    facts = [
+        ("members", f"{len(members)} ({_splits(counts)})" if members else "none yet"),
+        *(("parameter", _parameter(plan, members, name)) for name in plan.space.names),
+        *(("appearance", _appearance(appearance)) for appearance in plan.appearances),
+        *(("views", line) for line in _views(plan, members)),
+        ("images", _images(plan, members)),
+        ("box", f"{_numbers(low)} to {_numbers(high)}"),
+        ("on disk", _megabytes(catalog.path)),
+    ]
+    unfinished = catalog.unfinished()
+    if unfinished:
+        names = ", ".join(path.name[1:].split("~")[0] for path in unfinished)
+        facts.append(("unfinished", f"{names}: being written now, or left by a run that died (the next one cleans up)"))
+    lines = [f"Catalog {catalog.path}", *(f"  {name:<11} {fact}" for name, fact in facts)]
+    return "\n".join([*lines, "", *_member_table(catalog, members)] if members else lines)
+
+
+def _splits(counts: Counter[str]) -> str:
+    return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
+
+
+def _parameter(plan: CatalogPlan, members: Sequence[Member], name: str) -> str:
+    parameter = next(p for p in plan.space.parameters if p.name == name)
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    text = f"{name} in [{parameter.low:g}, {parameter.high:g}]{unit}"
+    if not members:
+        return text
+    values = [member.parameters[name] for member in members]
+    return f"{text}; members from {min(values):g} to {max(values):g}, {len(set(values))} values"
+
+
+def _appearance(appearance: Appearance) -> str:
+    if isinstance(appearance, VolumeRendering):
+        low, high = appearance.transfer_function.bounds
+        shading = "shaded" if appearance.shaded else "unshaded"
+        return f"{appearance.name}: volume rendering over [{low:g}, {high:g}], {shading}"
+    if isinstance(appearance, Isosurface):
+        return f"{appearance.name}: isosurface at {appearance.isovalue:g}"
+    return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
+
+
+def _views(plan: CatalogPlan, members: Sequence[Member]) -> list[str]:
+    if plan.cameras:
+        return [f"{len(plan.cameras)} shared by all members ({_splits(Counter(plan.view_splits))})"]
+    numbers = sorted(len(member.cameras) for member in members) or [0]
+    total: Counter[str] = Counter()
+    for member in members:
+        total.update(member.view_splits)
+    return [f"every member its own, {numbers[0]} to {numbers[-1]} ({_splits(total)} in all)"]
+
+
+def _images(plan: CatalogPlan, members: Sequence[Member]) -> str:
+    cameras = [camera for member in members for camera in member.cameras] or list(plan.cameras)
+    count = sum(len(member.cameras) for member in members) * len(plan.appearances)
+    sizes = sorted({(camera.width, camera.height) for camera in cameras})
+    size = ", ".join(f"{width}x{height}" for width, height in sizes[:4]) + (", ..." if len(sizes) > 4 else "")
+    kind = "8-bit PNG" if plan.image_format == "png" else "float32 EXR"
+    ground = "with alpha" if plan.background is None else f"opaque on the background {_numbers(plan.background)}"
+    return f"{count:,} of {size or 'no size yet'}, {kind}, {ground}"
+
+
+def _megabytes(path: Path) -> str:
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    return f"{size / 1e6:,.1f} MB"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:g}' for value in values)})"
+
+
+def _member_table(catalog: Catalog, members: Sequence[Member]) -> list[str]:
+    names = catalog.plan.space.names
+    rows = [["member", "split", *names, "views", "minimum", "maximum", "clipped"]]
+    for member in members:
+        summary = member.summary()
+        kept = [UNKNOWN] * 3
+        if summary is not None:
+            kept = [f"{summary.minimum:.5g}", f"{summary.maximum:.5g}", f"{100 * summary.clipped_fraction:.2f} %"]
+        values = [f"{member.parameters[name]:g}" for name in names]
+        rows.append([member.name, member.split, *values, str(len(member.cameras)), *kept])
+    return _aligned(rows)
+
+
+def _describe_table(path: Path) -> str:
+    try:
+        header, cells = cinema.parse((path / TABLE).read_bytes().decode("utf-8"))
+    except (UnicodeDecodeError, cinema.TableError) as error:
+        raise CatalogError(f"{path / TABLE}: {error}") from error
+    rows = [["column", "type", "values", "from", "to"]]
+    for index, label in enumerate(header):
+        column = [row[index] for row in cells if row[index]]
+        kind = cinema.cell_type(column[0]) if column else str
+        rows.append([label, _type_name(label, kind), str(len(set(column))), *_range(column, kind)])
+    title = f"Cinema database {path}\n  {len(cells):,} rows, {_megabytes(path)} on disk, not made by gs-surrogate\n"
+    return "\n".join([title, *_aligned(rows)])
+
+
+def _type_name(label: str, kind: type) -> str:
+    return "files" if cinema.is_file_column(label) else {int: "integers", float: "floats", str: "words"}[kind]
+
+
+def _range(column: Sequence[str], kind: type) -> list[str]:
+    if not column:
+        return [UNKNOWN] * 2
+    try:
+        numbers = [float(cell) for cell in column] if kind is not str else []
+    except ValueError:
+        numbers = []  # a mixed column, of which `catalogs check` tells
+    ends = (f"{min(numbers):g}", f"{max(numbers):g}") if numbers else (min(column), max(column))
+    return [end if len(end) <= 40 else f"{end[:37]}..." for end in ends]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
