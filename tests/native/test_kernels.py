@@ -65,7 +65,7 @@ def test_a_picture_of_any_number_and_size_does_not_depend_on_what_was_drawn_befo
 
 
 def test_calls_from_several_python_threads_at_once_do_not_disturb_each_other() -> None:
-    scenes = [gaussians(400, seed=k) for k in range(8)]
+    scenes = [gaussians(2000, seed=k) for k in range(8)]
     expected = [everything(scene) for scene in scenes]
     with ThreadPoolExecutor(4) as pool:
         for _ in range(3):

@@ -241,7 +241,7 @@ def test_constants_mean_the_same_to_both(options: dict[str, float]) -> None:
 
 
 def test_the_result_is_bitwise_the_same_for_any_number_of_threads_and_every_run() -> None:
-    gaussians = [t.float() for t in scene(500, seed=1)]
+    gaussians = [t.float() for t in scene(3000, seed=1)]  # enough for several portions
     first = weighted(gaussians, camera(130, 90), threads=1)
     for threads in (1, 2, 3, 7):
         again = weighted(gaussians, camera(130, 90), threads=threads)
