@@ -16,21 +16,29 @@ numbers = st.floats(-50.0, 50.0)
 points = st.tuples(numbers, numbers, numbers)
 
 
-CHECKSUM = (-7.213177586, 177.403821803, -10577.943982801)  # depends on every viewpoint and on their order
+CHECKSUM = (0.315558585, -1.366383415, -0.278611828)  # depends on every viewpoint and on their order
 
 
 def test_the_viewpoints_and_their_order_are_fixed_forever() -> None:
     directions = icosphere(5)
     assert directions.shape == (252, 3)
     expected = {
-        0: (0.0, -0.12267320834, 0.99244711573),
-        1: (0.0, 0.12267320834, 0.99244711573),
-        2: (0.21163730655, 0.00000000000, 0.97734827491),
-        251: (0.0, 0.12267320834, -0.99244711573),
+        0: (0.0, -0.52573111212, 0.85065080835),
+        1: (-0.11589512563, -0.65110275494, 0.75008900963),
+        2: (0.11589512563, -0.65110275494, 0.75008900963),
+        251: (0.0, 0.52573111212, -0.85065080835),
     }
     for index, direction in expected.items():
         assert directions[index] == pytest.approx(direction, abs=1e-8), index
-    assert np.sum(directions * np.arange(252)[:, None], axis=0) == pytest.approx(CHECKSUM, abs=1e-6)
+    assert np.sum(directions * np.sin(np.arange(252))[:, None], axis=0) == pytest.approx(CHECKSUM, abs=1e-6)
+
+
+@pytest.mark.parametrize(("frequency", "degrees"), [(2, 31.8), (3, 23.9), (5, 14.1), (8, 9.2)])
+def test_even_and_odd_viewpoints_lie_among_each_other(frequency: int, degrees: float) -> None:
+    directions = icosphere(frequency)
+    angles = np.degrees(np.arccos(np.clip(directions[::2] @ directions[1::2].T, -1.0, 1.0)))
+    assert angles.min(axis=0).max() < degrees
+    assert angles.min(axis=1).max() < degrees
 
 
 @pytest.mark.parametrize("frequency", [1, 2, 3, 5, 8])

@@ -112,6 +112,7 @@ def test_dragging_turns_the_thing_with_the_pointer(grid: Catalog, server: Catalo
     Only roughly: 42 viewpoints lie 36 degrees apart.
     """
     middle = np.mean(grid.plan.bounds, axis=0)
+    poles = {view for view, camera in enumerate(grid.plan.cameras) if abs(camera.forward[2]) > 0.99}
     agreements = []
     for start in (0, 5, 12, 20, 33, 41):
         for drag in ((150, 0), (-150, 0), (0, 150), (0, -150)):
@@ -123,8 +124,8 @@ def test_dragging_turns_the_thing_with_the_pointer(grid: Catalog, server: Catalo
             browser.mouse("mouseReleased", 400 + drag[0], 350 + drag[1])
             view = shown(browser)[2]
             assert view != start
-            if {start, view} & {0, 41}:
-                continue  # at a pole, where "up" is another, pictures roll as they turn
+            if {start, view} & poles:
+                continue  # where "up" is another, pictures roll as they turn
             before, after = grid.plan.cameras[start], grid.plan.cameras[view]
             near = middle - 0.5 * before.forward
             moved = (after.project(near[None])[0] - before.project(near[None])[0])[0]
