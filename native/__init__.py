@@ -1,4 +1,4 @@
-"""C++ kernels behind plain arrays: splatting with its gradient, and the image loss.  No torch, no logic.
+"""C++ kernels behind plain arrays: splatting, the image loss and bilinear offsets, with gradients.  No torch, no logic.
 
 The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are copied); the same
 input gives bitwise the same output for any number of threads.
@@ -11,6 +11,10 @@ input gives bitwise the same output for any number of threads.
     image_loss(image, target, ssim_weight, threads, instruction_set="")
             -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)
             target: floats, or bytes that are 255 times as large; channels that only the image has are not compared
+    add_bilinear(latents, modes, rows, threads, instruction_set="") -> rows + latents @ modes
+            rows: five arrays (N, width) or (N,), whose columns side by side are those of modes (L, columns)
+    bilinear_gradients(latents, modes, gradients, threads, instruction_set="")
+            -> gradients by latents (N, L) and by modes (L, columns), from those by the five arrays
     instruction_sets() -> names, the best of this machine first, which "" stands for
 
 Arguments mean what `surrogate.splatting.render` and `surrogate.losses.image_loss` say.  A drawing reads the Gaussians' arrays
@@ -22,7 +26,15 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__all__ = ["backward", "backward_over", "forward", "image_loss", "instruction_sets"]
+__all__ = [
+    "add_bilinear",
+    "backward",
+    "backward_over",
+    "bilinear_gradients",
+    "forward",
+    "image_loss",
+    "instruction_sets",
+]
 
 
 def __getattr__(name: str) -> Any:

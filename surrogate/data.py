@@ -44,9 +44,18 @@ class Example:
     parameters: Tensor  # [P]
     pixels: NDArray[np.uint8]  # [H, W, 3 or 4]
 
-    def image(self) -> Tensor:
-        """The pixels as float32 in [0, 1], (H, W, C)."""
-        return torch.from_numpy(self.pixels).to(torch.float32).mul_(1.0 / 255.0)
+    def compared(self) -> NDArray[np.uint8]:
+        """What a drawn picture is compared with: opaque pixels as they are, (H, W, 3), others over white, (H, W, 4).
+
+        The colours over white, as they are judged, and alpha as a fourth channel, without which the colour over any other
+        background is anyone's guess.  A background drawn per step constrains both too, but the noise of it cost 0.7 dB
+        (Taylor-Green, 2,500 steps).
+        """
+        if self.pixels.shape[2] == 3:
+            return self.pixels
+        packed = self.pixels.view("<u4")  # [H, W, 1], alpha in the highest byte
+        through = np.uint32(255) - (packed >> np.uint32(24))  # no premultiplied channel exceeds alpha: nothing carries
+        return (packed + through * np.uint32(0x010101)).view(np.uint8)
 
 
 def rows(catalog: Catalog) -> list[ImageRow]:

@@ -107,7 +107,7 @@ class Surrogate:
         values = self.space.values(parameters)  # [P]
         normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
         with torch.no_grad():
-            deformed = self.deformation.offsets(self.gaussians, normalized).applied_to(self.gaussians)
+            deformed = self.deformation.deformed(self.gaussians, normalized)
         named = dict(zip(self.space.names, values.tolist(), strict=True))
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import Rendering, render
+from surrogate.splatting import Rendering, render, render_over
 
 
 @dataclass(frozen=True)
@@ -37,20 +39,27 @@ class Rasterizer:
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Rendering:
         """Premultiplied colour (H, W, 3) and alpha (H, W) of `gaussians`; `camera` in their coordinates."""
-        position = torch.from_numpy(camera.position).to(gaussians.means)  # [3]
-        return render(
-            gaussians.means,
-            gaussians.scales(),
-            gaussians.quats,
-            gaussians.opacities(),
-            gaussians.colors_from(position),
-            camera,
-            near=self.near,
-            dilation=self.dilation,
-            alpha_floor=self.alpha_floor,
-            backend=self.backend,
-        )
+        return render(*_seen(gaussians, camera), camera, **self._constants())
+
+    def draw_over(self, gaussians: Gaussians, camera: Camera, background: Sequence[float]) -> Tensor:
+        """What training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
+        return render_over(*_seen(gaussians, camera), camera, background, **self._constants())
+
+    def _constants(self) -> dict[str, Any]:
+        return {
+            "near": self.near,
+            "dilation": self.dilation,
+            "alpha_floor": self.alpha_floor,
+            "backend": self.backend,
+        }
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values: the keyword arguments that make it again."""
         return asdict(self)
+
+
+def _seen(gaussians: Gaussians, camera: Camera) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """The Gaussians as `render` takes them."""
+    position = torch.from_numpy(camera.position).to(gaussians.means)  # [3]
+    colors = gaussians.colors_from(position)  # [N, 3]
+    return gaussians.means, gaussians.scales(), gaussians.quats, gaussians.opacities(), colors

@@ -21,5 +21,5 @@ def simulation_stage(gaussians: Gaussians, deformation: Deformation, settings: T
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
         per_gaussian=frozenset(NAMES) | {PREFIX + name for name in deformation.per_gaussian},
-        gaussians_at=lambda parameters: deformation.offsets(gaussians, parameters).applied_to(gaussians),
+        gaussians_at=lambda parameters: deformation.deformed(gaussians, parameters),
     )

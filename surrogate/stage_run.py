@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,7 +18,6 @@ from surrogate.optimizer import Adam
 from surrogate.rasterizer import Rasterizer
 from surrogate.sampling import ShuffledEpochs, generator
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import Rendering
 from surrogate.stage import Stage
 
 
@@ -43,14 +43,14 @@ class StageRun:
         self._peaks = torch.zeros(len(stage.tensors["means"]))  # [N], decayed maximum of the deformed opacities
         self._order = ShuffledEpochs(len(data.examples), settings.seed)
         self._rasterizer = Rasterizer.of(settings)
+        self._behind = WHITE if data.background is None else data.background
 
     def advance(self) -> float:
         """One step: draw, compare, move, and relocate where it is due.  Returns the loss."""
         settings, example = self.settings, self.data.examples[self._order[self.step]]
         gaussians = self.stage.gaussians_at(example.parameters)
-        rendering = self._rasterizer.draw(gaussians, example.camera)
-        image, target = comparable(rendering, example, self.data.background)
-        loss = image_loss(image, target, ssim_weight=settings.ssim_weight)
+        picture = self._rasterizer.draw_over(gaussians, example.camera, self._behind)  # [H, W, 4]
+        loss = image_loss(picture, torch.from_numpy(example.compared()), ssim_weight=settings.ssim_weight)
         loss.backward()
         self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
         with torch.no_grad():
@@ -103,23 +103,7 @@ class StageRun:
             self._peaks[relocation.moved] = self._peaks[relocation.sources]
 
     def _decibels(self, example: Example) -> float:
-        rendering = self._rasterizer.draw(self.stage.gaussians_at(example.parameters), example.camera)
-        image, target = comparable(rendering, example, self.data.background)
-        return psnr(target[..., :3].numpy(), image[..., :3].clamp(0.0, 1.0).numpy())
-
-
-def comparable(rendering: Rendering, example: Example, background: Sequence[float] | None) -> tuple[Tensor, Tensor]:
-    """The drawn picture and the example's in channels that are right to compare, each (H, W, C).
-
-    Opaque pictures: their three colours, over their own `background` (3,).  Pictures with alpha: the colours over white,
-    as they are judged, and alpha as a fourth channel, without which the colour over any other background is anyone's
-    guess.  A background drawn per step constrains both too, but the noise of it cost 0.7 dB (Taylor-Green, 2,500 steps).
-    """
-    pixels = example.image()  # [H, W, C]
-    if background is not None:
-        return rendering.over(background), pixels
-    alpha = pixels[..., 3:]  # [H, W, 1]
-    return (
-        torch.cat([rendering.over(WHITE), rendering.alpha.unsqueeze(-1)], dim=2),
-        torch.cat([pixels[..., :3] + (1.0 - alpha), alpha], dim=2),
-    )
+        gaussians = self.stage.gaussians_at(example.parameters)
+        picture = self._rasterizer.draw_over(gaussians, example.camera, self._behind)  # [H, W, 4]
+        target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
+        return psnr(target, picture[..., :3].clamp(0.0, 1.0).numpy())

@@ -19,6 +19,7 @@
 #include <tuple>
 #include <vector>
 
+#include "bilinear.hpp"
 #include "drawing.hpp"
 #include "loss.hpp"
 
@@ -225,6 +226,70 @@ Loss bound_image_loss(Input image, Target target, double ssim_weight, int thread
     return {loss.difference, loss.similarity, gradient};
 }
 
+using Five = std::array<Input, kParts>;
+
+// The tensors of `rows`, each [N, width] or, where that is 1, also [N].
+ParameterTable<const float> parameter_table(const Five& rows, size_t count) {
+    ParameterTable<const float> table{};
+    size_t columns = 0;
+    for (int part = 0; part < kParts; ++part) {
+        const Input& array = rows[size_t(part)];
+        require((array.ndim() == 1 || array.ndim() == 2) && array.shape(0) == count,
+                "tensor " + std::to_string(part) + " must have shape [" + std::to_string(count) + "] or [" +
+                    std::to_string(count) + ", columns], got " + shape_of(array));
+        table.parts[part] = array.data();
+        table.widths[part] = array.ndim() == 1 ? 1 : int(array.shape(1));
+        columns += size_t(table.widths[part]);
+    }
+    require(columns <= size_t(kMostColumns), "a Gaussian has " + std::to_string(columns) + " parameters: at most " +
+                                                 std::to_string(kMostColumns) + " are supported");
+    return table;
+}
+
+void require_latents(const Input& latents, const Input& modes, size_t columns) {
+    require(latents.ndim() == 2 && latents.shape(1) >= 1 && latents.shape(1) <= size_t(kMostLatent),
+            "latents must have shape [N, 1 to " + std::to_string(kMostLatent) + "], got " + shape_of(latents));
+    require_shape(modes, "modes", {latents.shape(1), columns});
+}
+
+size_t columns_of(const ParameterTable<const float>& table) {
+    size_t columns = 0;
+    for (int width : table.widths) columns += size_t(width);
+    return columns;
+}
+
+std::vector<Output> bound_add_bilinear(Input latents, Input modes, Five rows, int threads, const std::string& instruction_set) {
+    const size_t count = latents.ndim() == 2 ? latents.shape(0) : 0;
+    const ParameterTable<const float> base = parameter_table(rows, count);
+    require_latents(latents, modes, columns_of(base));
+    const Kernels& kernels = kernels_named(instruction_set);
+    std::vector<Output> made;
+    ParameterTable<float> out{};
+    for (int part = 0; part < kParts; ++part) {
+        const Input& array = rows[size_t(part)];
+        made.push_back(new_array(array.ndim() == 1 ? std::vector<size_t>{count} : std::vector<size_t>{count, array.shape(1)}));
+        out.parts[part] = made.back().data();
+        out.widths[part] = base.widths[part];
+    }
+    nb::gil_scoped_release released;
+    add_bilinear(latents.data(), int(latents.shape(1)), modes.data(), int64_t(count), base, kernels, threads, out);
+    return made;
+}
+
+std::tuple<Output, Output> bound_bilinear_gradients(Input latents, Input modes, Five gradients, int threads,
+                                                    const std::string& instruction_set) {
+    const size_t count = latents.ndim() == 2 ? latents.shape(0) : 0;
+    const ParameterTable<const float> gradient = parameter_table(gradients, count);
+    require_latents(latents, modes, columns_of(gradient));
+    const Kernels& kernels = kernels_named(instruction_set);
+    std::tuple<Output, Output> made{new_array({count, latents.shape(1)}), new_array({modes.shape(0), modes.shape(1)})};
+    float *by_latents = std::get<0>(made).data(), *by_modes = std::get<1>(made).data();
+    nb::gil_scoped_release released;
+    bilinear_gradients(latents.data(), int(latents.shape(1)), modes.data(), int64_t(count), gradient, kernels, threads,
+                       by_latents, by_modes);
+    return made;
+}
+
 }  // namespace
 }  // namespace gs
 
@@ -248,6 +313,9 @@ NB_MODULE(_kernels, m) {
           "background"_a = nb::none());
     m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
     m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
+    m.def("add_bilinear", &bound_add_bilinear, "latents"_a, "modes"_a, "rows"_a, "threads"_a, "instruction_set"_a = "");
+    m.def("bilinear_gradients", &bound_bilinear_gradients, "latents"_a, "modes"_a, "gradients"_a, "threads"_a,
+          "instruction_set"_a = "");
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,
           "instruction_set"_a = "");

@@ -18,12 +18,14 @@ namespace {
 #include "touches.inc"
 #include "tiles.inc"
 #include "image_loss.inc"
+#include "bilinear.inc"
 
 }  // namespace
 
 #define GS_TEXT(x) #x
 #define GS_NAME(x) GS_TEXT(x)
-extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight, project, forward_tile,
-                                   backward_tile,     project_backward, loss_scratch,     loss_rows};
+extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight,  project,   forward_tile,
+                                   backward_tile,     project_backward, loss_scratch, loss_rows, bilinear_forward,
+                                   bilinear_backward};
 
 }  // namespace gs

@@ -95,6 +95,23 @@ struct Frame {
     float background[3];
 };
 
+constexpr int kParts = 5;          // tensors that a Gaussian's parameters lie in
+constexpr int kMostColumns = 64;   // of a Gaussian's parameters, all tensors together
+constexpr int kMostLatent = 256;
+
+// A table [N, sum of widths] whose columns lie in several tensors.
+template <class Float>
+struct ParameterTable {
+    Float* parts[kParts];
+    int widths[kParts];
+};
+
+// What the bilinear offsets are made of: latents [N, latent], modes [latent, stride] and, transposed, [columns, latent_stride].
+struct BilinearTables {
+    const float *latents, *modes, *transposed;
+    int latent, columns, stride, latent_stride;
+};
+
 struct Kernels {
     const char* name;
     int tile_width, tile_height;
@@ -115,6 +132,11 @@ struct Kernels {
     int64_t (*loss_scratch)(const ImagePair&);
     void (*loss_rows)(const ImagePair&, int first, int last, float l1_weight, float ssim_weight, float* scratch,
                       float* gradient, double* difference, double* similarity);
+    // Bilinear offsets of Gaussians [first, last) and their derivatives, see bilinear.inc.
+    void (*bilinear_forward)(const BilinearTables&, const ParameterTable<const float>& base, int64_t first, int64_t last,
+                             const ParameterTable<float>& out);
+    void (*bilinear_backward)(const BilinearTables&, const ParameterTable<const float>& gradient, int64_t first, int64_t last,
+                              float* by_latents, float* by_modes);
 };
 
 extern const Kernels kernels_baseline;

@@ -53,6 +53,9 @@ class Deformation(Protocol):
     def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
         """Offsets at `parameters` (P,), float32, normalized to [-1, 1] over their bounds."""
 
+    def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
+        """`offsets` applied to the Gaussians, perhaps faster."""
+
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""
 

@@ -86,3 +86,29 @@ def test_it_survives_being_saved() -> None:
 def test_an_unknown_kind_is_named() -> None:
     with pytest.raises(ValueError, match="unknown deformation 'warp'"):
         load_deformation("warp", {}, {})
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 1500])
+@pytest.mark.parametrize("color_columns", [3, 12])
+def test_the_kernel_is_the_definition_forward_and_backward(count: int, color_columns: int) -> None:
+    found = {}
+    for dtype in (torch.float32, torch.float64):
+        gaussians = canonical(count, color_columns, torch.float32)
+        deformation = random_deformation(gaussians, 2, torch.float32)
+        gaussians = Gaussians(*(t.to(dtype).requires_grad_() for t in gaussians.tensors().values()))
+        tensors = {name: t.to(dtype).requires_grad_() for name, t in deformation.tensors().items()}
+        deformation = BilinearDeformation(**tensors, units=deformation.units.to(dtype))
+        p = torch.tensor([0.3, -0.8], dtype=dtype)
+        if dtype == torch.float32:
+            deformed = deformation.deformed(gaussians, p)
+        else:
+            deformed = deformation.offsets(gaussians, p).applied_to(gaussians)
+        weights = canonical(count, color_columns, torch.float32)  # of a linear loss
+        pairs = zip(deformed.tensors().values(), weights.tensors().values(), strict=True)
+        loss = sum((value * weight.to(dtype).sin()).sum() for value, weight in pairs)
+        leaves = [*gaussians.tensors().values(), *tensors.values()]
+        found[dtype] = [*deformed.tensors().values(), *torch.autograd.grad(loss, leaves)]
+    for fast, slow in zip(found[torch.float32], found[torch.float64], strict=True):
+        assert fast.shape == slow.shape
+        largest = max(1.0, float(slow.detach().abs().max())) if slow.numel() else 0.0
+        assert torch.allclose(fast.double(), slow, rtol=0.0, atol=2e-6 * largest)
