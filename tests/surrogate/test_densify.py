@@ -24,14 +24,30 @@ def test_sharing_keeps_the_centre_and_the_total_light(copies: int, opacity: floa
 
 
 def test_the_dead_move_onto_the_living_in_proportion_to_opacity() -> None:
-    peaks = torch.full((4000,), 0.001)
-    peaks[0], peaks[1] = 0.6, 0.2
+    peaks = torch.cat([torch.full((1000,), 0.6), torch.full((1000,), 0.2), torch.full((2000,), 0.001)])
     relocation = plan_relocation(peaks, 0.01, np.random.default_rng(0))
     assert relocation is not None
-    assert set(relocation.moved.tolist()) == set(range(2, 4000))
-    share_of_first = float((relocation.sources == 0).double().mean())
-    assert set(relocation.sources.tolist()) == {0, 1}
-    assert abs(share_of_first - 0.75) < 0.03
+    assert set(relocation.moved.tolist()) == set(range(2000, 4000))
+    assert abs(float((relocation.sources < 1000).double().mean()) - 0.75) < 0.03
+    assert int(relocation.sources.max()) < 2000
+
+
+@pytest.mark.parametrize("opacity", [0.011, 0.019, 0.021, 0.05, 0.3, 0.999, 1.0])
+def test_nobody_is_shared_out_until_dead_again(opacity: float) -> None:
+    peaks = torch.cat([torch.full((7,), opacity), torch.zeros(500)])
+    relocation = plan_relocation(peaks, 0.01, np.random.default_rng(3))
+    most = min(16, max(1, int(np.log1p(-min(opacity, 1.0 - 1e-6)) / np.log1p(-0.02))))  # of the opacity that they share
+    if most == 1:
+        assert relocation is None
+        return
+    assert relocation is not None
+    counts = np.bincount(relocation.sources.numpy(), minlength=7)
+    assert counts.max() == most - 1
+    assert torch.equal(relocation.sharing, torch.from_numpy(1 + counts)[relocation.sources])
+    logits, _ = share(
+        torch.logit(peaks[relocation.sources], eps=1e-6), torch.zeros(len(relocation.sources), 3), relocation.sharing
+    )
+    assert float(logits.sigmoid().min()) >= 0.0199
 
 
 @pytest.mark.parametrize("peaks", [torch.full((5,), 0.5), torch.zeros(5)], ids=["none dead", "none alive"])
