@@ -1,0 +1,70 @@
+// Draws the scene of standard input by the 4-wide kernels and writes pictures and gradients to standard output: what
+// test_neon.py runs on an emulated ARM processor.  Everything is little-endian float32 but the camera (float64) and counts (int32).
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+
+#include "bilinear.hpp"
+#include "drawing.hpp"
+#include "loss.hpp"
+
+namespace {
+
+template <class T>
+std::vector<T> read(size_t count) {
+    std::vector<T> values(count);
+    if (std::fread(values.data(), sizeof(T), count, stdin) != count) std::exit(2);
+    return values;
+}
+
+void write(const std::vector<float>& values) {
+    if (std::fwrite(values.data(), sizeof(float), values.size(), stdout) != values.size()) std::exit(3);
+}
+
+}  // namespace
+
+int main() {
+    const auto sizes = read<int32_t>(5);  // Gaussians, width, height, threads, latent
+    const size_t count = size_t(sizes[0]), pixels = size_t(sizes[1]) * size_t(sizes[2]);
+    const int threads = sizes[3], latent = sizes[4];
+    const auto camera = read<double>(18);  // rotation, translation, fx, fy, cx, cy, near, dilation
+    gs::View view{};
+    for (int k = 0; k < 9; ++k) view.rotation[k] = camera[size_t(k)];
+    for (int k = 0; k < 3; ++k) view.translation[k] = camera[9 + size_t(k)];
+    view.fx = camera[12], view.fy = camera[13], view.cx = camera[14], view.cy = camera[15];
+    view.near = camera[16], view.dilation = camera[17];
+    view.width = sizes[1], view.height = sizes[2], view.alpha_floor = 1.0f / 255.0f;
+    const auto means = read<float>(3 * count), scales = read<float>(3 * count), quats = read<float>(4 * count);
+    const auto opacities = read<float>(count), colors = read<float>(3 * count);
+    const auto gradient = read<float>(4 * pixels), target = read<float>(4 * pixels);
+    const auto latents = read<float>(count * size_t(latent)), modes = read<float>(size_t(latent) * 14);
+
+    std::vector<float> picture(4 * pixels);
+    const gs::Gaussians gaussians{means.data(), scales.data(), quats.data(), opacities.data(), colors.data(), int64_t(count)};
+    const gs::Frame<float> frame{nullptr, nullptr, picture.data(), {1.0f, 0.5f, 0.25f}};
+    gs::Drawing drawing(gaussians, view, gs::kernels_baseline, threads, frame);
+    write(picture);
+
+    std::vector<float> by_means(3 * count), by_scales(3 * count), by_quats(4 * count), by_opacities(count), by_colors(3 * count);
+    std::vector<float> screen(count);
+    drawing.backward({nullptr, nullptr, gradient.data(), {1.0f, 0.5f, 0.25f}}, threads,
+                     {by_means.data(), by_scales.data(), by_quats.data(), by_opacities.data(), by_colors.data(), screen.data()});
+    for (const auto* values : {&by_means, &by_scales, &by_quats, &by_opacities, &by_colors}) write(*values);
+
+    std::vector<float> by_picture(4 * pixels);
+    const gs::ImagePair pair{picture.data(), target.data(), nullptr, sizes[2], sizes[1], 4, 4};
+    const gs::ImageLoss loss = gs::image_loss(pair, 0.2, gs::kernels_baseline, threads, by_picture.data());
+    write({float(loss.difference), float(loss.similarity)});
+    write(by_picture);
+
+    std::vector<float> moved[5];
+    gs::ParameterTable<const float> base{{means.data(), scales.data(), quats.data(), opacities.data(), colors.data()}, {3, 3, 4, 1, 3}};
+    gs::ParameterTable<float> out{{}, {3, 3, 4, 1, 3}};
+    for (int k = 0; k < 5; ++k) {
+        moved[k].resize(count * size_t(out.widths[k]));
+        out.parts[k] = moved[k].data();
+    }
+    gs::add_bilinear(latents.data(), latent, modes.data(), int64_t(count), base, gs::kernels_baseline, threads, out);
+    for (const auto& values : moved) write(values);
+    return 0;
+}
