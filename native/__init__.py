@@ -15,6 +15,9 @@ input gives bitwise the same output for any number of threads.
             rows: five arrays (N, width) or (N,), whose columns side by side are those of modes (L, columns)
     bilinear_gradients(latents, modes, gradients, threads, instruction_set="")
             -> gradients by latents (N, L) and by modes (L, columns), from those by the five arrays
+    peak(instruction_set="", threads=1, seconds=0.2) -> (gigaflops, gigabytes per second)
+            the most that this machine does: float32 multiply-adds (two operations each) in a fixed loop without memory, and a
+            triad over 192 MB (read and written)
     instruction_sets() -> names, the best of this machine first, which "" stands for
 
 Arguments mean what `surrogate.splatting.render` and `surrogate.losses.image_loss` say.  A drawing reads the Gaussians' arrays
@@ -34,6 +37,7 @@ __all__ = [
     "forward",
     "image_loss",
     "instruction_sets",
+    "peak",
 ]
 
 

@@ -22,6 +22,7 @@
 #include "bilinear.hpp"
 #include "drawing.hpp"
 #include "loss.hpp"
+#include "peak.hpp"
 
 namespace nb = nanobind;
 
@@ -290,6 +291,15 @@ std::tuple<Output, Output> bound_bilinear_gradients(Input latents, Input modes, 
     return made;
 }
 
+std::tuple<double, double> bound_peak(const std::string& instruction_set, int threads, double seconds) {
+    require(threads >= 1 && threads <= 4096, "threads must lie in 1 to 4096, got " + std::to_string(threads));
+    require(seconds > 0 && seconds <= 60, "seconds must lie in (0, 60], got " + std::to_string(seconds));
+    const Kernels& kernels = kernels_named(instruction_set);
+    nb::gil_scoped_release released;
+    const Peak peak = measure_peak(kernels, threads, seconds);
+    return {peak.gigaflops, peak.gigabytes_per_second};
+}
+
 }  // namespace
 }  // namespace gs
 
@@ -316,6 +326,7 @@ NB_MODULE(_kernels, m) {
     m.def("add_bilinear", &bound_add_bilinear, "latents"_a, "modes"_a, "rows"_a, "threads"_a, "instruction_set"_a = "");
     m.def("bilinear_gradients", &bound_bilinear_gradients, "latents"_a, "modes"_a, "gradients"_a, "threads"_a,
           "instruction_set"_a = "");
+    m.def("peak", &bound_peak, "instruction_set"_a = "", "threads"_a = 1, "seconds"_a = 0.2);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,
           "instruction_set"_a = "");

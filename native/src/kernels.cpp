@@ -19,13 +19,27 @@ namespace {
 #include "tiles.inc"
 #include "image_loss.inc"
 #include "bilinear.inc"
+#include "peak.inc"
 
 }  // namespace
 
 #define GS_TEXT(x) #x
 #define GS_NAME(x) GS_TEXT(x)
-extern const Kernels GS_KERNELS = {GS_NAME(GS_LABEL), kTileWidth,       kTileHeight,  project,   forward_tile,
-                                   backward_tile,     project_backward, loss_scratch, loss_rows, bilinear_forward,
-                                   bilinear_backward};
+extern const Kernels GS_KERNELS = {
+    GS_NAME(GS_LABEL),
+    kTileWidth,
+    kTileHeight,
+    project,
+    forward_tile,
+    backward_tile,
+    project_backward,
+    loss_scratch,
+    loss_rows,
+    bilinear_forward,
+    bilinear_backward,
+    kChains * GS_WIDTH,
+    multiply_adds,
+    triad,
+};
 
 }  // namespace gs

@@ -137,6 +137,10 @@ struct Kernels {
                              const ParameterTable<float>& out);
     void (*bilinear_backward)(const BilinearTables&, const ParameterTable<const float>& gradient, int64_t first, int64_t last,
                               float* by_latents, float* by_modes);
+    // What the machine can do at most, see peak.inc.
+    int multiply_adds_per_round;
+    float (*multiply_adds)(int64_t rounds, float factor, float term);
+    void (*triad)(const float* first, const float* second, float factor, int64_t count, float* out);
 };
 
 extern const Kernels kernels_baseline;
