@@ -13,6 +13,7 @@ from catalogs.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import Rendering, render, render_over
+from surrogate.splatting.rendering import ALPHA_CAP
 
 
 @dataclass(frozen=True)
@@ -24,18 +25,25 @@ class Rasterizer:
     near : depth below which a Gaussian is not drawn, in normalized units.
     dilation : variance added to every projected Gaussian, in pixels squared.
     alpha_floor : alphas below this are not drawn.
+    alpha_cap : alphas above this are cut to it.
     backend : which implementation draws.
     """
 
     near: float = 0.02
     dilation: float = 0.1
     alpha_floor: float = 1.0 / 255.0
+    alpha_cap: float = ALPHA_CAP
     backend: str = "cpu"
 
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:
         """The rasterizer that `settings` ask for."""
-        return cls(dilation=settings.dilation, alpha_floor=settings.alpha_floor, backend=settings.backend)
+        return cls(
+            dilation=settings.dilation,
+            alpha_floor=settings.alpha_floor,
+            alpha_cap=settings.alpha_cap,
+            backend=settings.backend,
+        )
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Rendering:
         """Premultiplied colour (H, W, 3) and alpha (H, W) of `gaussians`; `camera` in their coordinates."""
@@ -50,6 +58,7 @@ class Rasterizer:
             "near": self.near,
             "dilation": self.dilation,
             "alpha_floor": self.alpha_floor,
+            "alpha_cap": self.alpha_cap,
             "backend": self.backend,
         }
 

@@ -42,7 +42,7 @@ class TrainingSettings:
     relocation_stop : fraction of a stage after which no Gaussian is relocated.
     dead_opacity : a Gaussian is dead where the decayed maximum of its deformed opacity lies below this.
     peak_decay : what that maximum is multiplied by per step.
-    alpha_floor, dilation : the rasterizer's smallest visible alpha, and the variance (pixels squared) added to
+    alpha_floor, alpha_cap, dilation : the rasterizer's smallest and largest alpha, and the variance (pixels squared) added to
         every projected Gaussian.
     backend : of `surrogate.splatting.render`.
     validation_interval, validation_images : steps between looks at how many fixed validation images; 0 for none.
@@ -85,6 +85,7 @@ class TrainingSettings:
     dead_opacity: float = 0.01
     peak_decay: float = 0.995
     alpha_floor: float = 1.0 / 255.0
+    alpha_cap: float = 0.999
     dilation: float = 0.1
     backend: str = "cpu"
 
@@ -104,6 +105,7 @@ class TrainingSettings:
         for field in fields(self):
             positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
             _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
+        _require(self.alpha_floor < self.alpha_cap < 1, self, "alpha_cap", "above alpha_floor and below 1")
         _require(self.color_degree in (0, 1), self, "color_degree", "0 or 1")
         _require(self.dilation >= 0, self, "dilation", "at least 0")
 

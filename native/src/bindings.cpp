@@ -121,7 +121,8 @@ struct BoundDrawing {
 std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, Input opacities, Input colors,
                                       Matrix world_to_camera, double fx, double fy, double cx, double cy, int width, int height,
                                       double near, double dilation, float alpha_floor, int threads,
-                                      const std::string& instruction_set, std::optional<std::array<float, 3>> background) {
+                                      const std::string& instruction_set, std::optional<std::array<float, 3>> background,
+                                      float alpha_cap) {
     require(means.ndim() == 2 && means.shape(1) == 3, "means must have shape [N, 3], got " + shape_of(means));
     const size_t count = means.shape(0);
     require_shape(scales, "scales", {count, 3});
@@ -133,6 +134,8 @@ std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, In
     require(near > 0 && std::isfinite(near), "near must be positive, got " + std::to_string(near));
     require(dilation >= 0 && std::isfinite(dilation), "dilation must not be negative, got " + std::to_string(dilation));
     require(alpha_floor > 0 && alpha_floor < 1, "alpha_floor must lie between 0 and 1, got " + std::to_string(alpha_floor));
+    require(alpha_cap > alpha_floor && alpha_cap < 1,
+            "alpha_cap must lie above alpha_floor and below 1, got " + std::to_string(alpha_cap));
     require_finite(means, "means", 3);
     require_finite(scales, "scales", 3);
     require_finite(quats, "quats", 4);
@@ -152,6 +155,7 @@ std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, In
     view.near = near;
     view.dilation = dilation;
     view.alpha_floor = alpha_floor;
+    view.alpha_cap = alpha_cap;
     const Kernels& kernels = kernels_named(instruction_set);
     const size_t rows = size_t(height), columns = size_t(width);
     auto bound = std::make_unique<BoundDrawing>();
@@ -320,7 +324,7 @@ NB_MODULE(_kernels, m) {
     });
     m.def("forward", &forward, "means"_a, "scales"_a, "quats"_a, "opacities"_a, "colors"_a, "world_to_camera"_a, "fx"_a, "fy"_a,
           "cx"_a, "cy"_a, "width"_a, "height"_a, "near"_a, "dilation"_a, "alpha_floor"_a, "threads"_a, "instruction_set"_a = "",
-          "background"_a = nb::none());
+          "background"_a = nb::none(), "alpha_cap"_a = 0.999f);
     m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
     m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
     m.def("add_bilinear", &bound_add_bilinear, "latents"_a, "modes"_a, "rows"_a, "threads"_a, "instruction_set"_a = "");

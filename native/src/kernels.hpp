@@ -7,7 +7,6 @@
 namespace gs {
 
 constexpr int kMoments = 9;  // sums kept per (Gaussian, tile): see backward_tile in tiles.inc
-constexpr float kAlphaCap = 0.999f;
 constexpr float kMinTransmittance = 1e-4f;
 
 struct View {
@@ -18,6 +17,7 @@ struct View {
     double near;
     double dilation;        // px^2, added to the diagonal of the projected covariance
     float alpha_floor;
+    float alpha_cap;        // below 1
 };
 
 // One Gaussian as the pixel loops need it: log2(alpha) = peak - u^2 - v^2 at the pixel position (x, y), where

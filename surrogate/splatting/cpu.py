@@ -14,7 +14,7 @@ from torch import Tensor
 
 import native
 from catalogs.cameras import Camera
-from surrogate.splatting.rendering import Rendering
+from surrogate.splatting.rendering import ALPHA_CAP, Rendering
 
 
 def render(
@@ -28,6 +28,7 @@ def render(
     near: float,
     dilation: float,
     alpha_floor: float,
+    alpha_cap: float = ALPHA_CAP,
     threads: int | None = None,
     instruction_set: str = "",
     screen_gradients: Tensor | None = None,
@@ -37,7 +38,9 @@ def render(
     `threads` defaults to the cores this process may use, `instruction_set` to the best of `native.instruction_sets()`.
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
     """
-    constants = _Constants(camera, near, dilation, alpha_floor, threads or cores(), instruction_set, screen_gradients)
+    constants = _Constants(
+        camera, near, dilation, alpha_floor, alpha_cap, threads or cores(), instruction_set, screen_gradients
+    )
     return Rendering(*_Splat.apply(means, scales, quats, opacities, colors, constants))
 
 
@@ -53,6 +56,7 @@ def render_over(
     near: float,
     dilation: float,
     alpha_floor: float,
+    alpha_cap: float = ALPHA_CAP,
     threads: int | None = None,
     instruction_set: str = "",
     screen_gradients: Tensor | None = None,
@@ -60,7 +64,7 @@ def render_over(
     """Draw Gaussians in float32; arguments as `surrogate.splatting.render_over` and `render`."""
     behind = tuple(map(float, background))
     constants = _Constants(
-        camera, near, dilation, alpha_floor, threads or cores(), instruction_set, screen_gradients, behind
+        camera, near, dilation, alpha_floor, alpha_cap, threads or cores(), instruction_set, screen_gradients, behind
     )
     return _Splat.apply(means, scales, quats, opacities, colors, constants)
 
@@ -76,6 +80,7 @@ class _Constants:
     near: float
     dilation: float
     alpha_floor: float
+    alpha_cap: float
     threads: int
     instruction_set: str
     screen_gradients: Tensor | None
@@ -106,6 +111,7 @@ class _Splat(torch.autograd.Function):
             constants.threads,
             constants.instruction_set,
             constants.background,
+            constants.alpha_cap,
         )
         if constants.background is not None:
             return torch.from_numpy(ctx.drawing.over)

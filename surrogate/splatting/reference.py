@@ -51,11 +51,12 @@ def render(
     near: float,
     dilation: float,
     alpha_floor: float,
+    alpha_cap: float = ALPHA_CAP,
 ) -> Rendering:
     """Draw Gaussians; arguments as `surrogate.splatting.render`, the result in the dtype of `means`."""
     splats = project(means, scales, quats, opacities, colors, camera, near=near, dilation=dilation, floor=alpha_floor)
     parts = [
-        composite(alphas_at(pixels, splats, alpha_floor), splats.colors)
+        composite(alphas_at(pixels, splats, alpha_floor, alpha_cap), splats.colors)
         for pixels in pixel_centers(camera).to(means).split(PIXELS_AT_ONCE)
     ]
     image = torch.cat(parts).reshape(camera.height, camera.width, 4)  # [H, W, 4]
@@ -112,7 +113,7 @@ def rotations(quats: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)
 
 
-def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float) -> Tensor:
+def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float, alpha_cap: float = ALPHA_CAP) -> Tensor:
     """What each splat covers of each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
     across, down = splats.axes.unbind(1)  # [M, 3] each
     determinants = torch.linalg.cross(across, down).square().sum(1) + splats.dilation * (
@@ -123,7 +124,7 @@ def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float) -> Tensor:
     numerators = numerators + splats.dilation * (dx.square() + dy.square())
     distances = numerators / torch.where(determinants > 0, determinants, torch.inf)  # [P, M]
     alphas = splats.opacities * torch.exp(-0.5 * distances)  # [P, M]
-    alphas = torch.where((alphas >= alpha_floor) & (determinants > 0), alphas.clamp(max=ALPHA_CAP), 0.0)
+    alphas = torch.where((alphas >= alpha_floor) & (determinants > 0), alphas.clamp(max=alpha_cap), 0.0)
     return torch.where(transmittances(alphas) >= MIN_TRANSMITTANCE, alphas, 0.0)
 
 

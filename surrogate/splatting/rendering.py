@@ -14,10 +14,11 @@ SHORTEST_QUATERNION = 1e-12  # a shorter one is no rotation
 
 
 class Rendering(NamedTuple):
-    """A picture: premultiplied `color` (H, W, 3) and `alpha` (H, W)."""
+    """A picture: premultiplied `color` (H, W, 3), `alpha` (H, W) and, where asked for, premultiplied `depth` (H, W)."""
 
     color: Tensor  # [H, W, 3]
     alpha: Tensor  # [H, W]
+    depth: Tensor | None = None  # [H, W], world units
 
     def over(self, background: Sequence[float] | Tensor) -> Tensor:
         """The picture (H, W, 3) over a background colour (3,)."""
