@@ -1,0 +1,1 @@
+"""The inner loops of splatting, written with different vector libraries."""
