@@ -21,13 +21,6 @@ namespace {
 }
 constexpr int kWidth = GS_WIDTH;
 static inline V set(float x) { return splat(x); }
-static inline M both(M a, M b) {
-#if GS_WIDTH == 16
-    return M(a & b);
-#else
-    return _mm256_and_ps(a, b);
-#endif
-}
 #elif defined(WITH_STD_SIMD)
 #include <experimental/simd>
 namespace stdx = std::experimental;
@@ -39,7 +32,7 @@ static inline V load(const float* p) { return V(p, stdx::element_aligned); }
 static inline void store(float* p, V v) { v.copy_to(p, stdx::element_aligned); }
 static inline V set(float x) { return V(x); }
 static inline M at_least(V a, V b) { return a >= b; }
-static inline M both(M a, M b) { return a && b; }
+static inline M at_least(M within, V a, V b) { return within && a >= b; }
 static inline V keep(M m, V v) {
     V zero(0.0f);
     stdx::where(m, zero) = v;
@@ -68,7 +61,7 @@ static inline V load(const float* p) { return V::load_unaligned(p); }
 static inline void store(float* p, V v) { v.store_unaligned(p); }
 static inline V set(float x) { return V(x); }
 static inline M at_least(V a, V b) { return a >= b; }
-static inline M both(M a, M b) { return a & b; }
+static inline M at_least(M within, V a, V b) { return within & (a >= b); }
 static inline V keep(M m, V v) { return xsimd::select(m, v, V(0.0f)); }
 static inline V smaller(V a, V b) { return xsimd::min(a, b); }
 static inline V exp2_fraction(V);
@@ -96,7 +89,7 @@ static inline V load(const float* p) { return {hn::LoadU(Tag(), p)}; }
 static inline void store(float* p, V v) { hn::StoreU(v.raw, Tag(), p); }
 static inline V set(float x) { return {hn::Set(Tag(), x)}; }
 static inline M at_least(V a, V b) { return hn::Ge(a.raw, b.raw); }
-static inline M both(M a, M b) { return hn::And(a, b); }
+static inline M at_least(M within, V a, V b) { return hn::And(within, hn::Ge(a.raw, b.raw)); }
 static inline V keep(M m, V v) { return {hn::IfThenElseZero(m, v.raw)}; }
 static inline V smaller(V a, V b) { return {hn::Min(a.raw, b.raw)}; }
 static inline V exp2_fraction(V);
@@ -131,7 +124,7 @@ static inline V load(const float* p) { EACH(V, p[k]) }
 static inline void store(float* p, V v) { std::memcpy(p, &v, sizeof v); }
 static inline V set(float x) { EACH(V, x) }
 static inline M at_least(V a, V b) { EACH(M, a.lane[k] >= b.lane[k]) }
-static inline M both(M a, M b) { EACH(M, a.lane[k] && b.lane[k]) }
+static inline M at_least(M within, V a, V b) { EACH(M, within.lane[k] && a.lane[k] >= b.lane[k]) }
 static inline V keep(M m, V v) { EACH(V, m.lane[k] ? v.lane[k] : 0.0f) }
 static inline V smaller(V a, V b) { EACH(V, a.lane[k] < b.lane[k] ? a.lane[k] : b.lane[k]) }
 static inline V exp2(V x) { EACH(V, std::exp2f(x.lane[k])) }
@@ -164,7 +157,7 @@ void forward(const std::vector<Splat>& splats, const float* lanes, float* state)
             float* at = state + block * 4 * kWidth;
             const V u = u0 + set(s.block_u[block]), v = v0 + set(s.block_v[block]);
             const V power = (peak - u * u) - v * v, t = load(at);
-            const V w = keep(both(at_least(power, floor), at_least(t, dark)), smaller(exp2(power), cap)) * t;
+            const V w = keep(at_least(at_least(power, floor), t, dark), smaller(exp2(power), cap)) * t;
             store(at, t - w);
             store(at + kWidth, load(at + kWidth) + w * r);
             store(at + 2 * kWidth, load(at + 2 * kWidth) + w * g);
@@ -184,7 +177,7 @@ void backward(const std::vector<Splat>& splats, const float* lanes, float* state
             float* at = state + block * 6 * kWidth;
             const V u = u0 + set(s.block_u[block]), v = v0 + set(s.block_v[block]);
             const V power = (peak - u * u) - v * v, t = load(at), e = exp2(power);
-            const V a = keep(both(at_least(power, floor), at_least(t, dark)), smaller(e, cap)), w = a * t;
+            const V a = keep(at_least(at_least(power, floor), t, dark), smaller(e, cap)), w = a * t;
             const V g_r = load(at + 2 * kWidth), g_g = load(at + 3 * kWidth), g_b = load(at + 4 * kWidth);
             const V worth = r * g_r + (g * g_g + (b * g_b + load(at + 5 * kWidth)));
             const V gain = w * worth, after = load(at + kWidth) - gain;
