@@ -1,6 +1,6 @@
 """Measure rendering and write what was found into docs/rendering.md and docs/rendering.png.
 
-    LP_NUM_THREADS=0 python benchmarks/rendering.py [--machine "two shared cores"]
+    LP_NUM_THREADS=0 python -m benchmarks.rendering [--machine "two shared cores"]
 
 Errors do not depend on the machine; times do.  About five minutes of one core, most of them for the float64
 reference, then half a minute of two.
@@ -11,16 +11,16 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
-import subprocess
+import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
-from functools import cache
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import DOCS, PROJECT, commit, table, titled, write_parts
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from catalogs.scene import Scene
@@ -32,10 +32,7 @@ from render.raymarch import converged
 from render.volume import VolumeRenderer, image_data
 from render.window import aim, open_window
 
-PROJECT = Path(__file__).resolve().parent.parent
-PAGE = PROJECT / "docs" / "rendering.md"
-FIGURE = PROJECT / "docs" / "rendering.png"
-BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+PAGE, FIGURE = DOCS / "rendering.md", DOCS / "rendering.png"
 SCENE = PROJECT / "scenes" / "tgv-dvr.toml"
 SPACINGS = (2.0, 1.5, 1.0, 0.8, 0.7, 0.6, 0.5, 0.35, 0.25, 0.125)  # sample distances, in grid spacings
 VIEWS = (20, 75, 140)  # of 252: from near the top, obliquely, from the side
@@ -44,6 +41,7 @@ BLOBS = ((30, 30, 30), (12, 44, 20), (46, 14, 45), (14, 13, 46))  # (x, y, z) of
 VARIANTS = ("VTK", "VTK, half step", "this package")
 
 Draw = Callable[[Camera], NDArray[Any]]
+Found = dict[str, list[tuple[float, float, float]]]  # per variant: sample distance in spacings, dB, ms
 
 
 # ---- what is rendered ----------------------------------------------------------------------------------------
@@ -117,12 +115,12 @@ class StockVolume:
 # ---- measurements ----------------------------------------------------------------------------------------------
 
 
-def speed_against_error(appearance: VolumeRendering) -> dict[str, list[tuple[float, float, float]]]:
+def speed_against_error(appearance: VolumeRendering) -> Found:
     """(sample distance in spacings, dB over all views pooled, processor ms per image) per variant."""
     grid = member()
     views = [cameras(grid)[v] for v in VIEWS]
     truth = np.stack([converged(grid, appearance, camera, tolerance=2e-4)[0] for camera in views])
-    found: dict[str, list[tuple[float, float, float]]] = {variant: [] for variant in VARIANTS}
+    found: Found = {variant: [] for variant in VARIANTS}
     for fraction in SPACINGS:
         distance = fraction * min(grid.spacing)
         for variant in VARIANTS:
@@ -242,12 +240,7 @@ def centroid(picture: NDArray[Any]) -> NDArray[np.float64]:
 # ---- the page ------------------------------------------------------------------------------------------------------
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
-
-
-def error_table(found: dict[str, list[tuple[float, float, float]]]) -> str:
+def error_table(found: Found) -> str:
     header = ["sample distance / spacing", *(f"{variant}: dB, ms" for variant in VARIANTS)]
     rows = []
     for number, fraction in enumerate(SPACINGS):
@@ -256,7 +249,7 @@ def error_table(found: dict[str, list[tuple[float, float, float]]]) -> str:
     return table(header, rows)
 
 
-def figure(found: dict[str, dict[str, list[tuple[float, float, float]]]]) -> None:
+def figure(found: dict[str, Found]) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -282,43 +275,57 @@ def figure(found: dict[str, dict[str, list[tuple[float, float, float]]]]) -> Non
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rendering", description=__doc__.splitlines()[0])
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
     machine = parser.parse_args().machine
     os.environ.setdefault("LP_NUM_THREADS", "0")  # one thread per process, before the driver starts
-    commit = subprocess.check_output(["git", "log", "-1", "--format=%h", "--", "render"], cwd=PROJECT, text=True)
-    found = {}
-    text = [
-        f"Written by `LP_NUM_THREADS=0 python benchmarks/rendering.py` at commit {commit.strip()} on {machine} "
-        f"({open_window().backend}).\n"
-    ]
+    code = commit("render", "catalogs", "insitu", "benchmarks/rendering.py")
+    made_by = f"`LP_NUM_THREADS=0 python -m benchmarks.rendering`, commit {code}, {machine} ({open_window().backend})"
+    found: dict[str, Found] = {}
+    parts = {name: partial(part, found) for name, part in PARTS.items()}
+    failed = write_parts(PAGE, parts, made_by, lambda text: print(text, flush=True))
+    if set(found) == set(appearances()):
+        figure(found)
+    sys.exit(bool(failed))
 
-    def say(title: str, body: str) -> None:
-        print(f"{title}\n\n{body}", flush=True)
-        text.append(f"### {title}\n\n{body}")
 
-    for name, appearance in appearances().items():
-        found[name] = speed_against_error(appearance)
-        say(f"Speed against error, {name} (dB over three views; processor ms per image)", error_table(found[name]))
+def speed_part(name: str, found: dict[str, Found]) -> str:
+    found[name] = speed_against_error(appearances()[name])
+    return titled(
+        f"Speed against error, {name} (dB over three views; processor ms per image)", error_table(found[name])
+    )
+
+
+def throughput_part(_: dict[str, Found]) -> str:
     rows = []
     for processes in (1, 2):
         rate, decibels = throughput(processes)
         rows.append([str(processes), f"{rate:.0f}", f"{decibels:.1f}"])
     title = "252 views of a 64³ member at 256², at the default scene's sample distance, upload included"
-    say(title, table(["processes of one thread", "images/s, all together", "dB"], rows))
+    return titled(title, table(["processes of one thread", "images/s, all together", "dB"], rows))
+
+
+def isosurface_part(_: dict[str, Found]) -> str:
     header = ["grid", "triangles", "extraction, ms", "per 256² image, ms"]
-    say("Isosurface Q = 5 (processor time)", table(header, [isosurface_row(n) for n in (64, 128)]))
+    return titled("Isosurface Q = 5 (processor time)", table(header, [isosurface_row(n) for n in (64, 128)]))
+
+
+def centroid_part(_: dict[str, Found]) -> str:
     balls = isosurface_projection_errors()
     mean, largest = np.linalg.norm(balls.mean(axis=0)), np.linalg.norm(balls, axis=1).max()
     rows = [["volume: faint blob", "", f"{volume_projection_error():.4f}"]]
     rows.append(["isosurface: ball", f"{mean:.4f}", f"{largest:.4f}"])
     title = "Centroids against the pinhole camera, pixels, over 48 pictures at 256²"
-    say(title, table(["", "mean offset", "largest offset"], rows))
-    figure(found)
-    page = PAGE.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{chr(10).join(text)}{END}{after}", encoding="utf-8")
+    return titled(title, table(["", "mean offset", "largest offset"], rows))
+
+
+PARTS: Mapping[str, Callable[[dict[str, Found]], str]] = {
+    "smooth": lambda found: speed_part("smooth", found),
+    "peaks": lambda found: speed_part("narrow peaks", found),
+    "throughput": throughput_part,
+    "isosurface": isosurface_part,
+    "centroids": centroid_part,
+}
 
 
 if __name__ == "__main__":

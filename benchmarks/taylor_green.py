@@ -1,6 +1,6 @@
 """Measure the Taylor-Green solver and write what was found into docs/taylor_green.md and docs/taylor_green.png.
 
-    OMP_NUM_THREADS=1 python benchmarks/taylor_green.py [--finest] [--machine "two shared cores"]
+    OMP_NUM_THREADS=1 python -m benchmarks.taylor_green [--finest] [--machine "two shared cores"]
 
 Accuracy does not depend on the machine; times do.  About five minutes of one core, most of them for the two runs at 256³, and 2 GB.
 """
@@ -9,25 +9,24 @@ from __future__ import annotations
 
 import argparse
 import os
-import subprocess
+import sys
 import time as clock
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import DOCS, PROJECT, commit, table, titled, write_parts
 from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import State
 from insitu.simulations.taylor_green import TaylorGreen
 
-PROJECT = Path(__file__).resolve().parent.parent
-PAGE = PROJECT / "docs" / "taylor_green.md"
-FIGURE = PROJECT / "docs" / "taylor_green.png"
-BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+PAGE, FIGURE = DOCS / "taylor_green.md", DOCS / "taylor_green.png"
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"
+RESOLUTIONS = (32, 64, 128, 256)
 Q_TIMES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 
 
@@ -64,11 +63,6 @@ def history(resolution: int, reynolds: float, until: float = 10.0) -> History:
             coarsened[stop] = coarse.q_criterion(modes)
     times, energy, dissipation = np.array(rows).T
     return History(times, energy, dissipation, q, coarsened, seconds)
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def against_reference(reference: NDArray[np.float64], resolutions: Sequence[int]) -> str:
@@ -309,47 +303,52 @@ def load_reference() -> NDArray[np.float64]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.taylor_green", description=__doc__.splitlines()[0])
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
     parser.add_argument("--finest", action="store_true", help="also compare with a run on 384³ (six minutes more)")
     arguments = parser.parse_args()
-    commit = subprocess.check_output(
-        ["git", "log", "-1", "--format=%h", "--", "insitu/simulations"], cwd=PROJECT, text=True
-    )
-    resolutions = (32, 64, 128, 256)
+    code = commit("insitu/simulations", "benchmarks/taylor_green.py")
+    command = "OMP_NUM_THREADS=1 python -m benchmarks.taylor_green" + " --finest" * arguments.finest
     reference = load_reference()
-    sections = [
-        (
+    parts = {name: partial(part, *section) for name, section in sections(reference, arguments.finest).items()}
+    made_by = f"`{command}`, commit {code}, {arguments.machine}"
+    failed = write_parts(PAGE, parts, made_by, lambda text: print(text, flush=True))
+    figure(reference, RESOLUTIONS)
+    sys.exit(bool(failed))
+
+
+def part(title: str, measure: Callable[[], str]) -> str:
+    return titled(title, measure())
+
+
+def sections(reference: NDArray[np.float64], with_finest: bool) -> dict[str, tuple[str, Callable[[], str]]]:
+    """Title and measurement by name."""
+    found: dict[str, tuple[str, Callable[[], str]]] = {
+        "reference": (
             "Against the reference at Re 1600 (largest deviation; dissipation relative to the peak)",
-            lambda: against_reference(reference, resolutions),
+            lambda: against_reference(reference, RESOLUTIONS),
         ),
-        ("Is Q converged in space?", pointwise),
-        ("And solved on n³ points, coarsened to 64³? (relative L2 / max difference over max, against 256³)", coarsened),
-        ("Error of Q by time step and precision (64³, Re 2500)", step_and_precision),
-        (
+        "pointwise": ("Is Q converged in space?", pointwise),
+        "coarsened": (
+            "And solved on n³ points, coarsened to 64³? (relative L2 / max difference over max, against 256³)",
+            coarsened,
+        ),
+        "finest": ("And is 256³ enough? (Re 2500, relative L2 difference to 384³)", finest),
+        "steps": ("Error of Q by time step and precision (64³, Re 2500)", step_and_precision),
+        "invariants": (
             "Inviscid invariants (float64; vortex at 32³ to t = 5, helical flow at 24³ to t = 2)",
             lambda: convergence(
                 invariants, ["vortex: energy", "helical: energy", "helical: helicity"], (1.0, 0.5, 0.25, 0.125)
             ),
         ),
-        ("Exact decaying two-dimensional vortex, ν = 0.01, t = 10: largest error of the velocity", planar_decay),
-        ("Symmetric solver and plain twin (float64 at CFL 0.1; times: float32 at CFL 0.5 to t = 5)", twins),
-        ("Time of one member on one core (float32, CFL 0.5)", lambda: times(resolutions)),
-    ]
-    if arguments.finest:
-        sections.insert(3, ("And is 256³ enough? (Re 2500, relative L2 difference to 384³)", finest))
-    command = "OMP_NUM_THREADS=1 python benchmarks/taylor_green.py" + " --finest" * arguments.finest
-    text = [f"Written by `{command}` at commit {commit.strip()} on {arguments.machine}.\n"]
-    for title, measure in sections:
-        print(f"{title} ...", flush=True)
-        found = measure()
-        print(found, flush=True)
-        text.append(f"### {title}\n\n{found}")
-    figure(reference, resolutions)
-    page = PAGE.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{chr(10).join(text)}{END}{after}", encoding="utf-8")
+        "decay": (
+            "Exact decaying two-dimensional vortex, ν = 0.01, t = 10: largest error of the velocity",
+            planar_decay,
+        ),
+        "twins": ("Symmetric solver and plain twin (float64 at CFL 0.1; times: float32 at CFL 0.5 to t = 5)", twins),
+        "times": ("Time of one member on one core (float32, CFL 0.5)", lambda: times(RESOLUTIONS)),
+    }
+    return found if with_finest else {name: section for name, section in found.items() if name != "finest"}
 
 
 if __name__ == "__main__":

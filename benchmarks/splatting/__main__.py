@@ -1,0 +1,92 @@
+"""Time splatting, a training step and training itself, beside their errors, and write docs/splatting.md and its plots.
+
+    python -m benchmarks.splatting [--quick] [--only PART ...] [--output DIRECTORY]
+
+About fifteen minutes of two cores, which should have nothing else to do.  Every part is written as soon as it is measured, and
+one that fails leaves the others alone.  `--quick` tries everything in about a minute and writes elsewhere.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import torch
+
+from benchmarks.page import DOCS, PROJECT, commit, write_parts
+from benchmarks.splatting.budgets import budgets
+from benchmarks.splatting.cutoffs import cutoffs
+from benchmarks.splatting.engine import backends, fixed, loss, others
+from benchmarks.splatting.precisions import precisions
+from benchmarks.splatting.scaling import scaling
+from benchmarks.splatting.setup import Setup
+from benchmarks.splatting.step import step
+from benchmarks.splatting.trained import Trained
+from benchmarks.splatting.training_time import training_time
+from catalogs import durable
+from surrogate.provenance import machine
+from surrogate.threads import one_torch_thread
+
+PAGE = "splatting.md"
+QUICK = "bench"  # within the folder of runs
+
+Part = Callable[[Setup, Trained], str]
+PARTS: Mapping[str, Part] = {
+    "fixed": lambda setup, _: fixed(setup),
+    "others": lambda setup, _: others(setup),
+    "backends": lambda setup, _: backends(setup),
+    "loss": lambda setup, _: loss(setup),
+    "step": lambda setup, _: step(setup),
+    "scaling": lambda setup, _: scaling(setup),
+    "training": training_time,
+    "budgets": budgets,
+    "precisions": precisions,
+    "cutoffs": cutoffs,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.splatting", description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("--quick", action="store_true", help="a few points for a moment, written to runs/bench/")
+    parser.add_argument(
+        "--only", nargs="+", choices=list(PARTS), default=list(PARTS), metavar="PART", help=", ".join(PARTS)
+    )
+    parser.add_argument("--output", type=Path, help="folder of the page and its plots; default docs, or runs/bench")
+    parser.add_argument("--runs", type=Path, default=PROJECT / "runs", help="folder of the scenes' results")
+    arguments = parser.parse_args()
+    output = arguments.output or (arguments.runs / QUICK if arguments.quick else DOCS)
+    started = time.perf_counter()
+    setup = Setup(arguments.quick, output, arguments.runs, lambda text: say(text, started))
+    page = output / PAGE
+    if setup.quick or not page.exists():
+        output.mkdir(parents=True, exist_ok=True)
+        durable.replace(page, (DOCS / PAGE).read_bytes())
+    trained = Trained(setup)
+    parts = {name: partial(PARTS[name], setup, trained) for name in arguments.only}
+    with one_torch_thread():
+        failed = write_parts(page, parts, provenance(setup.quick), setup.say)
+    say(f"{page}" + (f"; failed: {', '.join(failed)}" if failed else ""), started)
+    sys.exit(bool(failed))
+
+
+def provenance(quick: bool) -> str:
+    """The line under every table."""
+    about = machine()
+    command = "python -m benchmarks.splatting" + (" --quick" if quick else "")
+    code = commit("native", "surrogate", "catalogs", "benchmarks")
+    return (
+        f"`{command}`, commit {code}, {about['processor']}, {about['cores']} cores, {about['system']}, torch "
+        f"{torch.__version__}. Times: median (fastest to slowest), wall clock."
+    )
+
+
+def say(text: str, started: float) -> None:
+    print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""One trained model drawn with a part of its Gaussians, the most important ones; nothing is fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from benchmarks.page import table
+from benchmarks.splatting.figures import COLORS, MARKERS, panels
+from benchmarks.splatting.setup import Setup, limited_to
+from benchmarks.splatting.trained import Trained, pictures
+from benchmarks.splatting.twin import decibels
+from benchmarks.timing import Measured, timed
+from surrogate.data import ImageRow, training_rows
+from surrogate.gaussians import Gaussians
+from surrogate.metrics import composite, psnr
+from surrogate.model import Surrogate
+
+PARTS = (1.0, 0.5, 0.25, 0.12)
+FIGURE = "splatting_budgets.png"
+WEIGHED, JUDGED = 200, 60  # training images that importance is taken from, validation images that are drawn
+REPEATS = 3
+
+
+def importance(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Tensor:
+    """What each Gaussian contributes to the images of `rows`: the sum of its weights T alpha over pixels, (N,).
+
+    A picture is linear in the colours with those weights, so they are the gradient of its sum by one channel.
+    """
+    total = torch.zeros(len(surrogate.gaussians))
+    for _, deformed, camera in pictures(surrogate, rows):
+        colors = torch.zeros(len(deformed), 3, requires_grad=True)
+        gaussians = replace(deformed.gaussians, colors=colors)
+        rendering = deformed.rasterizer.draw(gaussians, deformed.normalization.camera(camera))
+        (by_colors,) = torch.autograd.grad(rendering.color[..., 0].sum(), colors)
+        total += by_colors[:, 0]
+    return total
+
+
+def budgets(setup: Setup, trained: Trained) -> str:
+    """Time and error by the part of the Gaussians that is drawn, and the plot."""
+    few = 20 if setup.quick else 1
+    learned = training_rows(trained.catalog)
+    setup.say(f"{trained.name}: the importance of each Gaussian")
+    weights = importance(trained.model, learned[:: max(1, len(learned) * few // WEIGHED)])
+    rows = trained.validation(JUDGED // few)
+    found = {part: _drawn(trained, rows, weights, part) for part in PARTS}
+    with panels(setup.output / FIGURE, height=3.6) as axes:
+        for k, name in enumerate(("the stored images", "the whole model")):
+            points = [
+                (taken.median, errors[k], part) for part, (taken, *errors) in found.items() if np.isfinite(errors[k])
+            ]
+            axes.plot(
+                [p[0] for p in points],
+                [p[1] for p in points],
+                MARKERS[k] + "-",
+                color=COLORS[k],
+                label=f"against {name}",
+            )
+            for milliseconds, error, part in points if k == 0 else ():
+                axes.annotate(
+                    f"{100 * part:.0f} %", (milliseconds, error), xytext=(6, -8), textcoords="offset points", fontsize=7
+                )
+        axes.set(
+            xlabel="ms per picture (one thread)",
+            ylabel="PSNR, dB",
+            title=f"{trained.name}: part of the Gaussians drawn",
+        )
+        axes.set_xlim(left=0)
+        axes.margins(y=0.12)
+        axes.legend()
+    total = float(weights.sum())
+    cells = []
+    for part, (taken, truth, whole) in found.items():
+        kept = _kept(weights, part)
+        share = f"{100 * float(weights[kept].sum()) / total:.2f} %"
+        same = f"{whole:.1f}" if np.isfinite(whole) else "the same"
+        cells.append([f"{100 * part:.0f} %", f"{len(kept):,}", share, str(taken), same, f"{truth:.2f}"])
+    header = ["drawn", "Gaussians", "of all weight", "ms per picture", "PSNR against the whole model, dB"]
+    note = f"{trained.name}, {len(rows)} validation images of {_size(trained)}, one thread.\n\n"
+    return note + table([*header, "PSNR against the stored images, dB"], cells)
+
+
+def _kept(weights: Tensor, part: float) -> Tensor:
+    """Indices of the most important Gaussians, in their old order."""
+    count = max(1, round(part * len(weights)))
+    return torch.argsort(weights, descending=True, stable=True)[:count].sort().values
+
+
+def _drawn(trained: Trained, rows: Sequence[ImageRow], weights: Tensor, part: float) -> tuple[Measured, float, float]:
+    """Time per picture, mean PSNR against the stored images, and against the whole model (inf where nothing differs)."""
+    kept = _kept(weights, part)
+    taken, to_truth, to_whole = [], [], []
+    with limited_to(1):
+        for row, whole, camera in pictures(trained.model, rows):
+            some = replace(whole, gaussians=Gaussians(*(t[kept] for t in whole.gaussians.tensors().values())))
+            taken.append(min(timed(lambda s=some, c=camera: s.render(c)) for _ in range(REPEATS)))
+            picture = composite(some.render(camera), trained.background)
+            difference = picture.astype(np.float64) - composite(whole.render(camera), trained.background)
+            to_truth.append(psnr(trained.truth(row), picture))
+            to_whole.append(float(np.mean(np.square(difference))))
+    return Measured.of(taken), float(np.mean(to_truth)), decibels(float(np.mean(to_whole)))
+
+
+def _size(trained: Trained) -> str:
+    camera = trained.catalog.members[0].cameras[0]
+    return f"{camera.width} x {camera.height}"

@@ -1,0 +1,64 @@
+"""What leaving out faint contributions saves, and what it costs in the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from benchmarks.page import table
+from benchmarks.splatting.drawing import ERROR_HEADER, Drawn, measure
+from benchmarks.splatting.engine import TIMES, times
+from benchmarks.splatting.figures import COLORS, MARKERS, panels
+from benchmarks.splatting.setup import Setup
+from benchmarks.splatting.trained import Trained
+from benchmarks.splatting.twin import Constants, ask, patches
+from benchmarks.splatting.workloads import FIXED, Scene
+from benchmarks.timing import digits
+from catalogs.cameras import Camera
+
+FLOORS = {"1/64": 1 / 64, "1/128": 1 / 128, "1/255": 1 / 255, "1/1024": 1 / 1024, "1e-4": 1e-4}
+ALL = 1e-9  # a floor so low that nothing is left out: 20,000 such contributions are 2e-5 together
+FIGURE = "splatting_cutoffs.png"
+
+
+def cutoffs(setup: Setup, trained: Trained) -> str:
+    """Alpha floors on the fixed scene and on a trained model, against a twin that leaves nothing out."""
+    view = trained.view()
+    cases: dict[str, tuple[Scene, Camera, Constants]] = {
+        FIXED.title: (FIXED.scene(), FIXED.camera(), Constants()),
+        f"model of {trained.name}": (view.scene, view.camera, view.constants),
+    }
+    found = {name: _measured(name, *case, setup) for name, case in cases.items()}
+    with panels(setup.output / FIGURE, height=3.6) as axes:
+        for (name, by_floor), color, marker in zip(found.items(), COLORS, MARKERS, strict=False):
+            points = [(drawn.both.median, drawn.image.decibels, label) for label, (drawn, _) in by_floor.items()]
+            axes.plot(
+                [p[0] for p in points], [p[1] for p in points], marker + "-", color=color, markersize=4, label=name
+            )
+            for milliseconds, decibels, label in points:
+                axes.annotate(label, (milliseconds, decibels), xytext=(5, -9), textcoords="offset points", fontsize=7)
+        axes.set(xlabel="forward + backward, ms (one thread)", ylabel="PSNR against no floor, dB")
+        axes.set_xlim(left=0)
+        axes.margins(y=0.1)
+        axes.legend(loc="lower right")
+    rows = [
+        [name, label, digits(pairs), *times(drawn), *drawn.error_cells()]
+        for name, by_floor in found.items()
+        for label, (drawn, pairs) in by_floor.items()
+    ]
+    return table(["scene", "alpha floor", "pairs, M", *TIMES, *ERROR_HEADER], rows)
+
+
+def _measured(
+    name: str, scene: Scene, camera: Camera, constants: Constants, setup: Setup
+) -> dict[str, tuple[Drawn, float]]:
+    """By floor: the drawing, and millions of pairs."""
+    wanted = patches(camera.width, camera.height, setup.patches)
+    everything = ask(scene, camera, replace(constants, alpha_floor=ALL), wanted)
+    found = {}
+    for label, floor in FLOORS.items():
+        setup.say(f"{name}: alpha floor {label}")
+        with_floor = replace(constants, alpha_floor=floor)
+        counted = ask(scene, camera, with_floor, wanted, gradients=False).counted
+        pairs = counted.interactions / counted.pixels * camera.width * camera.height / 1e6
+        found[label] = measure(scene, camera, with_floor, everything, setup.seconds, threads=1), pairs
+    return found

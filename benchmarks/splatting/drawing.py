@@ -1,0 +1,69 @@
+"""One scene drawn one way: how long it takes, and how far picture and gradients are from the float64 twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from benchmarks.splatting.twin import Constants, Errors, Twin, gradient_error, image_errors, picture_at
+from benchmarks.splatting.workloads import Scene
+from benchmarks.timing import Measured, measured_in_turn
+from catalogs.cameras import Camera
+from surrogate.splatting import Rendering, render
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Milliseconds of the forward pass, the backward pass and both; errors of the picture and of the gradients."""
+
+    forward: Measured
+    backward: Measured
+    both: Measured
+    image: Errors
+    gradient: float
+
+    def error_cells(self) -> list[str]:
+        """PSNR, largest difference, largest gradient error."""
+        return [*error_cells(self.image), f"{self.gradient:.0e}"]
+
+
+ERROR_HEADER = ("PSNR against float64, dB", "largest image error", "largest gradient error")
+
+
+def error_cells(errors: Errors) -> list[str]:
+    return [f"{errors.decibels:.1f}", f"{errors.largest:.0e}"]
+
+
+def draw(scene: Scene, camera: Camera, constants: Constants, **options: Any) -> Rendering:
+    """`surrogate.splatting.render` with `options` such as backend, threads, instruction_set."""
+    return render(*scene, camera, **constants.options(), **options)
+
+
+def measure(scene: Scene, camera: Camera, constants: Constants, twin: Twin, seconds: float, **options: Any) -> Drawn:
+    """Draw and differentiate for `seconds`, then compare with the twin."""
+    leaves = Scene(*(tensor.clone().requires_grad_() for tensor in scene))
+    random = torch.Generator().manual_seed(3)
+    by_color = torch.randn(camera.height, camera.width, 3, generator=random, dtype=scene.means.dtype)
+    by_alpha = torch.randn(camera.height, camera.width, generator=random, dtype=scene.means.dtype)
+    drawn: list[Rendering] = []
+
+    def forward() -> None:
+        drawn[:] = [draw(leaves, camera, constants, **options)]
+
+    def backward() -> None:
+        torch.autograd.grad((drawn[0].color, drawn[0].alpha), leaves, (by_color, by_alpha))
+
+    forward_ms, backward_ms, both = measured_in_turn([forward, backward], seconds)
+    image, gradient = errors(leaves, camera, constants, twin, **options)
+    return Drawn(forward_ms, backward_ms, both, image, gradient)
+
+
+def errors(leaves: Scene, camera: Camera, constants: Constants, twin: Twin, **options: Any) -> tuple[Errors, float]:
+    """Errors of the picture, and of the gradients of the twin's functional (nan where the twin has none)."""
+    picture = picture_at(draw(leaves, camera, constants, **options), twin.pixels)  # [P, 4]
+    if not twin.gradients:
+        return image_errors(picture, twin), float("nan")
+    found = torch.autograd.grad((picture * twin.weights.to(picture)).sum(), leaves)
+    return image_errors(picture, twin), gradient_error(found, twin)

@@ -1,0 +1,206 @@
+"""Models trained for a given time, and how their pictures compare with those of validation members and views."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from benchmarks.page import PROJECT
+from benchmarks.splatting.setup import Setup
+from benchmarks.splatting.twin import Constants
+from benchmarks.splatting.workloads import Scene
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog
+from catalogs.scene import Scene as SceneFile
+from surrogate.data import ImageRow, validation_rows
+from surrogate.metrics import WHITE, composite, psnr
+from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.progress import TrainingProgress
+from surrogate.settings import TrainingSettings
+from surrogate.training import train
+
+PREFERRED, FALLBACK = "tgv-dvr", "tiny"
+BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds
+PROBE = 100  # steps between the points that the pace is taken from
+POINTS = 12  # of a training curve, about
+FEWEST_STEPS = 20
+
+
+class Pace(NamedTuple):
+    """Seconds before the first step, and of a step in either stage."""
+
+    start: float
+    canonical: float
+    deformation: float
+
+
+class View(NamedTuple):
+    """A model's Gaussians at one member's parameters, as the rasterizer takes them, and a camera in their coordinates."""
+
+    scene: Scene
+    camera: Camera
+    constants: Constants
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model trained for about `budget` seconds."""
+
+    budget: float
+    surrogate: Surrogate
+
+    @property
+    def curve(self) -> list[tuple[float, float]]:
+        """(seconds, validation PSNR in dB) as the run itself saw it, both stages."""
+        points: Sequence[Mapping[str, Any]] = self.surrogate.training["curve"]
+        return [(p["seconds"], p["psnr"]) for p in points if p["psnr"] is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """One scene, and models of it; each is trained when first asked for."""
+
+    setup: Setup
+    fits: dict[float, Fit] = field(default_factory=dict)
+
+    @property
+    def budgets(self) -> tuple[float, ...]:
+        return QUICK_BUDGETS if self.setup.quick else BUDGETS
+
+    @property
+    def name(self) -> str:
+        """The scene that is there: the standard one, or the smallest, which is made in a moment."""
+        stored = (self.setup.runs / PREFERRED / "catalog.cdb").is_dir()
+        return PREFERRED if stored and not self.setup.quick else FALLBACK
+
+    @cached_property
+    def scene_file(self) -> SceneFile:
+        return SceneFile.load(PROJECT / "scenes" / f"{self.name}.toml")
+
+    @cached_property
+    def catalog(self) -> Catalog:
+        folder = self.setup.runs / self.name / "catalog.cdb"
+        if not folder.is_dir():
+            self.setup.say(f"rendering the data set {self.name}")
+            program = "from insitu.cli import main; main()"  # in a process of its own, since it loads VTK
+            arguments = ["dataset", str(self.scene_file.path), "--runs", str(self.setup.runs)]
+            subprocess.run([sys.executable, "-c", program, *arguments], check=True)
+        return Catalog.open(folder)
+
+    @cached_property
+    def settings(self) -> TrainingSettings:
+        return TrainingSettings.from_table(self.scene_file.training)
+
+    @cached_property
+    def pace(self) -> Pace:
+        """How fast this machine trains, from a short run."""
+        self.setup.say(f"{self.name}: how fast a step is")
+        steps: dict[str, Any] = {
+            "canonical_steps": 2 * PROBE,
+            "deformation_steps": 3 * PROBE,
+            "validation_interval": PROBE,
+        }
+        return pace_of(self._train(replace(self.settings, **steps)).training["curve"])
+
+    def fit(self, budget: float) -> Fit:
+        """The model of one budget, in seconds."""
+        if budget not in self.fits:
+            settings = scheduled(self.settings, budget, self.pace)
+            self.setup.say(f"{self.name}: training for {budget:.0f} s")
+            self.fits[budget] = Fit(budget, self._train(settings))
+        return self.fits[budget]
+
+    @property
+    def model(self) -> Surrogate:
+        """The one that was trained longest."""
+        return self.fit(max(self.budgets)).surrogate
+
+    def validation(self, count: int) -> list[ImageRow]:
+        """That many images that choices are made on, spread evenly."""
+        return validation_rows(self.catalog, count)
+
+    def view(self) -> View:
+        """The model as one validation image shows it."""
+        row = self.validation(3)[-1]
+        deformed = self.model.at(**row.member.parameters)
+        camera, rasterizer = deformed.normalization.camera(row.member.cameras[row.view]), deformed.rasterizer
+        gaussians = deformed.gaussians
+        colors = gaussians.colors_from(torch.from_numpy(camera.position).to(gaussians.means))
+        scene = Scene(gaussians.means, gaussians.scales(), gaussians.quats, gaussians.opacities(), colors)
+        return View(scene, camera, Constants.of(rasterizer))
+
+    def truth(self, row: ImageRow) -> NDArray[np.float32]:
+        """A stored image over its background, (H, W, 3)."""
+        stored = self.catalog.image(row.member, str(self.model.training["appearance"]), row.view)
+        return composite(stored, self.background)
+
+    @property
+    def background(self) -> tuple[float, float, float]:
+        return self.catalog.plan.background or WHITE
+
+    def _train(self, settings: TrainingSettings) -> Surrogate:
+        with tempfile.TemporaryDirectory() as folder:
+            return train(settings, self.catalog, Path(folder) / "surrogate", progress=_now_and_then(self.setup.say))
+
+
+def pictures(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Iterator[tuple[ImageRow, DeformedGaussians, Camera]]:
+    """What is to be drawn for each row, deformed once per member."""
+    deformed: dict[str, DeformedGaussians] = {}
+    for row in rows:
+        if row.member.name not in deformed:
+            deformed[row.member.name] = surrogate.at(**row.member.parameters)
+        yield row, deformed[row.member.name], row.member.cameras[row.view]
+
+
+def mean_decibels(surrogate: Surrogate, trained: Trained, rows: Sequence[ImageRow]) -> float:
+    """Mean PSNR of `surrogate` on stored images."""
+    found = [
+        psnr(trained.truth(row), composite(deformed.render(camera), trained.background))
+        for row, deformed, camera in pictures(surrogate, rows)
+    ]
+    return float(np.mean(found))
+
+
+def pace_of(curve: Sequence[Mapping[str, Any]]) -> Pace:
+    """The pace of a run whose `curve` has at least two points in either stage."""
+    rates, starts = {}, {}
+    for stage in ("canonical", "deformation"):
+        first, *_, last = [(p["step"], p["seconds"]) for p in curve if p["stage"] == stage]
+        rates[stage] = (last[1] - first[1]) / (last[0] - first[0])
+        starts[stage] = first[1] - first[0] * rates[stage]
+    return Pace(max(starts["canonical"], 0.0), rates["canonical"], rates["deformation"])
+
+
+def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
+    """`settings` with as many steps as fit into `seconds`, shared out between the stages as before."""
+    share = settings.canonical_steps / (settings.canonical_steps + settings.deformation_steps)
+    per_step = share * pace.canonical + (1.0 - share) * pace.deformation
+    steps = max((seconds - pace.start) / per_step, 2 * FEWEST_STEPS)
+    canonical = max(FEWEST_STEPS, round(share * steps))
+    deformation = max(FEWEST_STEPS, round(steps - canonical))
+    interval = max(1, (canonical + deformation) // POINTS)
+    return replace(settings, canonical_steps=canonical, deformation_steps=deformation, validation_interval=interval)
+
+
+def _now_and_then(say: Callable[[str], None]) -> Callable[[TrainingProgress], None]:
+    """Tells the progress of a training run every ten seconds."""
+    last = time.monotonic()
+
+    def report(progress: TrainingProgress) -> None:
+        nonlocal last
+        if time.monotonic() - last > 10.0:
+            last = time.monotonic()
+            say(str(progress))
+
+    return report

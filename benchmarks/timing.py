@@ -1,0 +1,67 @@
+"""How long a call takes: the median of several in one run, beside the fastest and the slowest."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+
+class Measured(NamedTuple):
+    """Milliseconds (wall clock) of one call, over several: the median, the fastest, the slowest."""
+
+    median: float
+    lowest: float
+    highest: float
+
+    @classmethod
+    def of(cls, milliseconds: Sequence[float]) -> Measured:
+        """The summary of at least one measurement."""
+        return cls(statistics.median(milliseconds), min(milliseconds), max(milliseconds))
+
+    def __str__(self) -> str:
+        return f"{digits(self.median)} ({digits(self.lowest)} to {digits(self.highest)})"
+
+
+def digits(value: float) -> str:
+    """`value` with three digits, and never an exponent."""
+    size = abs(value)
+    return (
+        f"{value:,.0f}"
+        if size >= 100
+        else f"{value:.1f}"
+        if size >= 10
+        else f"{value:.2f}"
+        if size >= 1
+        else f"{value:.3f}"
+    )
+
+
+def timed(call: Callable[[], object]) -> float:
+    """Milliseconds (wall clock) of one call."""
+    started = time.perf_counter()
+    call()
+    return 1e3 * (time.perf_counter() - started)
+
+
+def measured(call: Callable[[], object], seconds: float, *, least: int = 3, most: int = 100) -> Measured:
+    """The times of `least` to `most` calls, as many as fit into `seconds`; an untimed one goes before."""
+    call()
+    ends = time.perf_counter() + seconds
+    taken: list[float] = []
+    while len(taken) < least or (len(taken) < most and time.perf_counter() < ends):
+        taken.append(timed(call))
+    return Measured.of(taken)
+
+
+def measured_in_turn(calls: Sequence[Callable[[], object]], seconds: float, *, least: int = 3) -> list[Measured]:
+    """The times of several calls that always follow each other in this order, each sequence timed as a whole in the last entry."""
+    rounds: list[list[float]] = []
+    for call in calls:
+        call()
+    ends = time.perf_counter() + seconds
+    while len(rounds) < least or time.perf_counter() < ends:
+        parts = [timed(call) for call in calls]
+        rounds.append([*parts, sum(parts)])
+    return [Measured.of(column) for column in zip(*rounds, strict=True)]
