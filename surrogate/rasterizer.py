@@ -13,7 +13,7 @@ from catalogs.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import Rendering, render, render_over
-from surrogate.splatting.rendering import ALPHA_CAP
+from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Rasterizer:
     """
 
     near: float = 0.02
-    dilation: float = 0.1
+    dilation: float = DILATION
     alpha_floor: float = 1.0 / 255.0
     alpha_cap: float = ALPHA_CAP
     backend: str = "cpu"

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
+from surrogate.splatting.rendering import ALPHA_CAP, DILATION
+
 Initialization = Literal["auto", "in-situ", "random"]
 
 
@@ -85,8 +87,8 @@ class TrainingSettings:
     dead_opacity: float = 0.01
     peak_decay: float = 0.995
     alpha_floor: float = 1.0 / 255.0
-    alpha_cap: float = 0.999
-    dilation: float = 0.1
+    alpha_cap: float = ALPHA_CAP
+    dilation: float = DILATION
     backend: str = "cpu"
 
     validation_interval: int = 500

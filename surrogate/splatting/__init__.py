@@ -11,7 +11,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.splatting import cpu, reference
-from surrogate.splatting.rendering import ALPHA_CAP, Rendering
+from surrogate.splatting.rendering import ALPHA_CAP, DILATION, Rendering
 
 __all__ = ["BACKENDS", "Rendering", "render", "render_over"]
 
@@ -27,7 +27,7 @@ def render(
     camera: Camera,
     *,
     near: float = 0.02,
-    dilation: float = 0.1,
+    dilation: float = DILATION,
     alpha_floor: float = 1.0 / 255.0,
     alpha_cap: float = ALPHA_CAP,
     backend: str = "cpu",
@@ -88,7 +88,7 @@ def render_over(
     background: Sequence[float],
     *,
     near: float = 0.02,
-    dilation: float = 0.1,
+    dilation: float = DILATION,
     alpha_floor: float = 1.0 / 255.0,
     alpha_cap: float = ALPHA_CAP,
     backend: str = "cpu",

@@ -1,0 +1,1 @@
+"""What limits the pictures of one volume made of Gaussians."""

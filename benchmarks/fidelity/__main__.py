@@ -1,0 +1,87 @@
+"""Fit one member in many ways, and draw one fit by other rules: what limits pictures of volumes made of Gaussians?
+
+    python -m benchmarks.fidelity [--quick] [--scenes tgv-dvr cloverleaf] [--page-only] [--runs DIRECTORY]
+
+About an hour on two cores.  Each fit's result is kept in runs/fidelity/; what is there is not fitted again, so it may be
+interrupted.  The page docs/volume_fidelity.md is written at the end, or at once with `--page-only`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from benchmarks.fidelity import page
+from benchmarks.fidelity.fitting import Subject, catalog_of, fit, settings_of
+from benchmarks.fidelity.study import study
+from benchmarks.fidelity.variants import VARIANTS, Variant
+from benchmarks.page import DOCS, PROJECT, commit
+from catalogs import durable
+from surrogate.provenance import machine
+from surrogate.threads import one_torch_thread
+
+SCENES = ("tgv-dvr", "cloverleaf")
+QUICK = 0.02  # of the steps
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.fidelity", description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("--quick", action="store_true", help="a fiftieth of the steps, written beside the real results")
+    parser.add_argument("--scenes", nargs="+", default=list(SCENES), metavar="SCENE")
+    parser.add_argument("--page-only", action="store_true", help="write the page from the results that are there")
+    parser.add_argument("--runs", type=Path, default=PROJECT / "runs", help="folder of the scenes' results")
+    arguments = parser.parse_args()
+    folder = arguments.runs / ("fidelity-quick" if arguments.quick else "fidelity")
+    say = partial(_say, time.perf_counter())
+    if not arguments.page_only:
+        with one_torch_thread():
+            for scene in arguments.scenes:
+                measure(scene, arguments.runs, folder, QUICK if arguments.quick else 1.0, say)
+    results = {scene: stored(folder / scene) for scene in arguments.scenes}
+    page.write(DOCS if not arguments.quick else folder, results, say)
+
+
+def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> None:
+    """Fit every variant of a scene that has no result yet."""
+    catalog = catalog_of(runs, scene)
+    if catalog is None:
+        say(f"{scene}: not there; make it with `make dataset SCENE={scene}`")
+        return
+    subject, made = Subject.of(scene, catalog), _made()
+    for variant in VARIANTS:
+        path = folder / scene / f"{variant.key}.json"
+        if path.exists() and json.loads(path.read_text())["settings"] == settings_of(variant, scale).to_json():
+            continue
+        outcome = fit(subject, variant, scale, say)
+        record = outcome.record | {"group": variant.group, "name": variant.name, **made}
+        if variant == VARIANTS[0]:
+            record |= {"rules": study(subject, outcome.gaussians, settings_of(variant, scale))}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        durable.replace(path, json.dumps(record, indent=1).encode())
+
+
+def stored(folder: Path) -> dict[Variant, dict[str, Any]]:
+    """The results that are there."""
+    found = {}
+    for variant in VARIANTS:
+        path = folder / f"{variant.key}.json"
+        if path.exists():
+            found[variant] = json.loads(path.read_text())
+    return found
+
+
+def _made() -> dict[str, Any]:
+    return {"machine": machine(), "commit": commit("native", "surrogate", "catalogs", "benchmarks/fidelity")}
+
+
+def _say(started: float, text: str) -> None:
+    print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""Fit Gaussians to one member of a catalog, without any deformation, and judge them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from benchmarks.fidelity.activations import ACTIVATIONS, with_activation
+from benchmarks.fidelity.variants import GAUSSIANS, STEPS, Variant
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog
+from surrogate.canonical import canonical_stage
+from surrogate.data import Example, ImageRow, foreground_color, load_examples
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.initialize import Points, initial_gaussians, initial_points
+from surrogate.metrics import WHITE, psnr
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.stage import Stage
+from surrogate.stage_run import StageRun, TrainingData
+
+POINTS = 6  # of a curve
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """One training member of a scene: its images by split, and where Gaussians start."""
+
+    scene: str
+    member: str
+    examples: dict[str, Sequence[Example]]
+    box: NDArray[np.float64]  # [2, 3]
+    points: Points | None
+    background: tuple[float, float, float] | None
+
+    @classmethod
+    def of(cls, scene: str, catalog: Catalog) -> Subject:
+        """The training member in the middle of the list."""
+        members = [member for member in catalog.members if member.split == "train"]
+        member, plan = members[len(members) // 2], catalog.plan
+        normalization = Normalization.of_box(plan.bounds)
+        appearance = plan.appearances[0].name
+        examples = {
+            split: load_examples(
+                catalog,
+                appearance,
+                [ImageRow(member, view) for view, kept in enumerate(member.view_splits) if kept == split],
+                normalization,
+            )
+            for split in ("train", "validation", "test")
+        }
+        points = initial_points(TrainingSettings(), catalog, appearance, normalization)
+        return cls(scene, member.name, examples, normalization.points(plan.bounds), points, plan.background)
+
+
+class Fit(NamedTuple):
+    """What came out: JSON values, and the Gaussians."""
+
+    record: dict[str, Any]
+    gaussians: Gaussians
+
+
+def fit(subject: Subject, variant: Variant, scale: float, say: Callable[[str], None]) -> Fit:
+    """Fit one variant with `scale` times its steps."""
+    settings = settings_of(variant, scale)
+    gaussians = _start(subject, settings, variant.activation)
+    stage = _activated(canonical_stage(gaussians, settings), gaussians, variant.activation)
+    run = StageRun(stage, settings, TrainingData(subject.examples["train"], (), subject.background))
+    curve, started, watching = [], time.perf_counter(), 0.0
+    while run.step < stage.steps:
+        run.advance()
+        if run.step % max(1, stage.steps // POINTS) == 0:
+            begun = time.perf_counter()
+            curve.append([run.step, judge(subject, stage, settings, "validation")])
+            watching += time.perf_counter() - begun
+            say(f"{subject.scene}, {variant.group} {variant.name}: step {run.step:,}, {curve[-1][1]:.2f} dB")
+    seconds = time.perf_counter() - started - watching
+    final = Gaussians(**{name: t.detach() for name, t in stage.gaussians_at(torch.empty(0)).tensors().items()})
+    record = {
+        "scene": subject.scene,
+        "member": subject.member,
+        "settings": settings.to_json(),
+        "activation": variant.activation,
+        "curve": curve,
+        "milliseconds": 1e3 * seconds / stage.steps,
+        **{split: judge(subject, stage, settings, split) for split in ("train", "validation", "test")},
+        "half_size": judge(subject, stage, settings, "validation", halved=True),
+    }
+    return Fit(record, final)
+
+
+def settings_of(variant: Variant, scale: float) -> TrainingSettings:
+    """The settings of a variant; no deformation."""
+    base = TrainingSettings(gaussians=GAUSSIANS, canonical_steps=STEPS, deformation_steps=0)
+    chosen = replace(base, **variant.settings)
+    return replace(chosen, canonical_steps=max(POINTS, round(scale * chosen.canonical_steps)))
+
+
+def judge(
+    subject: Subject, stage: Stage, settings: TrainingSettings, split: str, *, halved: bool = False
+) -> float | None:
+    """Mean PSNR over the images of a split, in dB; `halved` in width and height, where each pixel is the mean of four."""
+    rasterizer, behind = Rasterizer.of(settings), subject.background or WHITE
+    scores = []
+    with torch.no_grad():
+        gaussians = stage.gaussians_at(torch.empty(0))
+        for example in subject.examples[split]:
+            truth = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
+            camera = example.camera
+            if halved:
+                truth, camera = _mean_of_four(truth), _half(camera)
+            picture = rasterizer.draw_over(gaussians, camera, behind)[..., :3].clamp(0.0, 1.0)
+            scores.append(psnr(truth, picture.numpy()))
+    return float(np.mean(scores)) if scores else None
+
+
+def _start(subject: Subject, settings: TrainingSettings, activation: str) -> Gaussians:
+    some = subject.examples["train"][::8]
+    gaussians = initial_gaussians(settings, subject.box, subject.points, foreground_color(some, subject.background))
+    gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(settings.initial_opacity))
+    return gaussians
+
+
+def _activated(stage: Stage, gaussians: Gaussians, activation: str) -> Stage:
+    return replace(stage, gaussians_at=lambda _: with_activation(gaussians, activation))
+
+
+def _mean_of_four(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width, channels = picture.shape
+    return picture.reshape(height // 2, 2, width // 2, 2, channels).mean(axis=(1, 3))
+
+
+def _half(camera: Camera) -> Camera:
+    return Camera(
+        camera.world_to_camera,
+        *(0.5 * value for value in (camera.fx, camera.fy, camera.cx, camera.cy)),
+        camera.width // 2,
+        camera.height // 2,
+    )
+
+
+def catalog_of(runs: Path, scene: str) -> Catalog | None:
+    """The scene's catalog, or None where it has not been made."""
+    folder = runs / scene / "catalog.cdb"
+    return Catalog.open(folder) if folder.is_dir() else None

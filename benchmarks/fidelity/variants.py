@@ -1,0 +1,56 @@
+"""What is changed, one thing at a time, in fitting one member: settings as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+STEPS = 6_000
+GAUSSIANS = 20_000
+BASE = "as it is"
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One fit.
+
+    Attributes
+    ----------
+    group, name : what is asked, and this answer to it.
+    settings : of `TrainingSettings`, over those of every fit.
+    activation : of `benchmarks.fidelity.activations`.
+    """
+
+    group: str
+    name: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    activation: str = "sigmoid"
+
+    @property
+    def key(self) -> str:
+        """A file name."""
+        return "".join(c if c.isalnum() or c in ".-" else "_" for c in f"{self.group}-{self.name}")
+
+
+def _variants() -> list[Variant]:
+    still = {"relocation_interval": 0}
+    return [
+        Variant(BASE, "seed 0"),
+        *(Variant(BASE, f"seed {seed}", {"seed": seed}) for seed in (1, 2)),
+        *(Variant("dilation, px²", f"{value:g}", {"dilation": value}) for value in (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)),
+        *(Variant("alpha floor", f"1/{n}", {"alpha_floor": 1.0 / n}) for n in (64, 128, 255, 510, 1020, 4080)),
+        *(Variant("alpha cap", f"{value:g}", {"alpha_cap": value}) for value in (0.99, 0.999, 0.9999)),
+        *(Variant("Gaussians", f"{n:,}", {"gaussians": n}) for n in (5_000, 10_000, 40_000, 80_000)),
+        *(Variant("steps", f"{n:,}", {"canonical_steps": n}) for n in (3_000, 12_000, 24_000)),
+        *(Variant("first opacity", f"{value:g}", {"initial_opacity": value}) for value in (0.05, 0.5)),
+        *(Variant("first scale", f"{value:g}", {"initial_scale": value}) for value in (0.25, 1.0)),
+        Variant("colour degree", "1", {"color_degree": 1}),
+        *(Variant("weight of SSIM", f"{value:g}", {"ssim_weight": value}) for value in (0.0, 0.5)),
+        Variant("opacity (none relocated)", "sigmoid", still),
+        Variant("opacity (none relocated)", "1 - exp(-exp x)", still, "optical depth"),
+        Variant("opacity (none relocated)", "x cut to [0, 1]", still, "cut"),
+    ]
+
+
+VARIANTS = _variants()  # the first are what the others are compared with, and differ only by chance
