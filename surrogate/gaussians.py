@@ -6,7 +6,7 @@ a covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -50,6 +50,21 @@ class Gaussians:
         """The parameters by name."""
         return {name: getattr(self, name) for name in NAMES}
 
+    def with_color_degree(self, degree: int) -> Gaussians:
+        """The same, whose colours may depend on the direction (degree 1) but do not yet; raises ValueError for a lower degree."""
+        if degree < self.color_degree:
+            raise ValueError(f"colours of degree {self.color_degree} can't be of degree {degree}")
+        flat = torch.zeros(len(self), 9 * (degree - self.color_degree))  # [N, 0 or 9]
+        return replace(self, colors=torch.cat([self.colors, flat], dim=1))
+
+    def of(self, rows: Tensor) -> Gaussians:
+        """Some of them, by index (M,)."""
+        return Gaussians(*(tensor[rows] for tensor in self.tensors().values()))
+
+    def copy(self) -> Gaussians:
+        """The same numbers in tensors of their own."""
+        return Gaussians(*(tensor.detach().clone() for tensor in self.tensors().values()))
+
     def scales(self) -> Tensor:
         """Standard deviations along the principal axes, (N, 3)."""
         return self.log_scales.exp()
@@ -62,11 +77,10 @@ class Gaussians:
         """Colours (N, 3) as seen from `position` (3,), in the Gaussians' coordinates; not clamped."""
         if self.color_degree == 0:
             return self.colors
-        towards = torch.nn.functional.normalize(self.means - position, dim=1)  # [N, 3]
-        x, y, z = towards.unbind(1)  # each [N]
-        harmonics = SH_C1 * torch.stack([-y, z, -x], dim=1)  # [N, 3]
-        linear = self.colors[:, 3:].unflatten(1, (3, 3))  # [N, 3 harmonics, 3 channels]
-        return self.colors[:, :3] + torch.einsum("nh,nhc->nc", harmonics, linear)
+        towards = SH_C1 * torch.nn.functional.normalize(self.means - position, dim=1)  # [N, 3]
+        x, y, z = towards.split(1, dim=1)  # [N, 1] each
+        constant, by_y, by_z, by_x = self.colors.split(3, dim=1)  # [N, 3] each
+        return constant - y * by_y + z * by_z - x * by_x
 
 
 @dataclass(frozen=True, eq=False)

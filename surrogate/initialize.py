@@ -53,7 +53,7 @@ def initial_points(
 def initial_gaussians(
     settings: TrainingSettings, box: NDArray[np.float64], points: Points | None, color: NDArray[np.float64]
 ) -> Gaussians:
-    """The Gaussians that training starts from.
+    """The Gaussians that training starts from, of colour degree 0 where it is still to be chosen.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def initial_gaussians(
         chosen = random.choice(len(points.places), count, replace=len(points.places) < count)  # [N]
         places = points.places[chosen] + random.normal(0.0, 0.25 * spacing, (count, 3))  # [N, 3]
         colors = colors if points.colors is None else points.colors[chosen]
-    flat = np.zeros((count, 9 * settings.color_degree))
+    flat = np.zeros((count, 9 * (settings.color_degree == 1)))
     opacity_logit = float(np.log(settings.initial_opacity / (1.0 - settings.initial_opacity)))
     return Gaussians(
         means=_float32(places),

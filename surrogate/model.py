@@ -19,11 +19,13 @@ from catalogs import durable
 from catalogs.cameras import Camera
 from catalogs.parameters import ParameterSpace
 from surrogate.deformation import Deformation, load_deformation
+from surrogate.encoding import Encoding
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 
-SCHEMA = 1
+SCHEMA = 2  # 1 had no encodings
 TENSORS, RECORD = "model.safetensors", "model.json"
+SEPARATOR = "/"  # between the name of an encoded tensor and that of its part
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,8 @@ class Surrogate:
     normalization : between world and normalized coordinates.
     rasterizer : the constants it was trained with.
     background : the colour behind the volume in the images it was trained on; None where they had alpha.
+    encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
+        are what these decode to.  One that was replaced since is stored as it is.
     training : how it came to be: `seconds`, `steps`, `settings`, `curve`, `appearance`, `fingerprint`.
     """
 
@@ -98,6 +102,7 @@ class Surrogate:
     rasterizer: Rasterizer
     background: tuple[float, float, float] | None = None
     training: Mapping[str, Any] = field(default_factory=dict)
+    encodings: Mapping[str, Encoding] = field(default_factory=dict)
 
     def at(self, **parameters: float) -> DeformedGaussians:
         """The ensemble at `parameters`, all of them by name, in their units.
@@ -113,9 +118,9 @@ class Surrogate:
 
     @property
     def megabytes(self) -> float:
-        """Size of the model's tensors, 10^6 bytes."""
-        tensors = (*self.gaussians.tensors().values(), *self.deformation.tensors().values())
-        return sum(tensor.numel() * tensor.element_size() for tensor in tensors) / 1e6
+        """Size of the model's tensors as they are stored, 10^6 bytes."""
+        tensors, _ = self._stored()
+        return sum(tensor.numel() * tensor.element_size() for tensor in tensors.values()) / 1e6
 
     @staticmethod
     def exists(directory: str | os.PathLike[str]) -> bool:
@@ -126,13 +131,13 @@ class Surrogate:
         """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`."""
         directory = Path(directory)
         directory.mkdir(parents=True, exist_ok=True)
-        tensors = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
-        tensors |= {f"deformation.{name}": tensor for name, tensor in self.deformation.tensors().items()}
+        tensors, forms = self._stored()
         content = safetensors.torch.save({name: tensor.detach().contiguous() for name, tensor in tensors.items()})
         durable.replace(directory / TENSORS, content)
         record = {
             "schema": SCHEMA,
             "tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()},
+            "encodings": forms,
             "parameters": self.space.to_json(),
             "normalization": {"center": self.normalization.center.tolist(), "extent": self.normalization.extent},
             "deformation": {"kind": self.deformation.kind, **self.deformation.record()},
@@ -159,13 +164,15 @@ class Surrogate:
             content = (directory / record["tensors"]["file"]).read_bytes()
             if hashlib.sha256(content).hexdigest() != record["tensors"]["sha256"]:
                 raise ValueError(f"{record['tensors']['file']} does not belong to it or is damaged: train anew")
-            return cls._of(record, safetensors.torch.load(content))
+            return cls._of(record, *_decoded(safetensors.torch.load(content), record.get("encodings", {})))
         except (ValueError, KeyError, TypeError, OSError) as error:
             reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
             raise ValueError(f"{path} can't be read: {reason}") from error
 
     @classmethod
-    def _of(cls, record: Mapping[str, Any], tensors: Mapping[str, torch.Tensor]) -> Surrogate:
+    def _of(
+        cls, record: Mapping[str, Any], tensors: Mapping[str, torch.Tensor], encodings: Mapping[str, Encoding]
+    ) -> Surrogate:
         parts: dict[str, dict[str, torch.Tensor]] = {"gaussians": {}, "deformation": {}}
         for name, tensor in tensors.items():
             part, key = name.split(".", 1)
@@ -179,7 +186,22 @@ class Surrogate:
             rasterizer=Rasterizer(**record["rasterizer"]),
             background=None if background is None else tuple(background),
             training=record["training"],
+            encodings=encodings,
         )
+
+    def _stored(self) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
+        """The tensors of the file, and the format of each that is encoded, by name."""
+        tensors = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
+        tensors |= {f"deformation.{name}": tensor for name, tensor in self.deformation.stored().items()}
+        found, forms = dict[str, torch.Tensor](), dict[str, str]()
+        for name, tensor in tensors.items():
+            encoding = self.encodings.get(name)
+            if encoding is not None and torch.equal(encoding.decoded(), tensor):
+                found |= {f"{name}{SEPARATOR}{part}": t for part, t in encoding.tensors().items()}
+                forms[name] = encoding.form
+            else:
+                found[name] = tensor
+        return found, forms
 
     def __repr__(self) -> str:
         bounds = ", ".join(f"{p.name} {p.low:g}..{p.high:g} {p.unit}".strip() for p in self.space.parameters)
@@ -187,3 +209,19 @@ class Surrogate:
             f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
             f"{self.deformation.kind} deformation, {self.megabytes:.1f} MB>"
         )
+
+
+def _decoded(
+    stored: Mapping[str, torch.Tensor], forms: Mapping[str, str]
+) -> tuple[dict[str, torch.Tensor], dict[str, Encoding]]:
+    """The tensors of a file in float32, and the encodings of those that `forms` names."""
+    parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in forms}
+    tensors = {}
+    for key, tensor in stored.items():
+        name, separator, part = key.partition(SEPARATOR)
+        if separator:
+            parts[name][part] = tensor
+        else:
+            tensors[name] = tensor
+    encodings = {name: Encoding.of_tensors(form, parts[name]) for name, form in forms.items()}
+    return tensors | {name: encoding.decoded() for name, encoding in encodings.items()}, encodings

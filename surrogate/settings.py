@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
+ColorDegree = Literal["auto", 0, 1]
 Initialization = Literal["auto", "in-situ", "random"]
 
 
@@ -29,7 +30,8 @@ class TrainingSettings:
         box, "auto" takes the points where the catalog has them.
     initial_opacity, initial_scale : opacity of a fresh Gaussian, and its standard deviation in units of the mean
         distance between Gaussians spread evenly through the box.
-    color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading).
+    color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading); "auto" lets
+        held-out views of one member decide.
     canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members) and of stage 2
         (the same, deformed by the simulation parameters).
     latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
@@ -47,6 +49,10 @@ class TrainingSettings:
     alpha_floor, alpha_cap, dilation : the rasterizer's smallest and largest alpha, and the variance (pixels squared) added to
         every projected Gaussian.
     backend : of `surrogate.splatting.render`.
+    fit_to_need : whether what the model does not need is taken from it at the end, as validation images tell: attributes that
+        need not deform, modes of deformation, Gaussians, bits.  Where a catalog has no such images, nothing is.
+    need_tolerance : what each of those choices may cost on validation images, in dB.
+    recovery_fraction : steps after such a change, as a part of all steps.
     validation_interval, validation_images : steps between looks at how many fixed validation images; 0 for none.
     checkpoint_seconds : time between checkpoints.
     """
@@ -57,7 +63,7 @@ class TrainingSettings:
     initialization: Initialization = "auto"
     initial_opacity: float = 0.2
     initial_scale: float = 0.5
-    color_degree: int = 0
+    color_degree: ColorDegree = "auto"
 
     canonical_steps: int = 2_000
     deformation_steps: int = 10_000
@@ -91,6 +97,10 @@ class TrainingSettings:
     dilation: float = DILATION
     backend: str = "cpu"
 
+    fit_to_need: bool = True
+    need_tolerance: float = 0.05
+    recovery_fraction: float = 0.01
+
     validation_interval: int = 500
     validation_images: int = 16
     checkpoint_seconds: float = 30.0
@@ -102,14 +112,15 @@ class TrainingSettings:
             _require(getattr(self, name) >= 0, self, name, "at least 0")
         for name in ("initial_opacity", "dead_opacity"):
             _require(0 < getattr(self, name) < 1, self, name, "between 0 and 1")
-        for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor"):
+        for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor", "recovery_fraction"):
             _require(0 <= getattr(self, name) <= 1, self, name, "in [0, 1]")
         for field in fields(self):
             positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
             _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
         _require(self.alpha_floor < self.alpha_cap < 1, self, "alpha_cap", "above alpha_floor and below 1")
-        _require(self.color_degree in (0, 1), self, "color_degree", "0 or 1")
-        _require(self.dilation >= 0, self, "dilation", "at least 0")
+        _require(self.color_degree in typing.get_args(ColorDegree), self, "color_degree", '"auto", 0 or 1')
+        for name in ("dilation", "need_tolerance"):
+            _require(getattr(self, name) >= 0, self, name, "at least 0")
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> TrainingSettings:

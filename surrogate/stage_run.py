@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from surrogate.data import Example
 from surrogate.densify import plan_relocation, relocate
 from surrogate.losses import image_loss
-from surrogate.metrics import WHITE, psnr
+from surrogate.metrics import WHITE
 from surrogate.optimizer import Adam
 from surrogate.rasterizer import Rasterizer
 from surrogate.sampling import ShuffledEpochs, generator
 from surrogate.settings import TrainingSettings
 from surrogate.stage import Stage
+from surrogate.validation import mean_psnr
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,7 @@ class StageRun:
         """Mean PSNR (dB) over the validation images, full frame, on white or their own background; None where there are none."""
         if not self.data.validation:
             return None
-        with torch.no_grad():
-            return sum(map(self._decibels, self.data.validation)) / len(self.data.validation)
+        return mean_psnr(self.stage.gaussians_at, self.data.validation, self._rasterizer, self._behind)
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is remembered between steps, beside the step itself."""
@@ -101,9 +100,3 @@ class StageRun:
             rows: dict[str, Any] = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())
             self._peaks[relocation.moved] = self._peaks[relocation.sources]
-
-    def _decibels(self, example: Example) -> float:
-        gaussians = self.stage.gaussians_at(example.parameters)
-        picture = self._rasterizer.draw_over(gaussians, example.camera, self._behind)  # [H, W, 4]
-        target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
-        return psnr(target, picture[..., :3].clamp(0.0, 1.0).numpy())

@@ -10,21 +10,29 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from catalogs.catalog import Catalog
 from surrogate.canonical import canonical_stage
 from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
-from surrogate.data import foreground_color, load_examples, training_rows, validation_rows
-from surrogate.deformation import KINDS, Deformation
+from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
+from surrogate.deformation import KINDS, load_deformation
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialize import Points, initial_gaussians, initial_points
 from surrogate.interruption import Interruption
 from surrogate.model import Surrogate
+from surrogate.needs import NEEDS, Needs, choose_color_degree, fit_to_need
+from surrogate.needs.color_degree import ASKED_AFTER
+from surrogate.needs.color_degree import NAME as COLOR_DEGREE
+from surrogate.needs.fitted import Bench, Fitted
 from surrogate.progress import ProgressReport, TrainingProgress
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -35,6 +43,8 @@ from surrogate.threads import one_torch_thread
 
 REPORT_SECONDS = 0.5
 COLOR_SAMPLES = 32  # images that the first colour is taken from
+JUDGES = 48  # validation images that say what a model needs
+NEEDS_STAGE = "needs"
 
 
 def train(
@@ -102,6 +112,12 @@ class _Source:
             self.catalog.plan.background,
         )
 
+    @cached_property
+    def judges(self) -> list[Example]:
+        """The validation images that choices about the model are made on."""
+        watch = validation_rows(self.catalog, JUDGES)
+        return load_examples(self.catalog, self.appearance, watch, self.normalization)
+
     def initial_gaussians(self, data: TrainingData) -> Gaussians:
         """What stage 1 starts from."""
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
@@ -119,40 +135,88 @@ class _Run:
         self._mark, self._progress = mark, progress
         self._curve: list[dict[str, Any]] = []
         self._losses: list[float] = []  # since the last point of the curve
+        self._choices: list[dict[str, Any]] = []
+        self._color_degree: int | None = None  # once it is chosen
         self._seconds_before, self._started = 0.0, time.perf_counter()
         self._recent: deque[tuple[float, int]] = deque(maxlen=20)  # (time, step) of the last reports
         self._saved = self._reported = time.perf_counter()
 
     def finish(self, checkpoint: Checkpoint | None) -> Surrogate:
         """Run whatever is left of the stages."""
-        settings, steps = self._settings, self._settings.canonical_steps + self._settings.deformation_steps
+        steps = self._settings.canonical_steps + self._settings.deformation_steps
         self._progress(TrainingProgress("loading", 0, steps))
         data = self._source.data()
-        gaussians = self._source.initial_gaussians(data)
         if checkpoint is not None:
             self._curve, self._losses = list(checkpoint.record["curve"]), list(checkpoint.record["losses"])
             self._seconds_before = float(checkpoint.record["seconds"])
+            self._choices, self._color_degree = list(checkpoint.record["choices"]), checkpoint.record["color_degree"]
         with Interruption() as interruption:
-            if checkpoint is None or checkpoint.record["stage"] == "canonical":
-                self._run(canonical_stage(gaussians, settings), data, checkpoint, 0, interruption)
-                checkpoint = None
-            parameters = len(self._source.catalog.plan.space)
-            deformation = KINDS["bilinear"].create(gaussians, parameters, settings)
-            stage = simulation_stage(gaussians, deformation, settings)
-            self._run(stage, data, checkpoint, settings.canonical_steps, interruption)
-        return self._surrogate(gaussians, deformation)
+            if checkpoint is None or checkpoint.record["stage"] != NEEDS_STAGE:
+                needs = Needs(self._fit(data, checkpoint, interruption))
+            else:
+                needs = _restored(checkpoint)
+            return self._surrogate(self._need(needs, data, interruption))
 
-    def _run(
-        self, stage: Stage, data: TrainingData, checkpoint: Checkpoint | None, before: int, interruption: Interruption
-    ) -> None:
-        run = StageRun(stage, self._settings, data)
-        if checkpoint is not None:
-            run.restore(dict(checkpoint.tensors), int(checkpoint.record["step"]))
-        while run.step < stage.steps:
+    def _fit(self, data: TrainingData, checkpoint: Checkpoint | None, interruption: Interruption) -> Fitted:
+        """Stages 1 and 2."""
+        settings, gaussians = self._settings, self._source.initial_gaussians(data)
+        if checkpoint is None or checkpoint.record["stage"] == "canonical":
+            run = _resumed(canonical_stage(gaussians, settings), settings, data, checkpoint)
+            self._run(run, 0, settings.canonical_steps, interruption)
+            checkpoint = None
+        deformation = KINDS["bilinear"].create(gaussians, len(self._source.catalog.plan.space), settings)
+        degree = self._color_degree or gaussians.color_degree
+        fitted = Fitted(gaussians.copy().with_color_degree(degree), deformation)
+        run = _resumed(simulation_stage(*fitted, settings), settings, data, checkpoint)
+        if settings.color_degree == "auto" and self._color_degree is None:
+            self._run(run, settings.canonical_steps, round(ASKED_AFTER * settings.deformation_steps), interruption)
+            fitted, run = self._ask_color_degree(fitted, run, data)
+        self._run(run, settings.canonical_steps, settings.deformation_steps, interruption)
+        return fitted.copy()
+
+    def _ask_color_degree(self, fitted: Fitted, run: StageRun, data: TrainingData) -> tuple[Fitted, StageRun]:
+        """What stage 2 goes on with."""
+        self._color_degree = 0
+        if data.validation:
+            self._announce(COLOR_DEGREE, self._settings.canonical_steps + run.step)
+            self._color_degree, choice = choose_color_degree(fitted.copy(), self._bench(data))
+            self._choices.append(choice.to_json())
+        if self._color_degree == fitted.gaussians.color_degree:
+            return fitted, run
+        wider = Fitted(fitted.gaussians.copy().with_color_degree(self._color_degree), fitted.deformation)
+        later = StageRun(simulation_stage(*wider, self._settings), self._settings, data)
+        later.restore(_widened(run.tensors(), later.tensors()), run.step)
+        return wider, later
+
+    def _bench(self, data: TrainingData) -> Bench:
+        return Bench(self._settings, replace(data, validation=self._source.judges))
+
+    def _need(self, needs: Needs, data: TrainingData, interruption: Interruption) -> Needs:
+        """What follows stage 2; a checkpoint after each choice, which is made again where it was interrupted."""
+        if not (self._settings.fit_to_need and data.validation):
+            return needs
+        steps = self._settings.canonical_steps + self._settings.deformation_steps
+        bench = self._bench(data)
+        while needs.done < len(NEEDS):
+            self._announce(NEEDS_STAGE, steps)
+            _needs_checkpoint(needs, self._record(NEEDS_STAGE, needs.done)).save(self._directory)
+            interruption.act()
+            needs, choice = fit_to_need(needs, bench)
+            self._choices.append(choice.to_json())
+        return needs
+
+    def _announce(self, stage: str, step: int) -> None:
+        psnr = self._curve[-1]["psnr"] if self._curve else None
+        steps = self._settings.canonical_steps + self._settings.deformation_steps
+        self._progress(TrainingProgress(stage, step, steps, psnr=psnr))
+
+    def _run(self, run: StageRun, before: int, until: int, interruption: Interruption) -> None:
+        """Take a stage up to its step `until`; `before` is how many steps the stages before it had."""
+        while run.step < until:
             self._losses.append(run.advance())
             done = before + run.step
             interval = self._settings.validation_interval
-            if run.step == stage.steps or (interval and run.step % interval == 0):
+            if run.step == run.stage.steps or (interval and run.step % interval == 0):
                 self._add_point(run, done)
             self._tell(run, done)
             now = time.perf_counter()
@@ -174,15 +238,19 @@ class _Run:
         self._losses = []
 
     def _checkpoint(self, run: StageRun) -> Checkpoint:
-        record = {
+        return Checkpoint(run.tensors(), self._record(run.stage.name, run.step))
+
+    def _record(self, stage: str, step: int) -> dict[str, Any]:
+        return {
             "fingerprint": self._mark,
-            "stage": run.stage.name,
-            "step": run.step,
+            "stage": stage,
+            "step": step,
             "curve": self._curve,
             "losses": self._losses,
+            "choices": self._choices,
+            "color_degree": self._color_degree,
             "seconds": self._seconds(),
         }
-        return Checkpoint(run.tensors(), record)
 
     def _tell(self, run: StageRun, done: int) -> None:
         now = time.perf_counter()
@@ -208,13 +276,11 @@ class _Run:
     def _seconds(self) -> float:
         return self._seconds_before + time.perf_counter() - self._started
 
-    def _surrogate(self, gaussians: Gaussians, deformation: Deformation) -> Surrogate:
+    def _surrogate(self, needs: Needs) -> Surrogate:
         plan = self._source.catalog.plan
-        for tensor in (*gaussians.tensors().values(), *deformation.tensors().values()):
-            tensor.requires_grad_(False)
         return Surrogate(
-            gaussians=gaussians,
-            deformation=deformation,
+            gaussians=needs.fitted.gaussians,
+            deformation=needs.fitted.deformation,
             space=plan.space,
             normalization=self._source.normalization,
             rasterizer=Rasterizer.of(self._settings),
@@ -226,8 +292,42 @@ class _Run:
                 "steps": self._settings.canonical_steps + self._settings.deformation_steps,
                 "settings": self._settings.to_json(),
                 "curve": self._curve,
+                "choices": self._choices,
             },
+            encodings=needs.encodings,
         )
+
+
+def _resumed(stage: Stage, settings: TrainingSettings, data: TrainingData, checkpoint: Checkpoint | None) -> StageRun:
+    """The stage's run from its start, or from where the checkpoint was taken."""
+    run = StageRun(stage, settings, data)
+    if checkpoint is not None:
+        run.restore(dict(checkpoint.tensors), int(checkpoint.record["step"]))
+    return run
+
+
+def _widened(tensors: Mapping[str, Tensor], like: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Tensors with as many columns as those of the same name in `like`, the new ones zero."""
+    return {
+        name: torch.nn.functional.pad(t.detach(), (0, like[name].shape[1] - t.shape[1])) if t.ndim == 2 else t.detach()
+        for name, t in tensors.items()
+    }
+
+
+def _needs_checkpoint(needs: Needs, record: Mapping[str, Any]) -> Checkpoint:
+    deformation = needs.fitted.deformation
+    of_deformation = {"kind": deformation.kind, **deformation.record()}
+    return Checkpoint(needs.fitted.tensors(), {**record, "deformation": of_deformation})
+
+
+def _restored(checkpoint: Checkpoint) -> Needs:
+    parts: dict[str, dict[str, Tensor]] = {"gaussians": {}, "deformation": {}}
+    for name, tensor in checkpoint.tensors.items():
+        part, key = name.split(".", 1)
+        parts[part][key] = tensor
+    record = checkpoint.record["deformation"]
+    deformation = load_deformation(record["kind"], parts["deformation"], record)
+    return Needs(Fitted(Gaussians(**parts["gaussians"]), deformation), int(checkpoint.record["step"]))
 
 
 def _check_mark(found: str | None, mark: str, directory: Path) -> None:

@@ -11,8 +11,8 @@ the L modes that all share.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import torch
@@ -24,6 +24,9 @@ from surrogate.gaussians import Gaussians
 from surrogate.sampling import generator
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cpu import cores
+
+_WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; colours are the rest
+_FIRST_COLUMNS = {"means": 0, "log_scales": 3, "quats": 6, "opacity_logits": 10, "colors": 11}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class BilinearDeformation:
     def create(cls, gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> BilinearDeformation:
         """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero."""
         count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
-        units = _units(settings, gaussians.colors.shape[1])  # [C]
+        units = _units(settings)  # [C]
         random = generator(settings.seed, "latents")
         bound = 1.0 / math.sqrt(max(parameters, 1))
         return cls(
@@ -58,14 +61,22 @@ class BilinearDeformation:
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> BilinearDeformation:
-        """The deformation of `tensors()` and `record()`."""
-        return cls(**tensors, units=torch.tensor(record["units"], dtype=torch.float32))
+        """The deformation of `stored()` and `record()`."""
+        units = torch.tensor(record["units"], dtype=torch.float32)  # [C]
+        whole = {
+            name: _spread(tensors[name], units != 0.0, tensors["latents"].shape[1])
+            for name in ("weights_out", "biases_out")
+        }
+        return cls(**{**tensors, **whole}, units=units)
 
     def embedding(self, parameters: Tensor) -> Tensor:
         """The modes (L, C) at normalized `parameters` (P,)."""
+        return self._modes(parameters) * self.units
+
+    def _modes(self, parameters: Tensor) -> Tensor:
         hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, parameters))  # [hidden]
         flat = torch.addmv(self.biases_out, self.weights_out, hidden)  # [L * C]
-        return flat.view(self.latents.shape[1], len(self.units)) * self.units
+        return flat.view(self.latents.shape[1], len(self.units))
 
     def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
         """Offsets at normalized `parameters` (P,); the Gaussians themselves do not matter to this deformation."""
@@ -73,12 +84,82 @@ class BilinearDeformation:
         means, log_scales, quats, opacity_logits, colors = table.split([3, 3, 4, 1, len(self.units) - 11], dim=1)
         return Offsets(means, log_scales, quats, opacity_logits.squeeze(1), colors)
 
+    def stored(self) -> dict[str, Tensor]:
+        """`tensors()` without the rows of what holds still."""
+        kept = self.units != 0.0  # [C]
+        outputs = {"weights_out": self.weights_out, "biases_out": self.biases_out}
+        modes = {name: t.unflatten(0, (self.latent_size, -1))[:, kept].flatten(0, 1) for name, t in outputs.items()}
+        return self.tensors() | modes
+
+    def moves(self, attribute: str) -> bool:
+        """Whether this attribute follows the parameters."""
+        return bool((self.units[self._columns(attribute)] != 0.0).any())
+
+    def without(self, attribute: str) -> BilinearDeformation:
+        """The same with zero for the attribute's units."""
+        kept = torch.ones(len(self.units))  # [C]
+        kept[self._columns(attribute)] = 0.0
+        every = kept.repeat(self.latent_size)  # [L C]
+        return replace(
+            self,
+            units=self.units * kept,
+            weights_out=self.weights_out * every[:, None],
+            biases_out=self.biases_out * every,
+        )
+
+    def of(self, rows: Tensor) -> BilinearDeformation:
+        """The latents of some Gaussians, by index (M,), with the same modes."""
+        return replace(self, latents=self.latents[rows])
+
+    def copy(self) -> BilinearDeformation:
+        """The same numbers in tensors of their own."""
+        return replace(self, **{name: tensor.detach().clone() for name, tensor in self.tensors().items()})
+
+    @property
+    def latent_size(self) -> int:
+        """L, the number of modes."""
+        return self.latents.shape[1]
+
+    def reduced(self, size: int, places: Sequence[Tensor]) -> BilinearDeformation:
+        """The `size` combinations of modes with which all offsets, in their units, change least at the parameters `places`.
+
+        With G = sum over p of E(p) E(p)^T, offsets are Z E = (Z G^1/2) (G^-1/2 E), whose second factor has rows of unit length
+        over the places: the singular value decomposition of the first says which directions matter (Eckart & Young 1936).
+        """
+        if size >= self.latent_size:
+            return self
+        still = torch.where(self.units != 0.0, 1.0, 0.0)  # [C]
+        modes = torch.cat([self._modes(place) * still for place in places], dim=1).double()  # [L, places C]
+        values, vectors = torch.linalg.eigh(modes @ modes.T)  # [L], [L, L]
+        strengths = values.clamp(min=0.0).sqrt()  # [L]
+        inverse = torch.where(strengths > 1e-7 * strengths.max(), 1.0 / strengths, 0.0)  # [L]
+        _, _, directions = torch.linalg.svd(self.latents.double() @ (vectors * strengths), full_matrices=False)
+        chosen = directions[:size]  # [size, L]
+        forth, back = (vectors * strengths) @ chosen.T, (chosen * inverse) @ vectors.T  # [L, size], [size, L]
+        size_of = forth.norm(dim=0).clamp(min=1e-30) / math.sqrt(
+            self.latent_size
+        )  # [size], so that latents keep their size
+        forth, back = forth / size_of, back * size_of[:, None]
+        columns = len(self.units)
+        return replace(
+            self,
+            latents=(self.latents.double() @ forth).float(),
+            weights_out=torch.einsum(
+                "kl,lch->kch", back, self.weights_out.double().unflatten(0, (self.latent_size, columns))
+            )
+            .flatten(0, 1)
+            .float(),
+            biases_out=(back @ self.biases_out.double().unflatten(0, (self.latent_size, columns))).flatten().float(),
+        )
+
     def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
         """The Gaussians with their offsets: on a CPU in float32 by the kernel, else as `offsets` defines it."""
         if self.latents.is_cpu and self.latents.dtype == torch.float32:
-            return Gaussians(
-                *_AddProducts.apply(self.latents, self.embedding(parameters), *gaussians.tensors().values())
-            )
+            *others, colors = gaussians.tensors().values()
+            moving, still = colors.split([len(self.units) - 11, colors.shape[1] - len(self.units) + 11], dim=1)
+            *deformed, moved = _AddProducts.apply(self.latents, self.embedding(parameters), *others, moving)
+            whole = torch.cat([moved, still], dim=1) if still.shape[1] else moved
+            return Gaussians(deformed[0], deformed[1], deformed[2], deformed[3], whole)
         return self.offsets(gaussians, parameters).applied_to(gaussians)
 
     def tensors(self) -> dict[str, Tensor]:
@@ -91,8 +172,12 @@ class BilinearDeformation:
         return {n: settings.latent_rate if n == "latents" else settings.embedding_rate for n in self.tensors()}
 
     def record(self) -> dict[str, Any]:
-        """The offset units (C,), which are not trained."""
+        """The offset units (C,), which are not trained; zero for what holds still."""
         return {"units": self.units.tolist()}
+
+    def _columns(self, attribute: str) -> slice:
+        start = _FIRST_COLUMNS[attribute]
+        return slice(start, len(self.units) if attribute == "colors" else start + _WIDTHS[attribute])
 
 
 class _AddProducts(torch.autograd.Function):
@@ -116,15 +201,22 @@ class _AddProducts(torch.autograd.Function):
         return torch.from_numpy(by_latents), torch.from_numpy(by_modes), *gradients
 
 
-def _units(settings: TrainingSettings, color_columns: int) -> Tensor:
-    """The size of one unit of each of a Gaussian's C parameters, (C,)."""
+def _units(settings: TrainingSettings) -> Tensor:
+    """The size of one unit of each of a Gaussian's C parameters that may move, (C,): all but how colours depend on direction."""
     return torch.tensor(
         [settings.mean_offset] * 3
         + [settings.log_scale_offset] * 3
         + [settings.quat_offset] * 4
         + [settings.opacity_offset]
-        + [settings.color_offset] * color_columns
+        + [settings.color_offset] * 3
     )
+
+
+def _spread(tensor: Tensor, kept: Tensor, modes: int) -> Tensor:
+    """Rows (L M, ...) for the M kept columns of each of L modes, among zeros for the others: (L C, ...)."""
+    whole = tensor.new_zeros(modes, len(kept), *tensor.shape[1:])  # [L, C, ...]
+    whole[:, kept] = tensor.reshape(modes, int(kept.sum()), *tensor.shape[1:])
+    return whole.flatten(0, 1)
 
 
 def _float32(array: Any) -> Tensor:

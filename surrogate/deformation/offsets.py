@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
+import torch
 from torch import Tensor
 
 from surrogate.gaussians import Gaussians
@@ -14,13 +15,17 @@ from surrogate.settings import TrainingSettings
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """What is added to the unconstrained parameters of N Gaussians; shapes as in `Gaussians`."""
+    """What is added to the unconstrained parameters of N Gaussians; shapes as in `Gaussians`.
+
+    Of the colours it is the first columns, usually 3: how a colour depends on the direction stays the same (Nyx, 5,000 steps:
+    32.28 dB; 32.19 with all columns deformed).
+    """
 
     means: Tensor  # [N, 3]
     log_scales: Tensor  # [N, 3]
     quats: Tensor  # [N, 4]
     opacity_logits: Tensor  # [N]
-    colors: Tensor  # [N, 3 K]
+    colors: Tensor  # [N, 3] or more
 
     def applied_to(self, gaussians: Gaussians) -> Gaussians:
         """The deformed Gaussians."""
@@ -29,7 +34,8 @@ class Offsets:
             gaussians.log_scales + self.log_scales,
             gaussians.quats + self.quats,
             gaussians.opacity_logits + self.opacity_logits,
-            gaussians.colors + self.colors,
+            gaussians.colors
+            + torch.nn.functional.pad(self.colors, (0, gaussians.colors.shape[1] - self.colors.shape[1])),
         )
 
 
@@ -58,6 +64,28 @@ class Deformation(Protocol):
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""
+
+    def stored(self) -> dict[str, Tensor]:
+        """What `load` needs: `tensors()` without what holds still."""
+
+    def moves(self, attribute: str) -> bool:
+        """Whether this attribute of the Gaussians, one of `surrogate.gaussians.NAMES`, follows the parameters."""
+
+    def without(self, attribute: str) -> Deformation:
+        """The same, but that attribute holds still."""
+
+    def of(self, rows: Tensor) -> Deformation:
+        """The deformation of some of the Gaussians, by index (M,)."""
+
+    def copy(self) -> Deformation:
+        """The same numbers in tensors of their own."""
+
+    @property
+    def latent_size(self) -> int:
+        """Numbers per Gaussian, which `reduced` makes fewer."""
+
+    def reduced(self, size: int, places: Sequence[Tensor]) -> Deformation:
+        """The nearest deformation with `size` numbers per Gaussian; nearest at the parameters `places`, each (P,)."""
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for each of `tensors`."""

@@ -1,0 +1,12 @@
+"""Model only what a scene needs: what is stored is chosen from the data, by what validation images say it is worth.
+
+`fit_to_need` follows stage 2; `color_degree` precedes stage 1.  Every choice is made on validation images, never on test ones,
+and says what it measured (`Choice`).
+"""
+
+from surrogate.needs.choice import Choice, Measured, Option
+from surrogate.needs.color_degree import choose_color_degree
+from surrogate.needs.fitting import NEEDS, Needs, fit_to_need
+from surrogate.needs.importance import importance
+
+__all__ = ["NEEDS", "Choice", "Measured", "Needs", "Option", "choose_color_degree", "fit_to_need", "importance"]

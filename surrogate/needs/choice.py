@@ -1,0 +1,47 @@
+"""What was chosen, from which options, and what it cost or saved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Option:
+    """One thing that was tried: `psnr` is the mean over validation images in dB."""
+
+    name: str
+    psnr: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A model at one moment: mean PSNR over validation images, 10^6 bytes of tensors, milliseconds to deform and draw."""
+
+    psnr: float
+    megabytes: float
+    milliseconds: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One choice.
+
+    Attributes
+    ----------
+    name : what was to be chosen.
+    kept : what was chosen, in words.
+    options : what was tried, in order.
+    before, after : the model, where there was one already.
+    """
+
+    name: str
+    kept: str
+    options: Sequence[Option] = ()
+    before: Measured | None = None
+    after: Measured | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)

@@ -1,0 +1,55 @@
+"""Whether colours depend on the direction that they are seen from, asked of the images themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from surrogate.canonical import canonical_rates
+from surrogate.gaussians import Gaussians
+from surrogate.needs.choice import Choice, Option
+from surrogate.needs.fitted import Bench, Fitted
+from surrogate.stage import Stage
+from surrogate.stage_run import StageRun
+
+NAME = "colour degree"
+ASKED_AFTER = (
+    0.2  # of stage 2: by then places and shapes are good enough to tell, and most of the time is still to be saved
+)
+PROBE = 0.02  # of all steps, for each degree
+WORTHWHILE = 0.05  # dB in so short a probe: three times that in the end, for a third more to store and to draw
+
+
+def choose_color_degree(fitted: Fitted, bench: Bench) -> tuple[int, Choice]:
+    """0 unless a linear dependence on the direction, with all else but colours held still, is seen in validation images.
+
+    Both degrees are given the same short training of their colours from `fitted`, which has degree 0 and is not changed.
+    """
+    scores = [_judged(fitted, degree, bench) for degree in (0, 1)]
+    chosen = int(scores[1] > scores[0] + WORTHWHILE)
+    return chosen, Choice(NAME, str(chosen), [Option(f"degree {d}", score) for d, score in enumerate(scores)])
+
+
+def _judged(fitted: Fitted, degree: int, bench: Bench) -> float:
+    """Mean PSNR over the validation images once the colours, of this degree, have been trained."""
+    gaussians = fitted.gaussians.copy().with_color_degree(degree)
+    settings, steps = replace(bench.settings, relocation_interval=0), bench.steps(PROBE)
+
+    def gaussians_at(parameters: Tensor) -> Gaussians:
+        return fitted.deformation.deformed(gaussians, parameters)
+
+    stage = Stage(
+        name=NAME,
+        steps=steps,
+        tensors={"means": gaussians.means, "colors": gaussians.colors.requires_grad_()},
+        rates={"means": 0.0, "colors": canonical_rates(settings)["colors"]},
+        per_gaussian=frozenset(),
+        gaussians_at=gaussians_at,
+    )
+    run = StageRun(stage, settings, bench.data)
+    while run.step < steps:
+        run.advance()
+    with torch.no_grad():
+        return bench.psnr_of(gaussians_at)

@@ -1,0 +1,139 @@
+"""A model while choices are made on it."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from surrogate.data import Example
+from surrogate.deformation import Deformation
+from surrogate.gaussians import Gaussians
+from surrogate.metrics import WHITE
+from surrogate.needs.choice import Measured
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.simulate import simulation_stage
+from surrogate.stage_run import StageRun, TrainingData
+from surrogate.validation import mean_psnr
+
+TIMED = 8  # pictures
+RECOVERY_START = 4.0  # rates at the start of a recovery, in units of those at the end of stage 2
+
+
+class Fitted(NamedTuple):
+    """Canonical Gaussians and their deformation."""
+
+    gaussians: Gaussians
+    deformation: Deformation
+
+    def copy(self) -> Fitted:
+        """The same numbers in tensors of their own."""
+        return Fitted(self.gaussians.copy(), self.deformation.copy())
+
+    def at(self, parameters: Tensor) -> Gaussians:
+        """The Gaussians at normalized parameters (P,)."""
+        return self.deformation.deformed(self.gaussians, parameters)
+
+    def without(self, attribute: str) -> Fitted:
+        """The same with one of the Gaussians' attributes held still."""
+        return Fitted(self.gaussians, self.deformation.without(attribute))
+
+    def of(self, rows: Tensor) -> Fitted:
+        """The same with only some Gaussians, by index (M,)."""
+        return Fitted(self.gaussians.of(rows), self.deformation.of(rows))
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that would be stored."""
+        kept = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
+        return kept | {f"deformation.{name}": tensor for name, tensor in self.deformation.stored().items()}
+
+    @property
+    def megabytes(self) -> float:
+        """10^6 bytes in float32."""
+        return 4e-6 * sum(tensor.numel() for tensor in self.tensors().values())
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What models are tried on: images to learn from and to judge by, and how a model recovers from a change.
+
+    `settings` are those of the whole training.
+    """
+
+    settings: TrainingSettings
+    data: TrainingData
+
+    @property
+    def tolerance(self) -> float:
+        """What a choice may cost, in dB."""
+        return self.settings.need_tolerance
+
+    @property
+    def recovery_steps(self) -> int:
+        """How many steps a model is given after it lost something."""
+        return self.steps(self.settings.recovery_fraction)
+
+    def steps(self, fraction: float) -> int:
+        """A part of the steps of the whole training, at least one."""
+        return max(1, round(fraction * (self.settings.canonical_steps + self.settings.deformation_steps)))
+
+    def psnr(self, fitted: Fitted) -> float:
+        """Mean over the validation images, in dB."""
+        return self.psnr_of(fitted.at)
+
+    def psnr_of(self, gaussians_at: Callable[[Tensor], Gaussians]) -> float:
+        """The same for the Gaussians at normalized parameters (P,)."""
+        return mean_psnr(gaussians_at, self.data.validation, self.rasterizer, self.behind)
+
+    def measure(self, fitted: Fitted, psnr: float | None = None, megabytes: float | None = None) -> Measured:
+        """Quality, size and speed of a model."""
+        return Measured(
+            self.psnr(fitted) if psnr is None else psnr,
+            fitted.megabytes if megabytes is None else megabytes,
+            statistics.median(self._milliseconds(fitted, example) for example in self.some(TIMED)),
+        )
+
+    def recovered(self, fitted: Fitted, turn: int) -> Fitted:
+        """A copy that was trained for a few more steps at the low rates of stage 2's end; `turn` decides on which images."""
+        settings = replace(
+            self.settings,
+            seed=self.settings.seed + 1 + turn,
+            deformation_steps=self.recovery_steps,
+            relocation_interval=0,
+            final_rate_factor=1.0 / RECOVERY_START,
+        )
+        copy = fitted.copy()
+        stage = simulation_stage(copy.gaussians, copy.deformation, settings)
+        slow = RECOVERY_START * self.settings.final_rate_factor
+        stage = replace(stage, rates={name: slow * rate for name, rate in stage.rates.items()})
+        run = StageRun(stage, settings, self.data)
+        while run.step < stage.steps:
+            run.advance()
+        for tensor in stage.tensors.values():
+            tensor.requires_grad_(False)
+        return copy
+
+    def some(self, count: int) -> Sequence[Example]:
+        """At most so many validation images, spread evenly."""
+        every = self.data.validation
+        return every[:: max(1, len(every) // count)][:count]
+
+    @property
+    def rasterizer(self) -> Rasterizer:
+        return Rasterizer.of(self.settings)
+
+    @property
+    def behind(self) -> tuple[float, float, float]:
+        return self.data.background or WHITE
+
+    def _milliseconds(self, fitted: Fitted, example: Example) -> float:
+        with torch.no_grad():
+            started = time.perf_counter()
+            self.rasterizer.draw(fitted.at(example.parameters), example.camera)
+            return 1e3 * (time.perf_counter() - started)

@@ -1,0 +1,66 @@
+"""After stage 2: what the model does not need is taken from it, choice by choice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from surrogate.encoding import Encoding
+from surrogate.needs.attributes import choose_attributes
+from surrogate.needs.choice import Choice, Option
+from surrogate.needs.fitted import Bench, Fitted
+from surrogate.needs.modes import choose_modes
+from surrogate.needs.precision import choose_precision
+from surrogate.needs.pruning import choose_gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class Needs:
+    """A model between choices: the first `done` of `NEEDS` have been made."""
+
+    fitted: Fitted
+    done: int = 0
+    encodings: Mapping[str, Encoding] = field(default_factory=dict)
+
+
+def settle(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    """A recovery of what has lost nothing, which every other is then compared with."""
+    before = bench.measure(needs.fitted)
+    trial = bench.recovered(needs.fitted, -1)
+    psnr = bench.psnr(trial)
+    kept = psnr > before.psnr
+    fitted = trial if kept else needs.fitted
+    options = [Option("as stage 2 left it", before.psnr), Option("after a recovery", psnr)]
+    return Needs(fitted), Choice(
+        "steps at low rates", options[kept].name, options, before, bench.measure(fitted, max(psnr, before.psnr))
+    )
+
+
+def attributes(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    fitted, choice = choose_attributes(needs.fitted, bench)
+    return Needs(fitted), choice
+
+
+def modes(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    fitted, choice = choose_modes(needs.fitted, bench)
+    return Needs(fitted), choice
+
+
+def gaussians(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    fitted, choice = choose_gaussians(needs.fitted, bench)
+    return Needs(fitted), choice
+
+
+def precision(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    fitted, encodings, choice = choose_precision(needs.fitted, bench)
+    return Needs(fitted, encodings=encodings), choice
+
+
+Need = Callable[[Needs, Bench], tuple[Needs, Choice]]
+NEEDS: tuple[Need, ...] = (settle, attributes, modes, gaussians, precision)  # in this order
+
+
+def fit_to_need(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    """Make the next choice, on validation images; deterministic, so that it can be made again after an interruption."""
+    after, choice = NEEDS[needs.done](needs, bench)
+    return Needs(after.fitted, needs.done + 1, after.encodings), choice

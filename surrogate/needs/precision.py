@@ -1,0 +1,48 @@
+"""In how few bits a model may be stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from torch import Tensor
+
+from surrogate.encoding import FORMATS, Encoding, encode
+from surrogate.needs.choice import Choice, Option
+from surrogate.needs.fitted import Bench, Fitted
+
+NAME = "precision"
+
+
+def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, Encoding], Choice]:
+    """Store each tensor, the largest first, in the fewest bits with which all so far cost no more than the tolerance.
+
+    Returns the model as it will be read again, the encodings by tensor, and the choice.
+    """
+    before = bench.measure(fitted)
+    options, chosen, current = [Option("all in float32", before.psnr)], dict[str, Encoding](), fitted
+    by_size = sorted(fitted.tensors(), key=lambda name: (-fitted.tensors()[name].numel(), name))
+    for name in by_size:
+        for form in FORMATS:
+            encoding = encode(fitted.tensors()[name], form)
+            trial = with_tensor(current, name, encoding.decoded())
+            psnr = bench.psnr(trial)
+            options.append(Option(f"{name} in {form}", psnr))
+            if psnr >= before.psnr - bench.tolerance:
+                current, chosen[name] = trial, encoding
+                break
+    megabytes = current.megabytes - 1e-6 * sum(e.saved_bytes for e in chosen.values())
+    kept = ", ".join(f"{name} {chosen[name].form if name in chosen else 'float32'}" for name in by_size)
+    return current, chosen, Choice(NAME, kept, options, before, bench.measure(current, megabytes=megabytes))
+
+
+def with_tensor(fitted: Fitted, name: str, tensor: Tensor) -> Fitted:
+    """The model with one of its stored tensors replaced."""
+    return fitted_of(fitted, fitted.tensors() | {name: tensor})
+
+
+def fitted_of(fitted: Fitted, tensors: Mapping[str, Tensor]) -> Fitted:
+    """A model like `fitted` with the stored `tensors`."""
+    gaussians = {name: tensors[f"gaussians.{name}"] for name in fitted.gaussians.tensors()}
+    stored = {name: tensors[f"deformation.{name}"] for name in fitted.deformation.stored()}
+    deformation = type(fitted.deformation).load(stored, fitted.deformation.record())
+    return Fitted(type(fitted.gaussians)(**gaussians), deformation)
