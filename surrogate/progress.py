@@ -12,8 +12,8 @@ class TrainingProgress:
 
     Attributes
     ----------
-    stage : "loading", "canonical" or "deformation".
-    step, steps : done and planned, over all stages (images, while loading).
+    stage : "loading", "canonical", "colour degree", "deformation" or "needs".
+    step, steps : done and planned, over all stages; of the choices that are made at the end in "needs".
     rate : steps per second, lately; 0 before it is known.
     loss : running mean of the training loss.
     psnr : the last validation PSNR in dB; None before the first.

@@ -99,7 +99,7 @@ class TrainingSettings:
 
     fit_to_need: bool = True
     need_tolerance: float = 0.05
-    recovery_fraction: float = 0.01
+    recovery_fraction: float = 0.02
 
     validation_interval: int = 500
     validation_images: int = 16

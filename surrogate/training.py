@@ -195,10 +195,9 @@ class _Run:
         """What follows stage 2; a checkpoint after each choice, which is made again where it was interrupted."""
         if not (self._settings.fit_to_need and data.validation):
             return needs
-        steps = self._settings.canonical_steps + self._settings.deformation_steps
         bench = self._bench(data)
         while needs.done < len(NEEDS):
-            self._announce(NEEDS_STAGE, steps)
+            self._progress(TrainingProgress(NEEDS_STAGE, needs.done, len(NEEDS), psnr=self._curve[-1]["psnr"]))
             _needs_checkpoint(needs, self._record(NEEDS_STAGE, needs.done)).save(self._directory)
             interruption.act()
             needs, choice = fit_to_need(needs, bench)

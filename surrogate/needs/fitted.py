@@ -23,7 +23,7 @@ from surrogate.stage_run import StageRun, TrainingData
 from surrogate.validation import mean_psnr
 
 TIMED = 8  # pictures
-RECOVERY_START = 4.0  # rates at the start of a recovery, in units of those at the end of stage 2
+RECOVERY_DECAY = 0.3  # of the rates in a recovery, which begins with those of stage 2's end
 
 
 class Fitted(NamedTuple):
@@ -99,6 +99,14 @@ class Bench:
             statistics.median(self._milliseconds(fitted, example) for example in self.some(TIMED)),
         )
 
+    def good_enough(self, fitted: Fitted, enough: float, turn: int) -> tuple[Fitted, float, str]:
+        """A changed model as it is if it reaches `enough` dB, else after a recovery; its mean PSNR, and what to say of it."""
+        psnr = self.psnr(fitted)
+        if psnr >= enough:
+            return fitted, psnr, ""
+        fitted = self.recovered(fitted, turn)
+        return fitted, self.psnr(fitted), ", after a recovery"
+
     def recovered(self, fitted: Fitted, turn: int) -> Fitted:
         """A copy that was trained for a few more steps at the low rates of stage 2's end; `turn` decides on which images."""
         settings = replace(
@@ -106,12 +114,12 @@ class Bench:
             seed=self.settings.seed + 1 + turn,
             deformation_steps=self.recovery_steps,
             relocation_interval=0,
-            final_rate_factor=1.0 / RECOVERY_START,
+            final_rate_factor=RECOVERY_DECAY,
         )
         copy = fitted.copy()
         stage = simulation_stage(copy.gaussians, copy.deformation, settings)
-        slow = RECOVERY_START * self.settings.final_rate_factor
-        stage = replace(stage, rates={name: slow * rate for name, rate in stage.rates.items()})
+        slow = {name: self.settings.final_rate_factor * rate for name, rate in stage.rates.items()}
+        stage = replace(stage, rates=slow)
         run = StageRun(stage, settings, self.data)
         while run.step < stage.steps:
             run.advance()

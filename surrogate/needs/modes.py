@@ -30,9 +30,8 @@ def choose_modes(fitted: Fitted, bench: Bench) -> tuple[Fitted, Choice]:
         fewer = min(count - 1, round(SHRINK * count))
         if fewer < 1:
             break
-        trial = bench.recovered(cut(fewer), turn)
-        psnr = bench.psnr(trial)
-        options.append(Option(f"{fewer}, recovered", psnr))
+        trial, psnr, how = bench.good_enough(cut(fewer), enough, turn)
+        options.append(Option(f"{fewer}{how}", psnr))
         if psnr < enough:
             break
         current, count = trial, fewer

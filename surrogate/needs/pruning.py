@@ -11,30 +11,30 @@ from surrogate.needs.search import least
 
 NAME = "Gaussians"
 WEIGHED = 256  # training images that importance is taken from
-ROUNDS = 3
-WORTHWHILE = 0.02  # of the Gaussians: a round that would remove fewer ends the pruning
+ALLOWANCES = (4.0, 1.0)  # what may be lost before the recovery, in tolerances: the second where the first was too much
+ROUNDS = 3  # at most, of each
+WORTHWHILE = 0.01  # of the Gaussians: no round removes fewer
 
 
 def choose_gaussians(fitted: Fitted, bench: Bench) -> tuple[Fitted, Choice]:
-    """Remove the least important Gaussians as long as a short recovery makes up for them.
+    """Remove the least important Gaussians, in rounds, as long as short recoveries make up for them.
 
-    Each round removes as many as cost no more than the tolerance at once, and is kept where the recovered model is worse
-    than the first by no more than that.
+    A round is kept where the model, if need be recovered, is worse than the first by no more than the tolerance.
     """
-    before, enough = bench.measure(fitted), 0.0
+    before = bench.measure(fitted)
+    options, current = [Option(f"{len(fitted.gaussians):,}", before.psnr)], fitted
     enough = before.psnr - bench.tolerance
-    options, current, psnr = [Option(f"{len(fitted.gaussians):,}", before.psnr)], fitted, before.psnr
-    for turn in range(ROUNDS):
-        trial = _pruned(current, bench, min(psnr, before.psnr) - bench.tolerance)
-        removed = len(current.gaussians) - len(trial.gaussians)
-        if removed < max(1.0, WORTHWHILE * len(current.gaussians)):
-            break
-        trial = bench.recovered(trial, turn)
-        psnr = bench.psnr(trial)
-        options.append(Option(f"{len(trial.gaussians):,}", psnr))
-        if psnr < enough:
-            break
-        current = trial
+    for allowance in ALLOWANCES:
+        for _ in range(ROUNDS):
+            trial = _pruned(current, bench, before.psnr - allowance * bench.tolerance)
+            removed = len(current.gaussians) - len(trial.gaussians)
+            if removed < max(1.0, WORTHWHILE * len(current.gaussians)):
+                break
+            trial, psnr, how = bench.good_enough(trial, enough, len(options))
+            options.append(Option(f"{len(trial.gaussians):,}{how}", psnr))
+            if psnr < enough:
+                break
+            current = trial
     return current, Choice(NAME, f"{len(current.gaussians):,}", options, before, bench.measure(current))
 
 
@@ -47,5 +47,4 @@ def _pruned(fitted: Fitted, bench: Bench, enough: float) -> Fitted:
     def kept(count: int) -> Fitted:
         return fitted.of(order[:count].sort().values)
 
-    count = least(1, len(order), lambda number: bench.psnr(kept(number)) >= enough)
-    return kept(count)
+    return kept(least(1, len(order), lambda count: bench.psnr(kept(count)) >= enough))

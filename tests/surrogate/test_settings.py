@@ -31,7 +31,7 @@ def test_a_whole_number_will_do_for_a_float() -> None:
         ({"mean_rate": 0.0}, "training.mean_rate must be positive"),
         ({"ssim_weight": 1.5}, r"training.ssim_weight must be in \[0, 1\], got 1.5"),
         ({"dead_opacity": 1.0}, "training.dead_opacity must be between 0 and 1"),
-        ({"color_degree": 2}, "training.color_degree must be 0 or 1, got 2"),
+        ({"color_degree": 2}, r"training.color_degree must be one of \['auto', 0, 1\], got 2"),
         ({"initialization": 3}, r"training.initialization must be one of \['auto', 'in-situ', 'random'\], got 3"),
         ({"checkpoint_seconds": 0}, "training.checkpoint_seconds must be positive"),
     ],

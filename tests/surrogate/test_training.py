@@ -55,10 +55,11 @@ def test_progress_says_where_training_stands(make_catalog, tmp_path: Path, monke
     seen: list[TrainingProgress] = []
     catalog = make_catalog(members=(("train", 0.0), ("train", 1.0), ("validation", 0.5)))
     train(QUICK, catalog, tmp_path / "surrogate", progress=seen.append)
-    steps = [progress.step for progress in seen]
+    steps = [progress.step for progress in seen if progress.stage != "needs"]
     assert steps == sorted(steps)
-    assert {progress.stage for progress in seen} == {"loading", "canonical", "deformation"}
-    last = seen[-1]
+    assert [(p.step, p.steps) for p in seen if p.stage == "needs"] == [(done, 5) for done in range(5)]
+    assert {progress.stage for progress in seen} == {"loading", "canonical", "colour degree", "deformation", "needs"}
+    last = [progress for progress in seen if progress.stage == "deformation"][-1]
     assert last.step == last.steps == 40
     assert last.rate > 0
     assert last.seconds_left == 0

@@ -33,7 +33,7 @@ def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, color_column
     for tensor in deformation.tensors().values():
         tensor.requires_grad_()
     offsets = flat(deformation.offsets(gaussians, torch.linspace(-1, 1, parameters)))
-    assert offsets.shape == (11, 11 + color_columns)
+    assert offsets.shape == (11, 14)  # how colours depend on the direction stays the same
     assert not offsets.any()
     offsets.sum().backward()
     assert deformation.weights_out.grad is not None
@@ -112,3 +112,64 @@ def test_the_kernel_is_the_definition_forward_and_backward(count: int, color_col
         assert fast.shape == slow.shape
         largest = max(1.0, float(slow.detach().abs().max())) if slow.numel() else 0.0
         assert torch.allclose(fast.double(), slow, rtol=0.0, atol=2e-6 * largest)
+
+
+def table(deformation: BilinearDeformation, gaussians: Gaussians, p: float) -> torch.Tensor:
+    return flat(deformation.offsets(gaussians, torch.tensor([p])))
+
+
+def test_an_attribute_that_is_held_still_leaves_the_others_and_takes_no_space() -> None:
+    gaussians = canonical(9, 12)
+    whole = random_deformation(gaussians, 1, torch.float32)
+    without = whole.without("quats").without("colors")
+    expected = table(whole, gaussians, 0.3).clone()
+    expected[:, 6:10] = 0.0
+    expected[:, 11:] = 0.0
+    assert torch.equal(table(without, gaussians, 0.3), expected)
+    assert [without.moves(name) for name in gaussians.tensors()] == [True, True, False, True, False]
+    assert without.stored()["weights_out"].shape == (5 * 7, 7)
+    loaded = load_deformation(without.kind, without.stored(), without.record())
+    assert torch.equal(table(loaded, gaussians, 0.3), expected)  # type: ignore[arg-type]
+    deformed = without.deformed(gaussians, torch.tensor([0.3]))
+    assert torch.equal(deformed.quats, gaussians.quats)
+
+
+def test_nothing_moves_where_every_attribute_is_held_still() -> None:
+    gaussians = canonical(4, 3)
+    still = random_deformation(gaussians, 1, torch.float32)
+    for name in gaussians.tensors():
+        still = still.without(name)
+    loaded = load_deformation(still.kind, still.stored(), still.record())
+    assert not table(loaded, gaussians, 0.7).any()  # type: ignore[arg-type]
+    assert loaded.reduced(1, [torch.tensor([0.5])]).latent_size == 1
+
+
+def test_models_whose_deformation_moved_all_colour_columns_still_work() -> None:
+    gaussians = canonical(8, 12)
+    made = random_deformation(gaussians, 1, torch.float32)
+    older = BilinearDeformation(
+        made.latents, made.weights_in, made.biases_in, torch.randn(5 * 23, 7), torch.randn(5 * 23), torch.ones(23)
+    )
+    p = torch.tensor([0.4])
+    slow = older.offsets(gaussians, p).applied_to(gaussians)
+    fast = older.deformed(gaussians, p)
+    for a, b in zip(fast.tensors().values(), slow.tensors().values(), strict=True):
+        torch.testing.assert_close(a, b, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_fewer_modes_change_offsets_as_little_as_any_of_that_rank_can(size: int) -> None:
+    gaussians = canonical(40, 3)
+    deformation = random_deformation(gaussians, 1, torch.float32)
+    places = [torch.tensor([p]) for p in (-1.0, -0.3, 0.4, 1.0)]
+    per_unit = torch.where(deformation.units > 0, 1.0 / deformation.units, 0.0)
+
+    def all_offsets(d: BilinearDeformation) -> torch.Tensor:
+        return torch.cat([flat(d.offsets(gaussians, p)) * per_unit for p in places], dim=1).double()  # [N, places C]
+
+    whole, reduced = all_offsets(deformation), deformation.reduced(size, places)
+    lost = torch.linalg.svdvals(whole)[size:].square().sum().sqrt()  # Eckart & Young
+    assert reduced.latents.shape == (40, size)
+    error = (all_offsets(reduced) - whole).norm()
+    assert float(error) == pytest.approx(float(lost), rel=1e-3)
+    assert deformation.reduced(5, places) is deformation
