@@ -96,6 +96,7 @@ def summarize(
             }
             for result in evaluation.baselines
         ],
+        "choices": surrogate.training.get("choices", []),
         "settings": surrogate.training["settings"],
         "curve": surrogate.training["curve"],
         "definitions": DEFINITIONS,
@@ -153,11 +154,40 @@ def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
             for name, label in (("parameter_change", "a parameter change"), ("view_change", "a view change"))
         ),
         "",
+        *_needs_section(record),
     ]
     for title, name in pictures.items():
         lines += [f"## {title}", "", f"![{title}]({name})", ""]
     lines += ["## Definitions", "", *(f"- **{name}**: {text}." for name, text in record["definitions"].items()), ""]
     return "\n".join(lines)
+
+
+def _needs_section(record: Mapping[str, Any]) -> list[str]:
+    choices = record["choices"]
+    if not choices:
+        return []
+    tolerance = record["settings"]["need_tolerance"]
+    lines = [
+        "## What this scene needed",
+        "",
+        f"Chosen on validation images; each choice after the first was allowed to cost {tolerance:g} dB.  The columns at the right "
+        "say how the model changed with it: negative decibels were lost, megabytes are those of the tensors, milliseconds those "
+        "of deforming and drawing one picture.",
+        "",
+        _row("", "kept", "tried (validation PSNR, dB)", "dB", "MB", "ms"),
+        _row(*["---"] * 6),
+    ]
+    for choice in choices:
+        tried = " · ".join(f"{option['name']}: {option['psnr']:.2f}" for option in choice["options"])
+        lines.append(_row(choice["name"], choice["kept"], tried or "–", *_change(choice["before"], choice["after"])))
+    return [*lines, ""]
+
+
+def _change(before: Mapping[str, float] | None, after: Mapping[str, float] | None) -> list[str]:
+    if before is None or after is None:
+        return ["–"] * 3
+    size, speed = (f"{before[name]:.2f} → {after[name]:.2f}" for name in ("megabytes", "milliseconds"))
+    return [f"{after['psnr'] - before['psnr']:+.3f}", size, speed]
 
 
 def _quality_table(record: Mapping[str, Any]) -> list[str]:

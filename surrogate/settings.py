@@ -62,7 +62,7 @@ class TrainingSettings:
     gaussians: int = 10_000
     initialization: Initialization = "auto"
     initial_opacity: float = 0.2
-    initial_scale: float = 0.5
+    initial_scale: float = 0.25
     color_degree: ColorDegree = "auto"
 
     canonical_steps: int = 2_000

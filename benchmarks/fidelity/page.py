@@ -42,7 +42,7 @@ def variants_table(results: Results) -> str:
     every = list(dict.fromkeys(variant for found in results.values() for variant in found))
     header = ["", ""]
     for scene in results:
-        header += [f"{scene}: validation, dB", "change", "test", "half size", "time of a step"]
+        header += [f"{scene}: validation, dB", "change", "test", "at half size"]
     rows = []
     for variant in every:
         row = ["**" + variant.group + "**" if _is_first(variant, every) else "", variant.name]
@@ -84,14 +84,13 @@ def plot(path: Path, results: Results) -> None:
 
 def _cells(record: Mapping[str, Any] | None, base: list[Mapping[str, Any]]) -> list[str]:
     if record is None:
-        return ["–"] * 5
-    level, pace = (float(np.mean([r[name] for r in base])) for name in ("validation", "milliseconds"))
+        return ["–"] * 4
+    level = float(np.mean([r["validation"] for r in base]))
     return [
         f"{record['validation']:.2f}",
         f"{record['validation'] - level:+.2f}",
         f"{record['test']:.2f}",
         f"{record['half_size']:.2f}",
-        f"{record['milliseconds'] / pace:.2f}x",
     ]
 
 
