@@ -122,6 +122,48 @@ def show(run: Path) -> None:
     click.echo(f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps")
 
 
+@main.command()
+@click.option("--backend", default="cpu", show_default=True, help="Of surrogate.splatting.render.")
+@click.option(
+    "--drift/--no-drift", default=True, show_default=True, help="Whether training is tried in both precisions."
+)
+@click.option(
+    "-o", "--output", default="stress", show_default=True, help="Folder of the page.", type=click.Path(path_type=Path)
+)
+def stress(backend: str, drift: bool, output: Path) -> None:
+    """Hold the splatting engine to a table of hard cases; writes stress.md and stress.png, and fails where a row does."""
+    import native
+    from surrogate.splatting import BACKENDS
+    from surrogate.stress.check import Outcome
+    from surrogate.stress.drift import measure_drift
+    from surrogate.stress.report import PAGE, write
+    from surrogate.stress.table import table
+    from surrogate.threads import one_torch_thread
+
+    if backend not in BACKENDS:
+        raise _Failure(f"--backend must be one of {sorted(BACKENDS)}, got {backend!r}")
+    sets = native.instruction_sets() if backend == "cpu" else [""]
+    options = {
+        f"{backend} {name}".strip(): {"backend": backend} | ({"instruction_set": name} if name else {}) for name in sets
+    }
+
+    def tell(name: str, outcome: Outcome) -> None:
+        click.echo(
+            f"{'holds ' if outcome.passed else 'MISSED'}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}"
+        )
+
+    with one_torch_thread():
+        tables = {name: table(chosen, lambda o, n=name: tell(n, o)) for name, chosen in options.items()}  # type: ignore[misc]
+        drifted = measure_drift(backend) if drift else None
+    write(output, tables, drifted)
+    missed = [o.case.name for rows in tables.values() for o in rows if not o.passed] + list(
+        drifted.complaints if drifted else ()
+    )
+    click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")
+    if missed:
+        raise _Failure("; ".join(missed))
+
+
 def _open(path: Path, runs: Path) -> tuple[Scene, Catalog]:
     from catalogs.catalog import Catalog, CatalogError
     from catalogs.scene import Scene

@@ -115,6 +115,13 @@ def rotations(quats: Tensor) -> Tensor:
 
 def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float, alpha_cap: float = ALPHA_CAP) -> Tensor:
     """What each splat covers of each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
+    alphas = densities_at(pixels, splats)  # [P, M]
+    alphas = torch.where(alphas >= alpha_floor, alphas.clamp(max=alpha_cap), 0.0)
+    return torch.where(transmittances(alphas) >= MIN_TRANSMITTANCE, alphas, 0.0)
+
+
+def densities_at(pixels: Tensor, splats: Splats) -> Tensor:
+    """Opacity times Gaussian of each splat at each of P pixel centres (P, 2), in px: (P, M), whatever is drawn of it."""
     across, down = splats.axes.unbind(1)  # [M, 3] each
     determinants = torch.linalg.cross(across, down).square().sum(1) + splats.dilation * (
         across.square().sum(1) + down.square().sum(1) + splats.dilation
@@ -123,9 +130,7 @@ def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float, alpha_cap: flo
     numerators = (dx[..., None] * down - dy[..., None] * across).square().sum(2)  # [P, M]
     numerators = numerators + splats.dilation * (dx.square() + dy.square())
     distances = numerators / torch.where(determinants > 0, determinants, torch.inf)  # [P, M]
-    alphas = splats.opacities * torch.exp(-0.5 * distances)  # [P, M]
-    alphas = torch.where((alphas >= alpha_floor) & (determinants > 0), alphas.clamp(max=alpha_cap), 0.0)
-    return torch.where(transmittances(alphas) >= MIN_TRANSMITTANCE, alphas, 0.0)
+    return torch.where(determinants > 0, splats.opacities * torch.exp(-0.5 * distances), 0.0)  # [P, M]
 
 
 def transmittances(alphas: Tensor) -> Tensor:

@@ -1,0 +1,25 @@
+"""All rows, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from surrogate.stress.cases import Agreement, Case, agreements, cases, refusals
+from surrogate.stress.check import Outcome, check, check_agreement, check_refusal
+
+
+def table(backend: Mapping[str, Any], say: Callable[[Outcome], None] = lambda _: None) -> list[Outcome]:
+    """Hold a backend, given by options of `surrogate.splatting.render`, to every row; `say` hears of each when it is done."""
+    found = []
+    for row in (*cases(), *agreements(), *refusals()):
+        outcome = _checked(row, backend)
+        say(outcome)
+        found.append(outcome)
+    return found
+
+
+def _checked(row: Any, backend: Mapping[str, Any]) -> Outcome:
+    if isinstance(row, Case):
+        return check(row, backend)
+    return check_agreement(row, backend) if isinstance(row, Agreement) else check_refusal(row, backend)
