@@ -33,7 +33,7 @@ class Checkpoint:
 
     def save(self, directory: Path) -> None:
         """Replace the checkpoint in `directory` atomically; one file, so that its parts can't disagree."""
-        tensors = {name: tensor.detach().contiguous() for name, tensor in self.tensors.items()}
+        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.tensors.items()}
         metadata = {"record": json.dumps(self.record)}
         durable.replace(directory / CHECKPOINT, safetensors.torch.save(tensors, metadata))
 

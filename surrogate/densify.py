@@ -38,7 +38,7 @@ def plan_relocation(peaks: Tensor, dead_opacity: float, random: np.random.Genera
     Gaussians would else be shared out again and again (CloverLeaf, 40,000 Gaussians: 48 dB fell to 27).  Dead Gaussians for
     which there is no room stay where they are.  None where nothing moves.
     """
-    opacities = peaks.numpy().astype(np.float64)  # [N]
+    opacities = peaks.cpu().numpy().astype(np.float64)  # [N]
     dead = np.flatnonzero(~(opacities >= dead_opacity))
     room = np.log1p(-np.minimum(opacities, 1.0 - 1e-6)) / np.log1p(-2.0 * dead_opacity)  # [N], who may share each place
     room = np.minimum(np.floor(room).astype(np.int64), MOST_SHARING) - 1  # [N], beside the one that is there
@@ -49,7 +49,7 @@ def plan_relocation(peaks: Tensor, dead_opacity: float, random: np.random.Genera
     admitted = _place_in_group(sources) < room[sources]
     moved, sources = dead[admitted], sources[admitted]
     sharing = 1 + np.bincount(sources, minlength=len(opacities))[sources]  # [D]
-    return Relocation(torch.from_numpy(moved), torch.from_numpy(sources), torch.from_numpy(sharing))
+    return Relocation(*(torch.from_numpy(rows).to(peaks.device) for rows in (moved, sources, sharing)))
 
 
 def _place_in_group(values: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -54,12 +54,16 @@ class Gaussians:
         """The same, whose colours may depend on the direction (degree 1) but do not yet; raises ValueError for a lower degree."""
         if degree < self.color_degree:
             raise ValueError(f"colours of degree {self.color_degree} can't be of degree {degree}")
-        flat = torch.zeros(len(self), 9 * (degree - self.color_degree))  # [N, 0 or 9]
+        flat = self.colors.new_zeros(len(self), 9 * (degree - self.color_degree))  # [N, 0 or 9]
         return replace(self, colors=torch.cat([self.colors, flat], dim=1))
 
     def of(self, rows: Tensor) -> Gaussians:
         """Some of them, by index (M,)."""
         return Gaussians(*(tensor[rows] for tensor in self.tensors().values()))
+
+    def to(self, device: torch.device) -> Gaussians:
+        """The same on another device."""
+        return Gaussians(*(tensor.to(device) for tensor in self.tensors().values()))
 
     def copy(self) -> Gaussians:
         """The same numbers in tensors of their own."""

@@ -20,20 +20,25 @@ def image_loss(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2, threa
 
     `target` holds floats or, as image files do, bytes that are 255 times as large.  Channels that only `image` has are not
     compared.  SSIM is Wang et al. 2004 with an 11x11 Gaussian window of sigma 1.5 and zeros beyond the border, averaged over
-    pixels and channels, for values in [0, 1].  Computed by the C++ kernel in float32, value and gradient at once.
+    pixels and channels, for values in [0, 1].  In main memory it is computed by the C++ kernel in float32, value and gradient at
+    once; on a GPU by torch.
     """
+    if not image.is_cpu:
+        return image_loss_reference(image, target, ssim_weight=ssim_weight)
     return _ImageLoss.apply(image, target, ssim_weight, threads or cores())
 
 
 def image_loss_reference(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2) -> Tensor:
     """The same in plain torch, in the dtype of `image`: the definition that the kernel is tested against."""
+    target = target.to(image.dtype) / 255.0 if target.dtype == torch.uint8 else target
+    image = image[..., : target.shape[2]]
     return (image - target).abs().mean() + ssim_weight * (1.0 - structural_similarity(image, target).mean())
 
 
 def structural_similarity(image: Tensor, target: Tensor) -> Tensor:
     """SSIM map (H, W, C) of pictures (H, W, C), zeros beyond the border."""
     x, y = image.permute(2, 0, 1)[:, None], target.permute(2, 0, 1)[:, None]  # [C, 1, H, W]
-    offsets = torch.arange(WINDOW, dtype=image.dtype) - WINDOW // 2  # [11]
+    offsets = torch.arange(WINDOW, dtype=image.dtype, device=image.device) - WINDOW // 2  # [11]
     window = torch.exp(-0.5 * (offsets / SIGMA) ** 2)
     window = window / window.sum()
     kernel = torch.outer(window, window)[None, None]  # [1, 1, 11, 11]

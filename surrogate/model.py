@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from surrogate.deformation import Deformation, load_deformation
 from surrogate.encoding import Encoding
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
+from surrogate.splatting import AUTO
 
 SCHEMA = 2  # 1 had no encodings
 TENSORS, RECORD = "model.safetensors", "model.json"
@@ -47,7 +48,7 @@ class DeformedGaussians:
         """
         with torch.no_grad():
             rendering = self.rasterizer.draw(self.gaussians, self.normalization.camera(camera))
-        color, alpha = rendering.color.numpy(), rendering.alpha.numpy()[..., None]  # [H, W, 3], [H, W, 1]
+        color, alpha = rendering.color.cpu().numpy(), rendering.alpha.cpu().numpy()[..., None]  # [H, W, 3], [H, W, 1]
         if background is not None:
             color = color + (1.0 - alpha) * np.asarray(background, dtype=np.float32)
             alpha = np.ones_like(alpha)
@@ -56,17 +57,17 @@ class DeformedGaussians:
     @property
     def means(self) -> NDArray[np.float64]:
         """Centres in world units, (N, 3)."""
-        return self.gaussians.means.double().numpy() * self.normalization.extent + self.normalization.center
+        return self.gaussians.means.double().cpu().numpy() * self.normalization.extent + self.normalization.center
 
     @property
     def scales(self) -> NDArray[np.float64]:
         """Standard deviations along the principal axes in world units, (N, 3)."""
-        return self.gaussians.scales().double().numpy() * self.normalization.extent
+        return self.gaussians.scales().double().cpu().numpy() * self.normalization.extent
 
     @property
     def opacities(self) -> NDArray[np.float32]:
         """Opacities, (N,)."""
-        return self.gaussians.opacities().numpy()
+        return self.gaussians.opacities().cpu().numpy()
 
     def __len__(self) -> int:
         return len(self.gaussians)
@@ -116,6 +117,12 @@ class Surrogate:
         named = dict(zip(self.space.names, values.tolist(), strict=True))
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
 
+    def to(self, device: str | torch.device) -> Surrogate:
+        """The same on another device, which draws it: "cuda" needs the extra `[cuda]`, and then draws by gsplat."""
+        moved, rasterizer = torch.device(device), replace(self.rasterizer, backend=AUTO)
+        gaussians, deformation = self.gaussians.to(moved), self.deformation.to(moved)
+        return replace(self, gaussians=gaussians, deformation=deformation, rasterizer=rasterizer)
+
     @property
     def megabytes(self) -> float:
         """Size of the model's tensors as they are stored, 10^6 bytes."""
@@ -132,7 +139,7 @@ class Surrogate:
         directory = Path(directory)
         directory.mkdir(parents=True, exist_ok=True)
         tensors, forms = self._stored()
-        content = safetensors.torch.save({name: tensor.detach().contiguous() for name, tensor in tensors.items()})
+        content = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
         durable.replace(directory / TENSORS, content)
         record = {
             "schema": SCHEMA,
@@ -196,7 +203,7 @@ class Surrogate:
         found, forms = dict[str, torch.Tensor](), dict[str, str]()
         for name, tensor in tensors.items():
             encoding = self.encodings.get(name)
-            if encoding is not None and torch.equal(encoding.decoded(), tensor):
+            if encoding is not None and torch.equal(encoding.decoded(), tensor.cpu()):
                 found |= {f"{name}{SEPARATOR}{part}": t for part, t in encoding.tensors().items()}
                 forms[name] = encoding.form
             else:

@@ -19,7 +19,8 @@ class Adam:
     """
 
     def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
-        self._tensors, self._rates, self._steps = dict(tensors), dict(rates), torch.zeros(())
+        self._tensors, self._rates = dict(tensors), dict(rates)
+        self._steps = torch.zeros((), device=next(iter(tensors.values())).device)
         self._moments = {
             name: (torch.zeros_like(t, requires_grad=False), torch.zeros_like(t, requires_grad=False))
             for name, t in tensors.items()

@@ -12,7 +12,7 @@ from torch import Tensor
 from catalogs.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import Rendering, render, render_over
+from surrogate.splatting import AUTO, Rendering, render, render_over
 from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 
@@ -33,7 +33,7 @@ class Rasterizer:
     dilation: float = DILATION
     alpha_floor: float = 1.0 / 255.0
     alpha_cap: float = ALPHA_CAP
-    backend: str = "cpu"
+    backend: str = AUTO
 
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 ColorDegree = Literal["auto", 0, 1]
+Device = Literal["auto", "cpu", "cuda"]
 Initialization = Literal["auto", "in-situ", "random"]
 
 
@@ -48,7 +49,8 @@ class TrainingSettings:
     peak_decay : what that maximum is multiplied by per step.
     alpha_floor, alpha_cap, dilation : the rasterizer's smallest and largest alpha, and the variance (pixels squared) added to
         every projected Gaussian.
-    backend : of `surrogate.splatting.render`.
+    device, backend : where training computes, "auto" being a GPU where torch and gsplat can use one, else "cpu"; and how it draws,
+        of `surrogate.splatting.render`.
     fit_to_need : whether what the model does not need is taken from it at the end, as validation images tell: attributes that
         need not deform, modes of deformation, Gaussians, bits.  Where a catalog has no such images, nothing is.
     need_tolerance : what each of those choices may cost on validation images, in dB.
@@ -95,7 +97,8 @@ class TrainingSettings:
     alpha_floor: float = 1.0 / 255.0
     alpha_cap: float = ALPHA_CAP
     dilation: float = DILATION
-    backend: str = "cpu"
+    device: Device = "auto"
+    backend: str = "auto"
 
     fit_to_need: bool = True
     need_tolerance: float = 0.05

@@ -40,7 +40,8 @@ class StageRun:
         self.stage, self.settings, self.data = stage, settings, data
         self.step = 0
         self._adam = Adam(stage.tensors, stage.rates)
-        self._peaks = torch.zeros(len(stage.tensors["means"]))  # [N], decayed maximum of the deformed opacities
+        means = stage.tensors["means"]
+        self._peaks = means.new_zeros(len(means), requires_grad=False)  # [N], decayed maximum of the deformed opacities
         self._order = ShuffledEpochs(len(data.examples), settings.seed)
         self._rasterizer = Rasterizer.of(settings)
         self._behind = WHITE if data.background is None else data.background
@@ -50,7 +51,8 @@ class StageRun:
         settings, example = self.settings, self.data.examples[self._order[self.step]]
         gaussians = self.stage.gaussians_at(example.parameters)
         picture = self._rasterizer.draw_over(gaussians, example.camera, self._behind)  # [H, W, 4]
-        loss = image_loss(picture, torch.from_numpy(example.compared()), ssim_weight=settings.ssim_weight)
+        target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
+        loss = image_loss(picture, target, ssim_weight=settings.ssim_weight)
         loss.backward()
         self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
         with torch.no_grad():

@@ -25,6 +25,7 @@ from surrogate.canonical import canonical_stage
 from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
 from surrogate.deformation import KINDS, load_deformation
+from surrogate.device import chosen
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialize import Points, initial_gaussians, initial_points
 from surrogate.interruption import Interruption
@@ -155,16 +156,18 @@ class _Run:
                 needs = Needs(self._fit(data, checkpoint, interruption))
             else:
                 needs = _restored(checkpoint)
+                needs = replace(needs, fitted=needs.fitted.to(chosen(self._settings.device)))
             return self._surrogate(self._need(needs, data, interruption))
 
     def _fit(self, data: TrainingData, checkpoint: Checkpoint | None, interruption: Interruption) -> Fitted:
         """Stages 1 and 2."""
-        settings, gaussians = self._settings, self._source.initial_gaussians(data)
+        settings, device = self._settings, chosen(self._settings.device)
+        gaussians = self._source.initial_gaussians(data).to(device)
         if checkpoint is None or checkpoint.record["stage"] == "canonical":
             run = _resumed(canonical_stage(gaussians, settings), settings, data, checkpoint)
             self._run(run, 0, settings.canonical_steps, interruption)
             checkpoint = None
-        deformation = KINDS["bilinear"].create(gaussians, len(self._source.catalog.plan.space), settings)
+        deformation = KINDS["bilinear"].create(gaussians, len(self._source.catalog.plan.space), settings).to(device)
         degree = self._color_degree or gaussians.color_degree
         fitted = Fitted(gaussians.copy().with_color_degree(degree), deformation)
         run = _resumed(simulation_stage(*fitted, settings), settings, data, checkpoint)

@@ -33,4 +33,4 @@ def _psnr(
 ) -> float:
     picture = rasterizer.draw_over(gaussians_at(example.parameters), example.camera, background)  # [H, W, 4]
     target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
-    return psnr(target, picture[..., :3].clamp(0.0, 1.0).numpy())
+    return psnr(target, picture[..., :3].clamp(0.0, 1.0).cpu().numpy())

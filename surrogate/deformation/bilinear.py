@@ -74,7 +74,8 @@ class BilinearDeformation:
         return self._modes(parameters) * self.units
 
     def _modes(self, parameters: Tensor) -> Tensor:
-        hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, parameters))  # [hidden]
+        given = parameters.to(self.weights_in.device)  # [P]
+        hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, given))  # [hidden]
         flat = torch.addmv(self.biases_out, self.weights_out, hidden)  # [L * C]
         return flat.view(self.latents.shape[1], len(self.units))
 
@@ -97,7 +98,7 @@ class BilinearDeformation:
 
     def without(self, attribute: str) -> BilinearDeformation:
         """The same with zero for the attribute's units."""
-        kept = torch.ones(len(self.units))  # [C]
+        kept = torch.ones_like(self.units)  # [C]
         kept[self._columns(attribute)] = 0.0
         every = kept.repeat(self.latent_size)  # [L C]
         return replace(
@@ -110,6 +111,12 @@ class BilinearDeformation:
     def of(self, rows: Tensor) -> BilinearDeformation:
         """The latents of some Gaussians, by index (M,), with the same modes."""
         return replace(self, latents=self.latents[rows])
+
+    def to(self, device: torch.device) -> BilinearDeformation:
+        """The same on another device."""
+        return replace(
+            self, units=self.units.to(device), **{name: tensor.to(device) for name, tensor in self.tensors().items()}
+        )
 
     def copy(self) -> BilinearDeformation:
         """The same numbers in tensors of their own."""

@@ -77,6 +77,9 @@ class Deformation(Protocol):
     def of(self, rows: Tensor) -> Deformation:
         """The deformation of some of the Gaussians, by index (M,)."""
 
+    def to(self, device: torch.device) -> Deformation:
+        """The same on another device."""
+
     def copy(self) -> Deformation:
         """The same numbers in tensors of their own."""
 

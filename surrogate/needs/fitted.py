@@ -36,6 +36,10 @@ class Fitted(NamedTuple):
         """The same numbers in tensors of their own."""
         return Fitted(self.gaussians.copy(), self.deformation.copy())
 
+    def to(self, device: torch.device) -> Fitted:
+        """The same on another device."""
+        return Fitted(self.gaussians.to(device), self.deformation.to(device))
+
     def at(self, parameters: Tensor) -> Gaussians:
         """The Gaussians at normalized parameters (P,)."""
         return self.deformation.deformed(self.gaussians, parameters)

@@ -24,7 +24,7 @@ def importance(
     for example in examples:
         with torch.no_grad():
             deformed = gaussians_at(example.parameters)
-        colors = torch.zeros(len(deformed), 3, requires_grad=True)
+        colors = deformed.means.new_zeros(len(deformed), 3, requires_grad=True)
         drawn = rasterizer.draw(replace(deformed, colors=colors), example.camera)
         (by_colors,) = torch.autograd.grad(drawn.color[..., 0].sum(), colors)
         total = by_colors[:, 0] if not len(total) else total + by_colors[:, 0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import torch
 from torch import Tensor
 
 from surrogate.encoding import FORMATS, Encoding, encode
@@ -18,6 +19,7 @@ def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, En
 
     Returns the model as it will be read again, the encodings by tensor, and the choice.
     """
+    fitted = fitted.to(torch.device("cpu"))  # where models are stored and read
     before = bench.measure(fitted)
     options, chosen, current = [Option("all in float32", before.psnr)], dict[str, Encoding](), fitted
     by_size = sorted(fitted.tensors(), key=lambda name: (-fitted.tensors()[name].numel(), name))

@@ -10,12 +10,13 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting import cpu, reference
+from surrogate.splatting import cpu, cuda, reference
 from surrogate.splatting.rendering import ALPHA_CAP, DILATION, Rendering
 
 __all__ = ["BACKENDS", "Rendering", "render", "render_over"]
 
-BACKENDS: dict[str, ModuleType] = {"cpu": cpu, "reference": reference}
+BACKENDS: dict[str, ModuleType] = {"cpu": cpu, "cuda": cuda, "reference": reference}
+AUTO = "auto"  # the backend of the device that holds the Gaussians
 
 
 def render(
@@ -30,7 +31,7 @@ def render(
     dilation: float = DILATION,
     alpha_floor: float = 1.0 / 255.0,
     alpha_cap: float = ALPHA_CAP,
-    backend: str = "cpu",
+    backend: str = AUTO,
     depth: bool = False,
     **options: Any,
 ) -> Rendering:
@@ -48,10 +49,11 @@ def render(
         it also makes such Gaussians larger than they are.
     alpha_floor : contributions below it are left out; it bounds each Gaussian's extent.
     alpha_cap : alphas are cut to it, because one of 1 would let nothing through and have no derivative; below 1.
-    backend : "cpu" (C++ kernels, float32) or "reference" (plain torch in the dtype of `means`, slow: the definition).
+    backend : "cpu" (C++ kernels, float32), "cuda" (gsplat, float32; see `surrogate.splatting.cuda` for what differs), "reference"
+        (plain torch in the dtype of `means`, slow: the definition) or "auto": "cuda" for tensors on a GPU, else "cpu".
     depth : also return the depth of the centres along the camera's axis, in world units, composited like a colour.
-    options : `threads`, `instruction_set` and `screen_gradients` of the cpu backend.  A tensor (N,) given as
-        `screen_gradients` receives, in the backward pass, the length of the gradient by each projected centre in 1/px.
+    options : `threads` and `instruction_set` of cpu, `screen_gradients` of cpu and cuda: a tensor (N,) that receives, in
+        the backward pass, the length of the gradient by each projected centre in 1/px.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def render(
         "alpha_floor": alpha_floor,
         "alpha_cap": alpha_cap,
     }
-    draw = _backend(backend).render
+    draw = _backend(backend, means).render
     rendering = draw(means, scales, quats, opacities, colors, camera, **constants)
     if not depth:
         return rendering
@@ -91,7 +93,7 @@ def render_over(
     dilation: float = DILATION,
     alpha_floor: float = 1.0 / 255.0,
     alpha_cap: float = ALPHA_CAP,
-    backend: str = "cpu",
+    backend: str = AUTO,
     **options: Any,
 ) -> Tensor:
     """The picture of `render` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4).
@@ -106,20 +108,23 @@ def render_over(
         "alpha_cap": alpha_cap,
     }
     gaussians = (means, scales, quats, opacities, colors)
-    if backend == "cpu":
+    chosen = _backend(backend, means)
+    if chosen is cpu:
         return cpu.render_over(*gaussians, camera, background, **constants)
-    rendering = _backend(backend).render(*gaussians, camera, **constants)
+    rendering = chosen.render(*gaussians, camera, **constants)
     return torch.cat([rendering.over(background), rendering.alpha.unsqueeze(-1)], dim=2)
 
 
-def _backend(name: str) -> ModuleType:
+def _backend(name: str, means: Tensor) -> ModuleType:
+    if name == AUTO:
+        return cuda if means.is_cuda else cpu
     if name not in BACKENDS:
-        raise ValueError(f"backend must be one of {sorted(BACKENDS)}, got {name!r}")
+        raise ValueError(f"backend must be one of {[AUTO, *sorted(BACKENDS)]}, got {name!r}")
     return BACKENDS[name]
 
 
 def _depths(means: Tensor, camera: Camera) -> Tensor:
     """Depth of each centre along the camera's axis, (N,); in float64, and finite however far away the centre is."""
-    axis = torch.tensor(camera.forward)  # [3]
+    axis = torch.tensor(camera.forward, device=means.device)  # [3]
     depths = means.double() @ axis + float(camera.world_to_camera[2, 3])  # [N]
     return depths.clamp(-torch.finfo(means.dtype).max, torch.finfo(means.dtype).max).to(means.dtype)

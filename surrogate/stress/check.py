@@ -125,15 +125,16 @@ def certain_pixels(scene: Scene, camera: Camera, case: Case) -> Tensor:
 
 
 def _drawn(scene: Scene, camera: Camera, certain: Tensor, options: Mapping[str, Any]) -> Drawn:
-    leaves = [tensor.detach().clone().requires_grad_() for tensor in scene]
+    device = "cuda" if options.get("backend") == "cuda" else "cpu"
+    leaves = [tensor.detach().clone().to(device).requires_grad_() for tensor in scene]
     drawn = render(leaves[0], leaves[1], leaves[2], leaves[3], leaves[4], camera, depth=True, **options)
     assert drawn.depth is not None
-    picture = torch.cat([drawn.color, drawn.alpha[..., None], drawn.depth[..., None]], dim=2)  # [H, W, 5]
+    picture = torch.cat([drawn.color, drawn.alpha[..., None], drawn.depth[..., None]], dim=2).cpu()  # [H, W, 5]
     random = torch.Generator().manual_seed(9)
     weights = torch.randn(picture.shape, generator=random, dtype=torch.float64) * certain[..., None]
     scale = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])  # depth is a second picture: its gradients are those of a colour
     value = (picture * (weights * scale).to(picture)).sum()
-    return Drawn(picture.detach(), Scene(*torch.autograd.grad(value, leaves)))
+    return Drawn(picture.detach(), Scene(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves))))
 
 
 def _units(picture: Tensor) -> Tensor:

@@ -68,7 +68,7 @@ def axes(ratio: float, thin: int, *, length: float = 0.3) -> Scene:
 
 def radius(pixels: float) -> Scene:
     """A cloud of round Gaussians with standard deviations of so many pixels."""
-    count = 60 if pixels >= 1.0 else 1500  # of small ones few cover the centre of a pixel
+    count = 60 if pixels >= 1.0 else 300  # of small ones few cover the centre of a pixel
     return cloud(count, opacities=(0.02, 0.3))._replace(
         scales=torch.full((count, 3), pixels * PIXEL, dtype=torch.float64)
     )

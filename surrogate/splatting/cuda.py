@@ -1,0 +1,141 @@
+"""Splatting on a GPU by gsplat (Ye et al. 2024, "gsplat: An Open-Source Library for Gaussian Splatting"), the extra `[cuda]`.
+
+What differs from the other backends, because it is compiled into gsplat's kernels:
+
+- The alpha floor is 1/255 and the alpha cap 0.999: other values are refused.
+- A Gaussian after which less than 1e-4 of the light would be left is not drawn at all, where the others draw it and then stop: at
+  most a tenth of a pixel's light, and only behind a Gaussian that is itself almost opaque.
+- Determinants of projected covariances are differences in float32: needles longer than some hundred times their width lose digits.
+- Gradients are summed by atomic additions, so that two runs differ in their last bits.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from catalogs.cameras import Camera
+from surrogate.splatting.rendering import ALPHA_CAP, SHORTEST_QUATERNION, Rendering
+
+COMPILED = {"alpha_floor": 1.0 / 255.0, "alpha_cap": 0.999}
+NAMES = ("means", "scales", "quats", "opacities", "colors")
+NEEDED = "1.5.3"
+
+
+def unusable() -> str:
+    """Why this backend can't be used here; empty where it can."""
+    if importlib.util.find_spec("gsplat") is None:
+        return f"gsplat >= {NEEDED} is not installed: pip install 'gs-surrogate[cuda]'"
+    if not torch.cuda.is_available():
+        return f"torch {torch.__version__} sees no CUDA device"
+    return ""
+
+
+def render(
+    means: Tensor,
+    scales: Tensor,
+    quats: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    camera: Camera,
+    *,
+    near: float,
+    dilation: float,
+    alpha_floor: float,
+    alpha_cap: float = ALPHA_CAP,
+    screen_gradients: Tensor | None = None,
+) -> Rendering:
+    """Draw Gaussians in float32 on the GPU that holds them; arguments as `surrogate.splatting.render`.
+
+    Raises ValueError for tensors that are not on a GPU, an `alpha_floor` or `alpha_cap` that gsplat can't honour, and, naming the
+    Gaussian and the attribute, for numbers that are not finite; ModuleNotFoundError where gsplat is missing.
+    """
+    gaussians = (means, scales, quats, opacities, colors)
+    _check_constants(alpha_floor=alpha_floor, alpha_cap=alpha_cap)
+    _check_tensors(gaussians)
+    rasterization = _gsplat().rasterization
+    if not len(means):
+        nothing = sum((tensor.sum() for tensor in gaussians), means.new_zeros(()))
+        return Rendering(
+            nothing + means.new_zeros(camera.height, camera.width, 3),
+            nothing + means.new_zeros(camera.height, camera.width),
+        )
+    drawn, alpha, record = rasterization(
+        means=means.float(),
+        quats=_unit(quats.float()),
+        scales=scales.float(),
+        opacities=opacities.float(),
+        colors=colors.float(),
+        viewmats=torch.tensor(camera.world_to_camera, dtype=torch.float32, device=means.device)[None],  # [1, 4, 4]
+        Ks=_intrinsics(camera).to(means.device)[None],  # [1, 3, 3]
+        width=camera.width,
+        height=camera.height,
+        near_plane=near,
+        far_plane=torch.finfo(torch.float32).max,
+        eps2d=dilation,
+        radius_clip=0.0,
+        packed=False,
+        render_mode="RGB",
+        rasterize_mode="classic",
+    )
+    if screen_gradients is not None and record["means2d"].requires_grad:
+        record["means2d"].register_hook(lambda gradient: _keep_lengths(gradient[0], screen_gradients))
+    return Rendering(drawn[0], alpha[0, ..., 0])
+
+
+def _keep_lengths(gradient: Tensor, lengths: Tensor) -> None:
+    lengths.copy_(gradient.norm(dim=-1))
+
+
+def _gsplat() -> Any:
+    try:
+        return importlib.import_module("gsplat")
+    except ImportError as error:
+        raise ModuleNotFoundError(f"backend 'cuda': {unusable() or error}") from error
+
+
+def _check_constants(**constants: float) -> None:
+    for name, value in constants.items():
+        if abs(value - COMPILED[name]) > 1e-6:
+            raise ValueError(
+                f"backend 'cuda' draws with {name} = {COMPILED[name]:.6g}, which is compiled into gsplat, got {value:.6g}: choose "
+                "that value or the backend 'cpu'"
+            )
+
+
+def _check_tensors(gaussians: tuple[Tensor, ...]) -> None:
+    count = len(gaussians[0])
+    columns = {"means": (3,), "scales": (3,), "quats": (4,), "opacities": (), "colors": (3,)}
+    for name, tensor in zip(NAMES, gaussians, strict=True):
+        if not _on_gpu(tensor):
+            raise ValueError(
+                f"backend 'cuda' needs {name} on a CUDA device, got {tensor.device}: move it or choose 'cpu'"
+            )
+        if tensor.shape != (count, *columns[name]):
+            raise ValueError(f"{name} must be of shape {(count, *columns[name])}, got {tuple(tensor.shape)}")
+    finite = torch.stack([torch.isfinite(tensor).all() for tensor in gaussians]).tolist()
+    for name, tensor, good in zip(NAMES, gaussians, finite, strict=True):
+        if not good:
+            row = int((~torch.isfinite(tensor.reshape(count, -1))).any(dim=1).nonzero()[0])
+            raise ValueError(f"{name} of Gaussian {row} is not finite: {tensor[row].tolist()}")
+
+
+def _on_gpu(tensor: Tensor) -> bool:
+    return tensor.is_cuda
+
+
+def _unit(quats: Tensor) -> Tensor:
+    """Quaternions (N, 4) of length 1; one shorter than 1e-12 is no rotation, and has no gradient."""
+    largest = quats.abs().amax(dim=1, keepdim=True)  # [N, 1], so that no square over- or underflows
+    long_enough = largest > SHORTEST_QUATERNION
+    scaled = quats / torch.where(long_enough, largest, 1.0)  # [N, 4]
+    unit = scaled / torch.where(long_enough, scaled.norm(dim=1, keepdim=True), 1.0)
+    return torch.where(long_enough, unit, quats.new_tensor([1.0, 0.0, 0.0, 0.0]))
+
+
+def _intrinsics(camera: Camera) -> Tensor:
+    return torch.tensor([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])  # [3, 3]
