@@ -18,7 +18,9 @@ from pathlib import Path
 import torch
 
 from benchmarks.page import DOCS, PROJECT, commit, write_parts
+from benchmarks.simd.compare import compare
 from benchmarks.splatting.budgets import budgets
+from benchmarks.splatting.constants import constants
 from benchmarks.splatting.cutoffs import cutoffs
 from benchmarks.splatting.engine import backends, fixed, loss, others
 from benchmarks.splatting.precisions import precisions
@@ -46,6 +48,8 @@ PARTS: Mapping[str, Part] = {
     "budgets": budgets,
     "precisions": precisions,
     "cutoffs": cutoffs,
+    "constants": constants,
+    "simd": lambda setup, _: compare(),
 }
 
 

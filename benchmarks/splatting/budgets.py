@@ -15,10 +15,10 @@ from benchmarks.splatting.setup import Setup, limited_to
 from benchmarks.splatting.trained import Trained, pictures
 from benchmarks.splatting.twin import decibels
 from benchmarks.timing import Measured, timed
-from surrogate.data import ImageRow, training_rows
+from surrogate.data import ImageRow, load_examples, training_rows
 from surrogate.gaussians import Gaussians
 from surrogate.metrics import composite, psnr
-from surrogate.model import Surrogate
+from surrogate.needs import importance
 
 PARTS = (1.0, 0.5, 0.25, 0.12)
 FIGURE = "splatting_budgets.png"
@@ -26,27 +26,12 @@ WEIGHED, JUDGED = 200, 60  # training images that importance is taken from, vali
 REPEATS = 3
 
 
-def importance(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Tensor:
-    """What each Gaussian contributes to the images of `rows`: the sum of its weights T alpha over pixels, (N,).
-
-    A picture is linear in the colours with those weights, so they are the gradient of its sum by one channel.
-    """
-    total = torch.zeros(len(surrogate.gaussians))
-    for _, deformed, camera in pictures(surrogate, rows):
-        colors = torch.zeros(len(deformed), 3, requires_grad=True)
-        gaussians = replace(deformed.gaussians, colors=colors)
-        rendering = deformed.rasterizer.draw(gaussians, deformed.normalization.camera(camera))
-        (by_colors,) = torch.autograd.grad(rendering.color[..., 0].sum(), colors)
-        total += by_colors[:, 0]
-    return total
-
-
 def budgets(setup: Setup, trained: Trained) -> str:
     """Time and error by the part of the Gaussians that is drawn, and the plot."""
     few = 20 if setup.quick else 1
     learned = training_rows(trained.catalog)
     setup.say(f"{trained.name}: the importance of each Gaussian")
-    weights = importance(trained.model, learned[:: max(1, len(learned) * few // WEIGHED)])
+    weights = _importance(trained, learned[:: max(1, len(learned) * few // WEIGHED)])
     rows = trained.validation(JUDGED // few)
     found = {part: _drawn(trained, rows, weights, part) for part in PARTS}
     with panels(setup.output / FIGURE, height=3.6) as axes:
@@ -83,6 +68,13 @@ def budgets(setup: Setup, trained: Trained) -> str:
     header = ["drawn", "Gaussians", "of all weight", "ms per picture", "PSNR against the whole model, dB"]
     note = f"{trained.name}, {len(rows)} validation images of {_size(trained)}, one thread.\n\n"
     return note + table([*header, "PSNR against the stored images, dB"], cells)
+
+
+def _importance(trained: Trained, rows: Sequence[ImageRow]) -> Tensor:
+    """What each Gaussian of the model contributes to the images of `rows`, (N,)."""
+    model = trained.model
+    examples = load_examples(trained.catalog, str(model.training["appearance"]), rows, model.normalization)
+    return importance(lambda p: model.deformation.deformed(model.gaussians, p), examples, model.rasterizer)
 
 
 def _kept(weights: Tensor, part: float) -> Tensor:

@@ -44,16 +44,23 @@ def draw(scene: Scene, camera: Camera, constants: Constants, **options: Any) -> 
 def measure(scene: Scene, camera: Camera, constants: Constants, twin: Twin, seconds: float, **options: Any) -> Drawn:
     """Draw and differentiate for `seconds`, then compare with the twin."""
     leaves = Scene(*(tensor.clone().requires_grad_() for tensor in scene))
+    wait = torch.cuda.synchronize if scene.means.is_cuda else lambda: None
     random = torch.Generator().manual_seed(3)
-    by_color = torch.randn(camera.height, camera.width, 3, generator=random, dtype=scene.means.dtype)
-    by_alpha = torch.randn(camera.height, camera.width, generator=random, dtype=scene.means.dtype)
+    by_color = torch.randn(camera.height, camera.width, 3, generator=random, dtype=scene.means.dtype).to(
+        scene.means.device
+    )
+    by_alpha = torch.randn(camera.height, camera.width, generator=random, dtype=scene.means.dtype).to(
+        scene.means.device
+    )
     drawn: list[Rendering] = []
 
     def forward() -> None:
         drawn[:] = [draw(leaves, camera, constants, **options)]
+        wait()
 
     def backward() -> None:
         torch.autograd.grad((drawn[0].color, drawn[0].alpha), leaves, (by_color, by_alpha))
+        wait()
 
     forward_ms, backward_ms, both = measured_in_turn([forward, backward], seconds)
     image, gradient = errors(leaves, camera, constants, twin, **options)
@@ -62,8 +69,9 @@ def measure(scene: Scene, camera: Camera, constants: Constants, twin: Twin, seco
 
 def errors(leaves: Scene, camera: Camera, constants: Constants, twin: Twin, **options: Any) -> tuple[Errors, float]:
     """Errors of the picture, and of the gradients of the twin's functional (nan where the twin has none)."""
-    picture = picture_at(draw(leaves, camera, constants, **options), twin.pixels)  # [P, 4]
+    drawn = draw(leaves, camera, constants, **options)
+    picture = picture_at(Rendering(drawn.color.cpu(), drawn.alpha.cpu()), twin.pixels)  # [P, 4]
     if not twin.gradients:
         return image_errors(picture, twin), float("nan")
     found = torch.autograd.grad((picture * twin.weights.to(picture)).sum(), leaves)
-    return image_errors(picture, twin), gradient_error(found, twin)
+    return image_errors(picture, twin), gradient_error([gradient.cpu() for gradient in found], twin)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from benchmarks.page import table
@@ -14,6 +13,7 @@ from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained, mean_decibels, pictures
 from benchmarks.splatting.twin import decibels
 from surrogate.deformation import load_deformation
+from surrogate.encoding import encode
 from surrogate.gaussians import Gaussians
 from surrogate.metrics import composite
 from surrogate.model import Surrogate
@@ -21,27 +21,19 @@ from surrogate.model import Surrogate
 JUDGED = 60
 
 
-def levels(tensor: Tensor, bits: int) -> Tensor:
-    """Each column of a table (N,) or (N, C) rounded to 2^bits evenly spaced values between its lowest and highest."""
-    low, high = tensor.amin(0), tensor.amax(0)  # [C]
-    step = (high - low) / (2**bits - 1)
-    codes = ((tensor - low) / torch.where(step > 0, step, 1.0)).round()
-    return low + codes * step
-
-
 PRECISIONS: dict[str, tuple[int, Callable[[Tensor], Tensor]]] = {
     "float32": (32, lambda tensor: tensor),
-    "float16": (16, lambda tensor: tensor.half().float()),
+    "float16": (16, lambda tensor: encode(tensor, "float16").decoded()),
     "bfloat16": (16, lambda tensor: tensor.bfloat16().float()),
-    "16 bits, evenly spaced": (16, lambda tensor: levels(tensor, 16)),
-    "8 bits, evenly spaced": (8, lambda tensor: levels(tensor, 8)),
+    "16 bits, evenly spaced": (16, lambda tensor: encode(tensor, "uint16").decoded()),
+    "8 bits, evenly spaced": (8, lambda tensor: encode(tensor, "uint8").decoded()),
 }
 
 
 def stored(surrogate: Surrogate, keep: Callable[[Tensor], Tensor]) -> Surrogate:
     """The model as it comes back from a file that holds its tensors with less precision."""
     deformation = surrogate.deformation
-    tensors = {name: keep(tensor) for name, tensor in deformation.tensors().items()}
+    tensors = {name: keep(tensor) for name, tensor in deformation.stored().items()}
     return replace(
         surrogate,
         gaussians=Gaussians(*(keep(tensor) for tensor in surrogate.gaussians.tensors().values())),

@@ -100,7 +100,9 @@ class Trained:
 
     @cached_property
     def settings(self) -> TrainingSettings:
-        return TrainingSettings.from_table(self.scene_file.training)
+        """Those of the scene, without the choices that follow: what is left out here is what these tables are about."""
+        found = TrainingSettings.from_table(self.scene_file.training)
+        return replace(found, fit_to_need=False, color_degree=0 if found.color_degree == "auto" else found.color_degree)
 
     @cached_property
     def pace(self) -> Pace:

@@ -24,7 +24,7 @@ from catalogs.cameras import Camera
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import Rendering, reference
 from surrogate.splatting.reference import Splats
-from surrogate.splatting.rendering import ALPHA_CAP
+from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 PATCH = 8  # pixels, across and down
 BLOCK = 4  # the AVX-512 kernel takes blocks of 4 x 4 pixels
@@ -37,7 +37,7 @@ class Constants:
     """The rasterizer's, as `surrogate.splatting.render` names them."""
 
     near: float = 0.02
-    dilation: float = 0.1
+    dilation: float = DILATION
     alpha_floor: float = 1.0 / 255.0
     alpha_cap: float = ALPHA_CAP
 

@@ -1,15 +1,13 @@
-"""Schedules that fit a time, importance that is a sum of weights, rounding that is as fine as it says."""
+"""Schedules that fit a time."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.splatting.precisions import levels
 from benchmarks.splatting.trained import FEWEST_STEPS, Pace, pace_of, scheduled
 from surrogate.settings import TrainingSettings
 
@@ -40,15 +38,3 @@ def test_schedule_takes_the_time_it_is_given(seconds: float, canonical: float, d
 def test_no_schedule_is_empty() -> None:
     settings = scheduled(TrainingSettings(), 0.5, Pace(1.0, 0.01, 0.01))
     assert settings.canonical_steps == settings.deformation_steps == FEWEST_STEPS
-
-
-@pytest.mark.parametrize("bits", [1, 8, 16])
-def test_levels_are_as_many_and_as_near_as_they_say(bits: int) -> None:
-    tensor = torch.randn(5000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    tensor[:, 2] = 7.0
-    rounded = levels(tensor, bits)
-    spread = tensor.amax(0) - tensor.amin(0)
-    assert ((rounded - tensor).abs() <= 0.5001 * spread / (2**bits - 1) + 1e-12).all()
-    assert rounded[:, 0].unique().numel() <= 2**bits
-    torch.testing.assert_close(rounded.amax(0), tensor.amax(0))
-    assert (rounded[:, 2] == 7.0).all()

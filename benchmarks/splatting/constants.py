@@ -1,0 +1,81 @@
+"""What the constants and rules that are compiled into gsplat, or usual elsewhere, change in the picture of the same Gaussians."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from benchmarks.page import table
+from benchmarks.splatting.setup import Setup
+from benchmarks.splatting.trained import Trained
+from benchmarks.splatting.twin import Constants
+from benchmarks.splatting.workloads import FIXED, OTHERS, Scene
+from catalogs.cameras import Camera
+from surrogate.metrics import decibels
+from surrogate.splatting import reference
+from surrogate.splatting.rendering import MIN_TRANSMITTANCE
+
+PIXELS = 1024
+AT_ONCE = 64
+OURS = "ours"
+
+
+def constants(setup: Setup, trained: Trained) -> str:
+    """PSNR against the picture by our rules, and the largest difference, in float64, by scene and rule."""
+    view = trained.view()
+    opaque = next(workload for workload in OTHERS if workload.shells)
+    cases: dict[str, tuple[Scene, Camera, Constants]] = {
+        FIXED.title: (FIXED.scene(), FIXED.camera(), Constants()),
+        opaque.title: (opaque.scene(), opaque.camera(), Constants()),
+        f"model of {trained.name}": (view.scene, view.camera, view.constants),
+    }
+    rows = []
+    for name, (scene, camera, own) in cases.items():
+        setup.say(f"{name}: other constants")
+        pictures = drawn_by_rule(scene, camera, own, PIXELS // (8 if setup.quick else 1))
+        ours = pictures.pop(OURS)
+        for rule, picture in pictures.items():
+            difference = (picture - ours).numpy()
+            largest = float(np.abs(difference).max())
+            rows.append(
+                [name, rule, f"{decibels(float(np.mean(difference**2))):.1f}", f"{largest:.1e}" if largest else "0"]
+            )
+    return table(["scene", "what is changed", "PSNR against ours, dB (at most 60)", "largest difference"], rows)
+
+
+def drawn_by_rule(scene: Scene, camera: Camera, own: Constants, count: int) -> dict[str, Tensor]:
+    """Premultiplied RGBA (P, 4) of some pixels, by rule."""
+    pixels = reference.pixel_centers(camera).double()
+    chosen = pixels[
+        torch.from_numpy(np.random.default_rng(0).choice(len(pixels), min(count, len(pixels)), replace=False))
+    ]
+    rules = {
+        OURS: (own, False),
+        f"dilation 0.3 px² instead of {own.dilation:g}": (replace(own, dilation=0.3), False),
+        "dilation 0.1 px²": (replace(own, dilation=0.1), False),
+        "no alpha floor instead of 1/255": (replace(own, alpha_floor=1e-9), False),
+        "alpha cap 0.99 instead of 0.999": (replace(own, alpha_cap=0.99), False),
+        "what would leave less than 1e-4 of the light is not drawn (gsplat)": (own, True),
+    }
+    return {rule: _drawn(scene, camera, chosen, *how) for rule, how in rules.items()}
+
+
+def _drawn(scene: Scene, camera: Camera, pixels: Tensor, rule: Constants, stops_before: bool) -> Tensor:
+    splats = reference.project(
+        *(tensor.double() for tensor in scene),  # type: ignore[arg-type]
+        camera,
+        near=rule.near,
+        dilation=rule.dilation,
+        floor=rule.alpha_floor,
+    )
+    found = []
+    for some in pixels.split(AT_ONCE):
+        alphas = reference.alphas_at(some, splats, rule.alpha_floor, rule.alpha_cap)  # [P, M]
+        if stops_before:
+            left = torch.cumprod(1.0 - alphas, dim=1)  # [P, M]
+            alphas = torch.where((left <= MIN_TRANSMITTANCE).cumsum(dim=1) > 0, 0.0, alphas)
+        found.append(reference.composite(alphas, splats.colors))
+    return torch.cat(found)
