@@ -1,6 +1,6 @@
 """Fit one member in many ways, and draw one fit by other rules: what limits pictures of volumes made of Gaussians?
 
-    python -m benchmarks.fidelity [--quick] [--scenes tgv-dvr cloverleaf] [--page-only] [--runs DIRECTORY]
+    python -m benchmarks.fidelity [--quick] [--scenes tgv-dvr cloverleaf] [--no-ensembles] [--page-only] [--runs DIRECTORY]
 
 About an hour on two cores.  Each fit's result is kept in runs/fidelity/; what is there is not fitted again, so it may be
 interrupted.  The page docs/volume_fidelity.md is written at the end, or at once with `--page-only`.
@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.fidelity import page
+from benchmarks.fidelity import ensembles, page
 from benchmarks.fidelity.fitting import Subject, catalog_of, fit, settings_of
 from benchmarks.fidelity.study import study
 from benchmarks.fidelity.variants import VARIANTS, Variant
@@ -33,6 +33,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fidelity", description=__doc__.splitlines()[0])  # type: ignore[union-attr]
     parser.add_argument("--quick", action="store_true", help="a fiftieth of the steps, written beside the real results")
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), metavar="SCENE")
+    parser.add_argument("--no-ensembles", dest="ensembles", action="store_false", help="fit single members only")
     parser.add_argument("--page-only", action="store_true", help="write the page from the results that are there")
     parser.add_argument("--runs", type=Path, default=PROJECT / "runs", help="folder of the scenes' results")
     arguments = parser.parse_args()
@@ -42,8 +43,10 @@ def main() -> None:
         with one_torch_thread():
             for scene in arguments.scenes:
                 measure(scene, arguments.runs, folder, QUICK if arguments.quick else 1.0, say)
+            if arguments.ensembles:
+                ensembles.measure(arguments.runs, folder, QUICK if arguments.quick else 1.0, say)
     results = {scene: stored(folder / scene) for scene in arguments.scenes}
-    page.write(DOCS if not arguments.quick else folder, results, say)
+    page.write(DOCS if not arguments.quick else folder, results, ensembles.stored(folder), say)
 
 
 def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> None:

@@ -8,16 +8,24 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.fidelity.ensembles import ensembles_table
 from benchmarks.fidelity.variants import BASE, Variant
 from benchmarks.page import DOCS, fill, table
-from benchmarks.splatting.figures import COLORS, MARKERS, panels, plain_ticks
+from benchmarks.splatting.figures import COLORS, MARKERS, panels
+from benchmarks.splatting.workloads import thousands
 from catalogs import durable
 
 PAGE, FIGURE = "volume_fidelity.md", "volume_fidelity.png"
+NONE = 1e-3  # where a dilation of zero stands on a logarithmic axis
+LABELS: Mapping[str, Callable[[float], str]] = {
+    "dilation": lambda value: f"{value:g}",
+    "alpha_floor": lambda value: f"1/{1.0 / value:.0f}",
+    "gaussians": lambda value: thousands(int(value)),
+}
 Results = Mapping[str, Mapping[Variant, Mapping[str, Any]]]
 
 
-def write(output: Path, results: Results, say: Callable[[str], None]) -> None:
+def write(output: Path, results: Results, ensembles: list[dict[str, Any]], say: Callable[[str], None]) -> None:
     """Fill the page's parts with what there is; scenes without a base fit are left out."""
     results = {scene: found for scene, found in results.items() if any(v.group == BASE for v in found)}
     if not results:
@@ -33,6 +41,8 @@ def write(output: Path, results: Results, say: Callable[[str], None]) -> None:
     )
     fill(page, "variants", variants_table(results) + made)
     fill(page, "rules", rules_table(results) + made)
+    if ensembles:
+        fill(page, "ensembles", ensembles_table(ensembles) + made)
     plot(output / FIGURE, results)
     say(str(page))
 
@@ -73,12 +83,14 @@ def plot(path: Path, results: Results) -> None:
                 kept = [r for v, r in found.items() if v.group == group or (v.group == BASE and v.name == "seed 0")]
                 points = sorted({r["settings"][setting]: r["validation"] for r in kept}.items())
                 level = np.mean([r["validation"] for v, r in found.items() if v.group == BASE])
-                x = [max(value, 1e-3) for value, _ in points]
+                x = [value or NONE for value, _ in points]
                 axis.plot(
                     x, [y - level for _, y in points], f"{marker}-", color=color, markersize=4, linewidth=1, label=scene
                 )
-            axis.set(xscale="log", xlabel=group, ylabel="change of validation PSNR, dB")
-            plain_ticks(axis.xaxis)
+                axis.set_xscale("log")
+                axis.xaxis.minorticks_off()
+                axis.set_xticks(x, [LABELS[setting](value) for value, _ in points], fontsize=7)
+            axis.set(xlabel=group, ylabel="change of validation PSNR, dB")
         axes[0].legend()
 
 
