@@ -11,8 +11,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +22,9 @@ from torch import Tensor
 from catalogs.catalog import Catalog
 from surrogate.canonical import canonical_stage
 from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
-from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
 from surrogate.deformation import KINDS, load_deformation
 from surrogate.device import chosen
-from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialize import Points, initial_gaussians, initial_points
+from surrogate.gaussians import Gaussians
 from surrogate.interruption import Interruption
 from surrogate.model import Surrogate
 from surrogate.needs import NEEDS, Needs, choose_color_degree, fit_to_need
@@ -38,13 +35,12 @@ from surrogate.progress import ProgressReport, TrainingProgress
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.simulate import simulation_stage
+from surrogate.source import Source
 from surrogate.stage import Stage
 from surrogate.stage_run import StageRun, TrainingData
 from surrogate.threads import one_torch_thread
 
 REPORT_SECONDS = 0.5
-COLOR_SAMPLES = 32  # images that the first colour is taken from
-JUDGES = 48  # validation images that say what a model needs
 NEEDS_STAGE = "needs"
 
 
@@ -64,7 +60,7 @@ def train(
     the catalog has nothing to learn from; RuntimeError where another process is training there.
     """
     directory = Path(directory)
-    source = _Source(settings, catalog)
+    source = Source(settings, catalog)
     mark = fingerprint(settings, catalog)
     if Surrogate.exists(directory):
         finished = Surrogate.load(directory)
@@ -82,55 +78,11 @@ def train(
     return surrogate
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """The catalog as one run sees it."""
-
-    settings: TrainingSettings
-    catalog: Catalog
-    appearance: str = field(init=False)
-    normalization: Normalization = field(init=False)
-    points: Points | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        names = [a.name for a in self.catalog.plan.appearances]
-        appearance = self.settings.appearance or names[0]
-        if appearance not in names:
-            raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
-        training_rows(self.catalog)
-        normalization = Normalization.of_box(self.catalog.plan.bounds)
-        object.__setattr__(self, "appearance", appearance)
-        object.__setattr__(self, "normalization", normalization)
-        points = initial_points(self.settings, self.catalog, appearance, normalization)
-        object.__setattr__(self, "points", points)
-
-    def data(self) -> TrainingData:
-        """All images that training needs, decoded."""
-        learn, watch = training_rows(self.catalog), validation_rows(self.catalog, self.settings.validation_images)
-        return TrainingData(
-            load_examples(self.catalog, self.appearance, learn, self.normalization),
-            load_examples(self.catalog, self.appearance, watch, self.normalization),
-            self.catalog.plan.background,
-        )
-
-    @cached_property
-    def judges(self) -> list[Example]:
-        """The validation images that choices about the model are made on."""
-        watch = validation_rows(self.catalog, JUDGES)
-        return load_examples(self.catalog, self.appearance, watch, self.normalization)
-
-    def initial_gaussians(self, data: TrainingData) -> Gaussians:
-        """What stage 1 starts from."""
-        box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
-        some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
-        return initial_gaussians(self.settings, box, self.points, foreground_color(some, data.background))
-
-
 class _Run:
     """One training run: its stages in order, its curves, its clock and its checkpoints."""
 
     def __init__(
-        self, settings: TrainingSettings, source: _Source, directory: Path, mark: str, progress: ProgressReport
+        self, settings: TrainingSettings, source: Source, directory: Path, mark: str, progress: ProgressReport
     ) -> None:
         self._settings, self._source, self._directory = settings, source, directory
         self._mark, self._progress = mark, progress
@@ -279,10 +231,10 @@ class _Run:
         return self._seconds_before + time.perf_counter() - self._started
 
     def _surrogate(self, needs: Needs) -> Surrogate:
-        plan = self._source.catalog.plan
+        plan, fitted = self._source.catalog.plan, needs.fitted.to(torch.device("cpu"))
         return Surrogate(
-            gaussians=needs.fitted.gaussians,
-            deformation=needs.fitted.deformation,
+            gaussians=fitted.gaussians,
+            deformation=fitted.deformation,
             space=plan.space,
             normalization=self._source.normalization,
             rasterizer=Rasterizer.of(self._settings),

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fidelity import ensembles, page
-from benchmarks.fidelity.fitting import Subject, catalog_of, fit, settings_of
+from benchmarks.fidelity.fitting import Subject, catalog_of, fit, is_fitted, settings_of
 from benchmarks.fidelity.study import study
 from benchmarks.fidelity.variants import VARIANTS, Variant
 from benchmarks.page import DOCS, PROJECT, commit
@@ -58,7 +58,7 @@ def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> Non
     subject, made = Subject.of(scene, catalog), _made()
     for variant in VARIANTS:
         path = folder / scene / f"{variant.key}.json"
-        if path.exists() and json.loads(path.read_text())["settings"] == settings_of(variant, scale).to_json():
+        if is_fitted(path, settings_of(variant, scale)):
             continue
         outcome = fit(subject, variant, scale, say)
         record = outcome.record | {"group": variant.group, "name": variant.name, **made}

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.fidelity.fitting import catalog_of
+from benchmarks.fidelity.fitting import catalog_of, is_fitted
 from benchmarks.page import PROJECT, commit, table
 from catalogs import durable
 from catalogs.scene import Scene
@@ -38,7 +38,7 @@ def measure(runs: Path, folder: Path, scale: float, say: Callable[[str], None]) 
             assert catalog is not None
             settings = replace(_settings(scene, scale), **change)
             path = folder / "ensembles" / f"{scene}-{''.join(c if c.isalnum() else '_' for c in name)}.json"
-            if path.exists() and json.loads(path.read_text())["settings"] == settings.to_json():
+            if is_fitted(path, settings):
                 continue
             with tempfile.TemporaryDirectory() as place:
                 surrogate = train(settings, catalog, Path(place) / "surrogate")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -101,6 +102,15 @@ def settings_of(variant: Variant, scale: float) -> TrainingSettings:
     base = TrainingSettings(gaussians=GAUSSIANS, canonical_steps=STEPS, deformation_steps=0)
     chosen = replace(base, **variant.settings)
     return replace(chosen, canonical_steps=max(POINTS, round(scale * chosen.canonical_steps)))
+
+
+def is_fitted(path: Path, settings: TrainingSettings) -> bool:
+    """Whether `path` holds a result with these settings, but for where it was computed."""
+    if not path.exists():
+        return False
+    elsewhere = {"device", "backend", "checkpoint_seconds"}
+    found, wanted = json.loads(path.read_text())["settings"], settings.to_json()
+    return all(found.get(name) == value for name, value in wanted.items() if name not in elsewhere)
 
 
 def judge(

@@ -10,6 +10,7 @@ import pytest
 
 from catalogs.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
+from surrogate.needs import Choice
 from surrogate.progress import TrainingProgress
 from tests.surrogate.blobs import Blobs
 
@@ -213,6 +214,48 @@ def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(make_ca
     train(settings, catalog, tmp_path / "undisturbed")
     assert outcome(folder) == outcome(tmp_path / "undisturbed")
     assert sorted(path.name for path in folder.glob("[!.]*")) == ["model.json", "model.safetensors"]
+
+
+@pytest.mark.parametrize("step", [10, 18, 30])
+def test_a_run_whose_colours_turn_out_to_depend_on_the_direction_goes_on_alike(
+    make_catalog, tmp_path: Path, step: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def choose(*_: object) -> tuple[int, Choice]:
+        asked.append(True)
+        return 1, Choice("colour degree", "1")
+
+    monkeypatch.setattr("surrogate.training.choose_color_degree", choose)
+    catalog = make_catalog()
+    interrupt_after(step, QUICK, catalog, tmp_path / "resumed")
+    resumed = train(QUICK, catalog, tmp_path / "resumed")
+    assert len(asked) == 1
+    train(QUICK, catalog, tmp_path / "undisturbed")
+    assert outcome(tmp_path / "resumed") == outcome(tmp_path / "undisturbed")
+    assert resumed.gaussians.color_degree == 1
+    assert [choice["name"] for choice in resumed.training["choices"]][:2] == ["colour degree", "steps at low rates"]
+
+
+def test_nothing_is_chosen_without_validation_images_or_where_it_is_not_wanted(make_catalog, tmp_path: Path) -> None:
+    without = train(QUICK, make_catalog(view_splits=("train",) * 4), tmp_path / "without")
+    plain = TrainingSettings(**QUICK.to_json() | {"fit_to_need": False, "color_degree": 0})
+    unwanted = train(plain, make_catalog(name="other.cdb"), tmp_path / "unwanted")
+    for surrogate in (without, unwanted):
+        assert surrogate.training["choices"] == []
+        assert not surrogate.encodings
+        assert len(surrogate.gaussians) == QUICK.gaussians
+        assert surrogate.deformation.latent_size == QUICK.latent_size
+
+
+def test_what_was_chosen_is_stored_and_read_again(make_catalog, tmp_path: Path) -> None:
+    trained = train(QUICK, make_catalog(), tmp_path)
+    loaded = Surrogate.load(tmp_path)
+    names = ["colour degree", "steps at low rates", "attributes that deform", "modes of deformation", "Gaussians"]
+    assert [choice["name"] for choice in loaded.training["choices"]] == [*names, "precision"]
+    assert loaded.megabytes == trained.megabytes
+    camera = Blobs().cameras()[3]
+    np.testing.assert_array_equal(loaded.at(p=0.4).render(camera), trained.at(p=0.4).render(camera))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

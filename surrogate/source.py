@@ -1,0 +1,63 @@
+"""What a training run takes from its catalog: images, the box, and where Gaussians start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from catalogs.catalog import Catalog
+from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.initialize import Points, initial_gaussians, initial_points
+from surrogate.settings import TrainingSettings
+from surrogate.stage_run import TrainingData
+
+COLOR_SAMPLES = 32  # images that the first colour is taken from
+JUDGES = 48  # validation images that say what a model needs
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The catalog as one run sees it.
+
+    Raises ValueError where it has nothing to learn from, or not what the settings ask for.
+    """
+
+    settings: TrainingSettings
+    catalog: Catalog
+    appearance: str = field(init=False)
+    normalization: Normalization = field(init=False)
+    points: Points | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = [a.name for a in self.catalog.plan.appearances]
+        appearance = self.settings.appearance or names[0]
+        if appearance not in names:
+            raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
+        training_rows(self.catalog)
+        normalization = Normalization.of_box(self.catalog.plan.bounds)
+        object.__setattr__(self, "appearance", appearance)
+        object.__setattr__(self, "normalization", normalization)
+        points = initial_points(self.settings, self.catalog, appearance, normalization)
+        object.__setattr__(self, "points", points)
+
+    def data(self) -> TrainingData:
+        """All images that training needs, decoded."""
+        learn, watch = training_rows(self.catalog), validation_rows(self.catalog, self.settings.validation_images)
+        return TrainingData(
+            load_examples(self.catalog, self.appearance, learn, self.normalization),
+            load_examples(self.catalog, self.appearance, watch, self.normalization),
+            self.catalog.plan.background,
+        )
+
+    @cached_property
+    def judges(self) -> list[Example]:
+        """The validation images that choices about the model are made on."""
+        watch = validation_rows(self.catalog, JUDGES)
+        return load_examples(self.catalog, self.appearance, watch, self.normalization)
+
+    def initial_gaussians(self, data: TrainingData) -> Gaussians:
+        """What stage 1 starts from."""
+        box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
+        some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
+        return initial_gaussians(self.settings, box, self.points, foreground_color(some, data.background))
