@@ -119,6 +119,8 @@ def show(run: Path) -> None:
     click.echo(repr(surrogate))
     for name, value in surrogate.training["settings"].items():
         click.echo(f"  {name:<22} {value}")
+    for choice in surrogate.training.get("choices", ()):
+        click.echo(f"  needed: {choice['name']:<22} {choice['kept']}")
     click.echo(f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps")
 
 

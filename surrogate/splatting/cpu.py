@@ -93,11 +93,28 @@ class _Splat(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Any) -> Tensor | tuple[Tensor, Tensor]:
         *tensors, constants = inputs
-        camera = constants.camera
         ctx.save_for_backward(*tensors)  # only so that torch refuses a backward after one was changed in place
         ctx.constants = constants
-        ctx.drawing = native.forward(
-            *(_array(tensor) for tensor in tensors),
+        ctx.drawing = _drawn([_array(tensor) for tensor in tensors], constants)
+        if constants.background is not None:
+            return torch.from_numpy(ctx.drawing.over)
+        return torch.from_numpy(ctx.drawing.color), torch.from_numpy(ctx.drawing.alpha)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        tensors, constants = ctx.saved_tensors, ctx.constants
+        backward = native.backward if constants.background is None else native.backward_over
+        *arrays, screen = backward(ctx.drawing, *(_array(gradient) for gradient in gradients), constants.threads)
+        if constants.screen_gradients is not None:
+            constants.screen_gradients.copy_(torch.from_numpy(screen))
+        return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, tensors, strict=True)), None
+
+
+def _drawn(arrays: list[NDArray[np.float32]], constants: _Constants) -> Any:
+    camera = constants.camera
+    try:
+        return native.forward(
+            *arrays,
             camera.world_to_camera,
             camera.fx,
             camera.fy,
@@ -113,18 +130,11 @@ class _Splat(torch.autograd.Function):
             constants.background,
             constants.alpha_cap,
         )
-        if constants.background is not None:
-            return torch.from_numpy(ctx.drawing.over)
-        return torch.from_numpy(ctx.drawing.color), torch.from_numpy(ctx.drawing.alpha)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        tensors, constants = ctx.saved_tensors, ctx.constants
-        backward = native.backward if constants.background is None else native.backward_over
-        *arrays, screen = backward(ctx.drawing, *(_array(gradient) for gradient in gradients), constants.threads)
-        if constants.screen_gradients is not None:
-            constants.screen_gradients.copy_(torch.from_numpy(screen))
-        return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, tensors, strict=True)), None
+    except MemoryError as error:
+        raise MemoryError(
+            f"there is not enough memory to draw {len(arrays[0]):,} Gaussians in {camera.width} x {camera.height} pixels: "
+            "draw fewer or smaller ones, or a smaller picture"
+        ) from error
 
 
 def _array(tensor: Tensor) -> NDArray[np.float32]:
