@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor
@@ -28,13 +28,23 @@ def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, En
             encoding = encode(fitted.tensors()[name], form)
             trial = with_tensor(current, name, encoding.decoded())
             psnr = bench.psnr(trial)
-            options.append(Option(f"{name} in {form}", psnr))
             if psnr >= before.psnr - bench.tolerance:
                 current, chosen[name] = trial, encoding
                 break
+            options.append(Option(f"{name} in {form}", psnr))
     megabytes = current.megabytes - 1e-6 * sum(e.saved_bytes for e in chosen.values())
-    kept = ", ".join(f"{name} {chosen[name].form if name in chosen else 'float32'}" for name in by_size)
-    return current, chosen, Choice(NAME, kept, options, before, bench.measure(current, megabytes=megabytes))
+    after = bench.measure(current, megabytes=megabytes)
+    options.append(Option("as kept", after.psnr))
+    return current, chosen, Choice(NAME, _said(by_size, chosen), options, before, after)
+
+
+def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:
+    """The formats, the most frequent first, each with its tensors; the first without them."""
+    forms: dict[str, list[str]] = {}
+    for name in names:
+        forms.setdefault(chosen[name].form if name in chosen else "float32", []).append(name)
+    (usual, _), *others = sorted(forms.items(), key=lambda item: -len(item[1]))
+    return "; ".join([usual, *(f"{form} for {', '.join(kept)}" for form, kept in others)])
 
 
 def with_tensor(fitted: Fitted, name: str, tensor: Tensor) -> Fitted:
