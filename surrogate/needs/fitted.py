@@ -113,17 +113,24 @@ class Bench:
 
     def recovered(self, fitted: Fitted, turn: int) -> Fitted:
         """A copy that was trained for a few more steps at the low rates of stage 2's end; `turn` decides on which images."""
+        start = self.settings.final_rate_factor
+        return self._trained(fitted, self.recovery_steps, turn, start, RECOVERY_DECAY)
+
+    def settled(self, fitted: Fitted, steps: int) -> Fitted:
+        """A copy whose training was brought to an early end: in so many steps its rates decay as stage 2 lets them."""
+        return self._trained(fitted, steps, 0, 1.0, self.settings.final_rate_factor)
+
+    def _trained(self, fitted: Fitted, steps: int, turn: int, start: float, decay: float) -> Fitted:
         settings = replace(
             self.settings,
             seed=self.settings.seed + 1 + turn,
-            deformation_steps=self.recovery_steps,
+            deformation_steps=steps,
             relocation_interval=0,
-            final_rate_factor=RECOVERY_DECAY,
+            final_rate_factor=decay,
         )
         copy = fitted.copy()
-        stage = simulation_stage(copy.gaussians, copy.deformation, settings)
-        slow = {name: self.settings.final_rate_factor * rate for name, rate in stage.rates.items()}
-        stage = replace(stage, rates=slow)
+        stage = simulation_stage(*copy, settings)
+        stage = replace(stage, rates={name: start * rate for name, rate in stage.rates.items()})
         run = StageRun(stage, settings, self.data)
         while run.step < stage.steps:
             run.advance()
