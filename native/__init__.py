@@ -19,7 +19,8 @@ input gives bitwise the same output for any number of threads.
     peak(instruction_set="", threads=1, seconds=0.2) -> (gigaflops, gigabytes per second)
             the most that this machine does: float32 multiply-adds (two operations each) in a fixed loop without memory, and a
             triad over 192 MB (read and written)
-    instruction_sets() -> names, the best of this machine first, which "" stands for
+    instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
+            GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
 Arguments mean what `surrogate.splatting.render` and `surrogate.losses.image_loss` say.  A drawing reads the Gaussians' arrays
 again in the backward pass: they must not have changed in between.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +29,8 @@ from surrogate.stage import Stage
 from surrogate.stage_run import StageRun, TrainingData
 
 FIGURE = "splatting_step.png"
+VARIABLE = "GS_SURROGATE_INSTRUCTION_SET"
+Steps = tuple[Measured, list[Measured]]  # whole steps, and their parts
 PARTS = ("deform", "draw", "loss and its gradient", "backward", "Adam")
 SETTINGS = TrainingSettings(relocation_interval=0)
 
@@ -83,22 +87,34 @@ def step_parts(kept: Training, seconds: float) -> list[Measured]:
 def step(setup: Setup) -> str:
     """Steps per second, with the parts, on one thread and on two."""
     kept = training(replace(FIXED, count=2_000) if setup.quick else FIXED)
-    found: dict[int, tuple[Measured, list[Measured]]] = {}
-    for threads in setup.threads:
-        setup.say(f"a training step, {said(threads)}")
-        with limited_to(threads):
-            found[threads] = whole_step(kept, 2 * setup.seconds), step_parts(kept, 2 * setup.seconds)
-    with panels(setup.output / FIGURE, width=8.0, height=1.2 + 0.55 * len(found)) as axes:
-        _plot(axes, found)
+    found: dict[tuple[str, int], Steps] = {}
+    for name, threads in ((name, threads) for name in setup.instruction_sets for threads in setup.threads):
+        setup.say(f"a training step, {name}, {said(threads)}")
+        with limited_to(threads), _by(name):
+            found[name, threads] = whole_step(kept, 2 * setup.seconds), step_parts(kept, 2 * setup.seconds)
+    best = {threads: steps for (name, threads), steps in found.items() if name == setup.instruction_sets[0]}
+    with panels(setup.output / FIGURE, width=8.0, height=1.2 + 0.55 * len(best)) as axes:
+        _plot(axes, best)
     rows = []
-    for threads, (whole, parts) in found.items():
+    for (name, threads), (whole, parts) in found.items():
         rest = whole.median - parts[-1].median
         cells = [str(whole), digits(1e3 / whole.median), *map(str, parts[:-1]), digits(rest)]
-        rows.append([str(threads), *cells])
-    return table(["threads", "whole step, ms", "steps/s", *(f"{part}, ms" for part in PARTS), "rest, ms"], rows)
+        rows.append([name, str(threads), *cells])
+    header = ["instruction set", "threads", "whole step, ms", "steps/s", *(f"{part}, ms" for part in PARTS), "rest, ms"]
+    return table(header, rows)
 
 
-def _plot(axes: Any, found: dict[int, tuple[Measured, list[Measured]]]) -> None:
+@contextmanager
+def _by(instruction_set: str) -> Iterator[None]:
+    """Let all kernels use an instruction set."""
+    os.environ[VARIABLE] = instruction_set
+    try:
+        yield
+    finally:
+        del os.environ[VARIABLE]
+
+
+def _plot(axes: Any, found: dict[int, Steps]) -> None:
     for threads, (whole, parts) in found.items():
         left = 0.0
         for part, color, taken in zip(PARTS, COLORS, parts[:-1], strict=True):

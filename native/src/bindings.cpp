@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -47,13 +48,19 @@ std::vector<const Kernels*> available() {
     return found;
 }
 
-const Kernels& kernels_named(const std::string& name) {
+constexpr const char* kVariable = "GS_SURROGATE_INSTRUCTION_SET";
+
+// An empty name stands for what the environment says, else for the best.
+const Kernels& kernels_named(const std::string& asked) {
+    const char* from_environment = asked.empty() ? std::getenv(kVariable) : nullptr;
+    const std::string name = from_environment ? from_environment : asked;
     std::string names;
     for (const Kernels* kernels : available()) {
         if (name.empty() || name == kernels->name) return *kernels;
         names += (names.empty() ? "" : ", ") + std::string(kernels->name);
     }
-    throw std::invalid_argument("instruction set '" + name + "' is none of this machine's: " + names);
+    throw std::invalid_argument("instruction set '" + name + "'" + (from_environment ? std::string(" of ") + kVariable : "") +
+                                " is none of this machine's: " + names);
 }
 
 Output new_array(const std::vector<size_t>& shape) {

@@ -37,21 +37,25 @@ def settle(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
 
 
 def attributes(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    """Hold still what need not follow the parameters."""
     fitted, choice = choose_attributes(needs.fitted, bench)
     return Needs(fitted), choice
 
 
 def modes(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    """Fewer numbers per Gaussian."""
     fitted, choice = choose_modes(needs.fitted, bench)
     return Needs(fitted), choice
 
 
 def gaussians(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    """Fewer Gaussians."""
     fitted, choice = choose_gaussians(needs.fitted, bench)
     return Needs(fitted), choice
 
 
 def precision(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
+    """Fewer bits."""
     fitted, encodings, choice = choose_precision(needs.fitted, bench)
     return Needs(fitted, encodings=encodings), choice
 
