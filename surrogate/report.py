@@ -216,12 +216,18 @@ def _baseline_table(record: Mapping[str, Any]) -> list[str]:
         return ["The data set has no unseen parameters, or no training members to predict them from."]
     lines = [
         "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
-        "the last column is the surrogate's lead at unseen views (negative: behind).",
+        "the lead is the surrogate's at unseen views (negative: behind).",
         "",
         _row(
-            "", "PSNR, seen views", "PSNR, unseen views", "foreground, unseen views", "SSIM, unseen views", "lead (dB)"
+            "",
+            "PSNR, seen views",
+            "PSNR, unseen views",
+            "foreground, unseen views",
+            "SSIM, unseen views",
+            "lead (dB)",
+            "PSNR, validation",
         ),
-        _row(*["---"] * 6),
+        _row(*["---"] * 7),
     ]
     own = record["psnr"]["unseen_views"]["unseen_parameters"]
     for entry in [{"name": "**surrogate**", **record}, *record["trivial_predictors"]]:

@@ -127,6 +127,9 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     page = (report / "report.md").read_text()
     for name in ("mean image", "nearest member", "linear interpolation"):
         assert name in page
+    assert "## What this scene needed" in page
+    assert "| precision |" in page
+    assert all(len(set(widths)) == 1 for widths in tables(page))
     for picture in report.glob("*.png"):
         assert f"({picture.name})" in page
         assert picture.stat().st_size > 5000
@@ -136,6 +139,17 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert sorted(p.name for p in folder.iterdir()) == ["catalog.cdb", "report", "surrogate"]
     changed = replace(surrogate, training={**surrogate.training, "fingerprint": "other"})
     assert not is_current(report, changed)
+
+
+def tables(page: str) -> list[list[int]]:
+    """How many cells each row of each table of a page has."""
+    found: list[list[int]] = [[]]
+    for line in page.splitlines():
+        if line.startswith("|"):
+            found[-1].append(line.count("|"))
+        elif found[-1]:
+            found.append([])
+    return [widths for widths in found if widths]
 
 
 def test_cells_without_images_are_null(tmp_path: Path) -> None:
