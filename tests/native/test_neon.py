@@ -17,6 +17,7 @@ import torch
 from catalogs.cameras import Camera
 from surrogate.losses import image_loss_reference, structural_similarity
 from surrogate.splatting import render_over
+from surrogate.splatting.rendering import DILATION
 
 COMPILER, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64"
 SOURCES = ("kernels", "drawing", "bilinear", "loss", "parallel")
@@ -70,7 +71,7 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
     gradient, target = random.normal(size=(50, 70, 4)), random.uniform(size=(50, 70, 4))
     latents, modes = random.normal(size=(COUNT, LATENT)), random.normal(size=(LATENT, 14))
     floats = [array.astype("<f4") for array in (*gaussians, gradient, target, latents, modes)]
-    intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, 0.02, 0.1]
+    intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, 0.02, DILATION]
     view = np.concatenate([camera.rotation.ravel(), camera.world_to_camera[:3, 3], intrinsics]).astype("<f8")
     sizes = np.array([COUNT, camera.width, camera.height, threads, LATENT], "<i4")
     content = b"".join(array.tobytes() for array in (sizes, view, *floats))

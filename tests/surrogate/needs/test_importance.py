@@ -27,7 +27,7 @@ def test_it_is_the_sum_of_transmittance_and_alpha() -> None:
         )
         pixels = reference.pixel_centers(example.camera).double()
         alphas = reference.alphas_at(pixels, splats, rasterizer.alpha_floor)
-        matrix = torch.from_numpy(example.camera.world_to_camera)
+        matrix = torch.tensor(example.camera.world_to_camera)
         order = (inputs[0] @ matrix[2, :3]).argsort()
         expected[order] += (reference.transmittances(alphas) * alphas).sum(0)
     torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=1e-3)

@@ -37,7 +37,7 @@ def heavy(case: Case) -> bool:
     return len(case.scene().means) > HEAVY or case.camera().width > 200
 
 
-@pytest.mark.parametrize("case", map(marked, cases()))
+@pytest.mark.parametrize("case", [marked(case) for case in cases()])
 def test_every_hard_case_holds(case: Case) -> None:
     sets = native.instruction_sets()
     for name in sets[:1] if heavy(case) else sets:
