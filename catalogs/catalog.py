@@ -27,14 +27,14 @@ from numpy.typing import NDArray
 from catalogs import cinema, durable
 from catalogs.cameras import Camera
 from catalogs.images import ImageError, read_image, write_image
-from catalogs.members import RECORD, ROWS, SUMMARY, Member, read_record, write_record
+from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json
 from catalogs.summary import FieldSummary
 
 __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
 
-SCHEMA = 1
+SCHEMA = 2  # 1 had no variations, and every member all appearances
 DESCRIPTION = "catalog.json"
 TABLE = "data.csv"
 MEMBERS = "members"
@@ -61,8 +61,8 @@ class MemberWriter:
         background; ValueError for another dtype or NaN; OSError where the disk refuses.
         """
         plan = self._catalog.plan
-        if appearance not in plan.appearance_names:
-            raise CatalogError(f"no appearance {appearance!r}; the catalog has {plan.appearance_names}")
+        if appearance not in self.member.appearances:
+            raise CatalogError(f"no appearance {appearance!r}; the member has {list(self.member.appearances)}")
         if not 0 <= view < len(self.member.cameras):
             raise CatalogError(f"view {view} does not exist: there are {len(self.member.cameras)}")
         camera = self.member.cameras[view]
@@ -85,7 +85,7 @@ class MemberWriter:
     def missing(self) -> list[tuple[str, int]]:
         """(appearance, view) pairs that were not written yet."""
         views = range(len(self.member.cameras))
-        return [(a, v) for a in self._catalog.appearance_names for v in views if (a, v) not in self._written]
+        return [(a, v) for a in self.member.appearances for v in views if (a, v) not in self._written]
 
     def __enter__(self) -> MemberWriter:
         return self
@@ -157,7 +157,7 @@ class Catalog:
         views = sorted({len(m.cameras) for m in members}) or [len(self.plan.cameras)]
         return (
             f"Catalog {self.path}\n  parameters  {ranges}\n  members     {len(members)} ({counts})\n"
-            f"  appearances {', '.join(self.appearance_names)}\n  views       {'-'.join(map(str, views))}"
+            f"  appearances {_shortened(self.appearance_names)}\n  views       {'-'.join(map(str, views))}"
         )
 
     @property
@@ -193,8 +193,9 @@ class Catalog:
         cameras: Sequence[Camera] | None = None,
         view_splits: Sequence[str] | None = None,
         provenance: Mapping[str, Any] | None = None,
+        appearances: Sequence[str] | None = None,
     ) -> MemberWriter:
-        """A writer for a new member, to be used in a `with` block.
+        """A writer for a new member, to be used in a `with` block; of all appearances or, by name, of some.
 
         Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
         that is no JSON, or cameras given twice or not at all; ValueError for wrong parameters (a value out of bounds only
@@ -216,6 +217,7 @@ class Catalog:
             view_splits=self.plan.view_splits if view_splits is None else tuple(view_splits),
             path=durable.partial_name(folder / name),
             provenance=provenance or {},
+            appearances=known_appearances(appearances, self.plan),
         )
         self._refuse_duplicate(member)
         durable.remove_abandoned(folder)
@@ -302,6 +304,10 @@ class Catalog:
                     f"member {path.name} with parameters {parameters} is in {self.path} already: "
                     f"nothing was written for {member.name}"
                 )
+
+
+def _shortened(names: Sequence[str], most: int = 12) -> str:
+    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
 def _write_empty(path: Path, plan: CatalogPlan) -> None:

@@ -142,7 +142,7 @@ def _check_catalog(path: Path, shapes: dict[str, Shape]) -> Iterator[Finding]:
             yield Finding(f"member {folder.name}", str(error))
     for member in members:
         yield from _check_member(catalog, member)
-        for appearance in catalog.appearance_names:
+        for appearance in member.appearances:
             for view, camera in enumerate(member.cameras):
                 name = catalog.image_path(member, appearance, view).relative_to(path).as_posix()
                 shapes[name] = (camera.height, camera.width, 4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from catalogs.cameras import Camera, spherical_angles
 from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
 from catalogs.summary import FieldSummary
+from catalogs.variations import ISOVALUE, Setting
 
 RECORD = "member.json"
 ROWS = "rows.csv"
@@ -37,6 +38,7 @@ class Member:
     view_splits : "train", "validation" or "test" per camera.
     path : its folder.
     provenance : JSON values: the simulated time, the hook's warnings, where images came from.
+    appearances : names of those it was rendered with, in the plan's order; all of them or some.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Member:
     view_splits: tuple[str, ...]
     path: Path
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    appearances: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         problem = name_problem(self.name)
@@ -63,25 +66,40 @@ class Member:
         path = self.path / SUMMARY
         return FieldSummary.load(path) if path.is_file() else None
 
-    def row_split(self, view: int) -> str:
-        """The split of one image: test wins over validation, validation over train."""
-        return max(self.split, self.view_splits[view], key=SPLITS.index)
+    def row_split(self, view: int, setting: Setting | None = None) -> str:
+        """The split of one image, of an appearance in a variation: test wins over validation, validation over train."""
+        return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
+
+
+def known_appearances(names: Sequence[str] | None, plan: CatalogPlan) -> tuple[str, ...]:
+    """`names` in the plan's order, all of the plan's for None; raises CatalogError for unknown ones or none at all."""
+    if names is None:
+        return tuple(plan.appearance_names)
+    strange = sorted(set(names) - set(plan.appearance_names))
+    if strange or not names:
+        raise CatalogError(
+            f"a member needs appearances of the catalog's {plan.appearance_names[:8]}, got {strange or 'none'}"
+        )
+    return tuple(name for name in plan.appearance_names if name in set(names))
 
 
 def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
     """The member's part of the table: a row per appearance and view."""
     low, high = np.array(plan.bounds)
-    for appearance in plan.appearances:
+    for appearance in (a for a in plan.appearances if a.name in set(member.appearances)):
+        varied = [value for name, value in plan.varied(appearance.name).items() if name != ISOVALUE]
+        setting = plan.setting(appearance.name)
         isovalue = float(appearance.isovalue) if isinstance(appearance, Isosurface) else 0.0
         for view, camera in enumerate(member.cameras):
             yield [
                 *member.parameters.values(),
                 appearance.name,
                 *([isovalue] if plan.has_isosurface else []),
+                *varied,
                 member.name,
                 view,
                 *spherical_angles(camera.position - (low + high) / 2.0),
-                member.row_split(view),
+                member.row_split(view, setting),
                 member.split,
                 member.view_splits[view],
                 f"members/{member.name}/{plan.image_name(appearance.name, view)}",
@@ -101,6 +119,7 @@ def write_record(member: Member, plan: CatalogPlan) -> None:
         "own_cameras": not plan.cameras,
         "view_splits": list(member.view_splits),
         "provenance": dict(member.provenance),
+        **({"appearances": list(member.appearances)} if len(member.appearances) < len(plan.appearances) else {}),
     }
     durable.write(member.path / RECORD, json.dumps(record, indent=1, allow_nan=False).encode())
 
@@ -123,6 +142,7 @@ def read_record(path: Path, plan: CatalogPlan) -> Member:
             view_splits=tuple(record["view_splits"]),
             path=path,
             provenance=record["provenance"],
+            appearances=known_appearances(record.get("appearances"), plan),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error

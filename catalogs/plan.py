@@ -15,6 +15,7 @@ from catalogs.appearance import Appearance, Isosurface, appearance_from_json, ap
 from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
+from catalogs.variations import ISOVALUE, Setting, Variation
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 KEPT_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz")  # what a member's folder holds beside images
@@ -39,6 +40,7 @@ class CatalogPlan:
     background : None: images have alpha; else they are opaque and stand on this RGB colour in [0, 1].
     image_format : "png" (8 bits) or "exr" (float32).
     provenance : JSON values: software, sample distances, scene.
+    variations : which of the appearances sample visualization parameters.
     """
 
     space: ParameterSpace
@@ -49,6 +51,7 @@ class CatalogPlan:
     background: tuple[float, float, float] | None = None
     image_format: str = "png"
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    variations: tuple[Variation, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bounds", _box(self.bounds))
@@ -60,6 +63,7 @@ class CatalogPlan:
             raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
         for problem in filter(None, map(name_problem, names)):
             raise CatalogError(f"an appearance can't be called so: {problem}")
+        _check_variations(self.variations, names)
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
         if self.image_format not in FORMATS:
@@ -80,8 +84,32 @@ class CatalogPlan:
     @property
     def header(self) -> list[str]:
         """The labels of the table, in their order."""
-        isovalue = ["isovalue"] if self.has_isosurface else []
-        return [*self.space.names, "appearance", *isovalue, *VIEW_COLUMNS, "FILE"]
+        isovalue = [ISOVALUE] if self.has_isosurface else []
+        varied = [name for name in self.varied_names if name != ISOVALUE]
+        return [*self.space.names, "appearance", *isovalue, *varied, *VIEW_COLUMNS, "FILE"]
+
+    @property
+    def varied_names(self) -> list[str]:
+        """The visualization parameters of all variations."""
+        return [name for variation in self.variations for name in variation.space.names]
+
+    def setting(self, appearance: str) -> Setting | None:
+        """The appearance's place in a variation; None where it belongs to none or is the base of one."""
+        return next(filter(None, (variation.setting(appearance) for variation in self.variations)), None)
+
+    def varied(self, appearance: str) -> dict[str, float]:
+        """All visualization parameters of an appearance by name, zero where it does not have one."""
+        values = dict.fromkeys(self.varied_names, 0.0)
+        for variation in self.variations:
+            setting = variation.setting(appearance)
+            if setting is not None:
+                values |= dict(zip(variation.space.names, setting.values, strict=True))
+        return values
+
+    @property
+    def plain_appearances(self) -> tuple[Appearance, ...]:
+        """The appearances that are no setting of a variation."""
+        return tuple(a for a in self.appearances if self.setting(a.name) is None)
 
     def image_name(self, appearance: str, view: int) -> str:
         """Path of an image below its member's folder."""
@@ -99,6 +127,7 @@ class CatalogPlan:
             "image_format": self.image_format,
             "images": {"memory": "premultiplied RGBA", "disk": "straight RGBA", "rows": "top first"},
             "provenance": dict(self.provenance),
+            **({"variations": [v.to_json() for v in self.variations]} if self.variations else {}),
         }
 
     @classmethod
@@ -118,12 +147,23 @@ class CatalogPlan:
             background=None if record["background"] is None else tuple(record["background"]),
             image_format=record["image_format"],
             provenance=record.get("provenance", {}),
+            variations=tuple(Variation.from_json(v) for v in record.get("variations", ())),
         )
 
     def differences(self, other: CatalogPlan) -> list[str]:
         """Names of what differs, provenance aside."""
         mine, theirs = json.loads(json.dumps(self.to_json())), json.loads(json.dumps(other.to_json()))
-        return [key for key in mine if key != "provenance" and mine[key] != theirs[key]]
+        keys = [*mine, *(key for key in theirs if key not in mine)]
+        return [key for key in keys if key != "provenance" and mine.get(key) != theirs.get(key)]
+
+
+def _check_variations(variations: Sequence[Variation], names: Sequence[str]) -> None:
+    """Raise CatalogError unless every appearance of every variation is one of the catalog's, in one variation."""
+    settings = [setting.appearance for variation in variations for setting in variation.settings]
+    strange = sorted({*settings, *(variation.base for variation in variations)} - set(names))
+    twice = sorted({name for name in settings if settings.count(name) > 1})
+    if strange or twice:
+        raise CatalogError(f"variations name appearances that do not exist {strange} or stand in two {twice}")
 
 
 def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:

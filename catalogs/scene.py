@@ -7,20 +7,24 @@ budget the surrogate is trained.  Each half of the product checks the part it ac
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.appearance import Appearance, appearance_from_json
+import numpy as np
+
+from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json
 from catalogs.cameras import Camera, orbit, view_splits
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.variations import Family, Variation, isovalue_family, transfer_function_family
 
 SOURCES = ("simulation", "hdf5", "nerf")
 DATA_FOLDER = "GS_SURROGATE_DATA"
-TABLES = {"name", "title", "source", "parameters", "members", "appearance", "views", "render", "training"}
+TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "views", "render", "training"}
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class PlannedMember:
     name: str
     parameters: Mapping[str, float]
     split: str
+    appearances: tuple[str, ...] | None = None  # by name; None: all
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,33 @@ class ViewPlan:
 
 
 @dataclass(frozen=True)
+class VariedMembers:
+    """Which members show the settings of one variation.
+
+    Training and test members show training and test settings, validation members those of validation.
+
+    Attributes
+    ----------
+    variation : the one in question.
+    share : of the training members that show it; drawn by the scene's seed, at least one.
+    compared : how many of the training settings test members show besides, evenly spread; None: all.
+    """
+
+    variation: Variation
+    share: float = 1.0
+    compared: int | None = None
+
+    def shown_by(self, split: str) -> tuple[str, ...]:
+        """Names of the appearances that a member of this split shows."""
+        if split == "validation":
+            return self.variation.named("validation")
+        train = self.variation.named("train")
+        if split == "test" and self.compared is not None and self.compared < len(train):
+            train = tuple(train[i * len(train) // self.compared] for i in range(self.compared))
+        return (*train, *self.variation.named("test"))
+
+
+@dataclass(frozen=True)
 class RenderPlan:
     """How exact the pictures must be: PSNR in dB against a converged reference, or a fixed step in world units."""
 
@@ -84,7 +116,8 @@ class Scene:
     space : the ensemble's parameters; empty where the source's file states them (`hdf5`).
     members : what a simulation must run; empty where the source's file holds the members.
     validation_members : how many training members of a file become validation members.
-    appearances : the visualization parameters; empty for images made elsewhere (`nerf`).
+    appearances : how the field is shown, those of variations included; empty for images made elsewhere (`nerf`).
+    varied : which of them sample visualization parameters, and which members show them.
     training : the raw `[training]` table, checked by the surrogate.
     """
 
@@ -100,6 +133,7 @@ class Scene:
     training: Mapping[str, Any] = field(default_factory=dict)
     validation_members: int = 0
     seed: int = 0
+    varied: tuple[VariedMembers, ...] = ()
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
@@ -114,6 +148,30 @@ class Scene:
         except (ValueError, KeyError, TypeError) as error:
             reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
             raise ValueError(f"scene {path}: {reason}") from error
+
+    @property
+    def variations(self) -> tuple[Variation, ...]:
+        return tuple(v.variation for v in self.varied)
+
+    def assigned(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
+        """The members, each with the appearances that it shows."""
+        if not self.varied:
+            return tuple(members)
+        training = [m.name for m in members if m.split == "train"]
+        settings = {s.appearance for variation in self.variations for s in variation.settings}
+        plain = [a.name for a in self.appearances if a.name not in settings]
+        random = np.random.default_rng(self.seed)
+        chosen = [
+            set(random.choice(training, max(1, math.ceil(v.share * len(training))), replace=False)) for v in self.varied
+        ]
+
+        def shown(member: PlannedMember) -> tuple[str, ...]:
+            of = [
+                v for v, some in zip(self.varied, chosen, strict=True) if member.split != "train" or member.name in some
+            ]
+            return (*plain, *(name for v in of for name in v.shown_by(member.split)))
+
+        return tuple(replace(member, appearances=shown(member)) for member in members)
 
     def run_directory(self, runs: str | os.PathLike[str] = "runs") -> Path:
         """Where this scene's catalog, surrogate and report live."""
@@ -152,6 +210,8 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         if plan:
             raise ValueError(f"members come from the source's file: only seed and validation apply, got {sorted(plan)}")
     appearances = tuple(appearance_from_json(record) for record in tables.get("appearance", ()))
+    families = [_family(record, appearances) for record in tables.get("variation", ())]
+    appearances += tuple(a for family, _ in families for a in family.appearances)
     if not appearances and source["kind"] != "nerf":
         raise ValueError("at least one [[appearance]] must say how the field is shown")
     if len({a.name for a in appearances}) != len(appearances):
@@ -169,7 +229,30 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         training=tables.get("training", {}),
         validation_members=validation_members,
         seed=seed,
+        varied=tuple(varied for _, varied in families),
     )
+
+
+def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tuple[Family, VariedMembers]:
+    """One `[[variation]]` table: a family of appearances around the one that it names, and who shows it."""
+    values = dict(record)
+    kind, base_name = values.pop("kind", None), values.pop("of", None)
+    share, compared = float(values.pop("members", 1.0)), values.pop("compared", None)
+    base = next((a for a in appearances if a.name == base_name), None)
+    if not isinstance(base, VolumeRendering):
+        raise ValueError(f"variation.of must name a volume rendering among the appearances, got {base_name!r}")
+    if not 0.0 < share <= 1.0 or (compared is not None and (type(compared) is not int or compared < 1)):
+        raise ValueError(f"variation.members must lie in (0, 1] and compared be at least 1, got {share}, {compared}")
+    try:
+        if kind == "isovalue":
+            family = isovalue_family(base.name, **values)
+        elif kind == "transfer_function":
+            family = transfer_function_family(base, **values)
+        else:
+            raise ValueError(f'variation.kind must be "isovalue" or "transfer_function", got {kind!r}')
+    except TypeError as error:
+        raise ValueError(f"variation of {base.name}: {error}") from None
+    return family, VariedMembers(family.variation, share, compared)
 
 
 def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple[PlannedMember, ...]:

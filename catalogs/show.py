@@ -12,6 +12,7 @@ from catalogs.catalog import TABLE, Catalog, CatalogError
 from catalogs.members import Member
 from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogPlan
+from catalogs.variations import Variation
 
 UNKNOWN = "-"
 
@@ -33,7 +34,8 @@ def _describe_catalog(catalog: Catalog) -> str:
     facts = [
         ("members", f"{len(members)} ({_splits(counts)})" if members else "none yet"),
         *(("parameter", _parameter(plan, members, name)) for name in plan.space.names),
-        *(("appearance", _appearance(appearance)) for appearance in plan.appearances),
+        *(("appearance", _appearance(appearance)) for appearance in plan.plain_appearances),
+        *(("variation", _variation(variation)) for variation in plan.variations),
         *(("views", line) for line in _views(plan, members)),
         ("images", _images(plan, members)),
         ("box", f"{_numbers(low)} to {_numbers(high)}"),
@@ -71,6 +73,12 @@ def _appearance(appearance: Appearance) -> str:
     return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
 
 
+def _variation(variation: Variation) -> str:
+    counts = Counter(setting.split for setting in variation.settings)
+    ranges = ", ".join(f"{p.name} in [{p.low:g}, {p.high:g}] {p.unit}".strip() for p in variation.space.parameters)
+    return f"{variation.kind} of {variation.base}: {len(variation.settings)} settings ({_splits(counts)}), {ranges}"
+
+
 def _views(plan: CatalogPlan, members: Sequence[Member]) -> list[str]:
     if plan.cameras:
         return [f"{len(plan.cameras)} shared by all members ({_splits(Counter(plan.view_splits))})"]
@@ -83,7 +91,7 @@ def _views(plan: CatalogPlan, members: Sequence[Member]) -> list[str]:
 
 def _images(plan: CatalogPlan, members: Sequence[Member]) -> str:
     cameras = [camera for member in members for camera in member.cameras] or list(plan.cameras)
-    count = sum(len(member.cameras) for member in members) * len(plan.appearances)
+    count = sum(len(member.cameras) * len(member.appearances) for member in members)
     sizes = sorted({(camera.width, camera.height) for camera in cameras})
     size = ", ".join(f"{width}x{height}" for width, height in sizes[:4]) + (", ..." if len(sizes) > 4 else "")
     kind = "8-bit PNG" if plan.image_format == "png" else "float32 EXR"

@@ -185,7 +185,14 @@ def _wishes_of(path: Path, space: Any) -> Any:
         raise ValueError(f"scene {path} has no [[appearance]]: its images were made elsewhere")
     distance = scene.render.sample_distance
     target = scene.render.target_decibels if distance is None else None
-    return Wishes(space, scene.appearances, scene.views, target_decibels=target, sample_distance=distance)
+    return Wishes(
+        space,
+        scene.appearances,
+        scene.views,
+        target_decibels=target,
+        sample_distance=distance,
+        variations=scene.variations or None,
+    )
 
 
 def _square(size: int) -> Any:

@@ -71,6 +71,7 @@ def _render(
     progress: Callable[[object], None],
 ) -> tuple[int, dict[str, str]]:
     ensemble = ensemble_of(scene)
+    members = scene.assigned(ensemble.members)
     distance = scene.render.sample_distance
     wishes = Wishes(
         space=ensemble.space,
@@ -79,11 +80,12 @@ def _render(
         target_decibels=None if distance is not None else scene.render.target_decibels,
         sample_distance=distance,
         provenance={"scene": scene.name, "source": dict(ensemble.source.identity)},
+        variations=scene.variations or None,
     )
-    _check_unchanged(scene, folder / CATALOG, wishes, ensemble.members)
+    _check_unchanged(scene, folder / CATALOG, wishes, members)
     result = run_ensemble(
         folder / CATALOG,
-        ensemble.members,
+        members,
         ensemble.source,
         wishes,
         workers=workers,

@@ -191,7 +191,8 @@ class _Run:
 
     def render(self, members: Sequence[PlannedMember]) -> tuple[list[RenderedMember], dict[str, str]]:
         plan = Catalog.open(self.path).plan
-        images = len(plan.cameras) * len(plan.appearances)
+        shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
+        images = round(len(plan.cameras) * sum(shown) / max(1, len(shown)))
         tracker = Tracker(len(members), images, field_share=0.5 if self.source.dear else 0.02)
         rendered: list[RenderedMember] = []
         failures: dict[str, str] = {}
@@ -246,6 +247,7 @@ def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, ke
             split=member.split,
             time=getattr(field, "time", None),
             provenance={"source": dict(source.identity)},
+            appearances=member.appearances,
         )
     return _Drawn(rendered, seconds)
 

@@ -14,9 +14,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from catalogs.appearance import Appearance, VolumeRendering
-from catalogs.catalog import Catalog, MemberWriter
+from catalogs.catalog import Catalog, CatalogPlan, MemberWriter
 from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.scene import ViewPlan
+from catalogs.variations import Variation
 from insitu.adapters import as_grid
 from insitu.boxes import Box, box_of, check_inside, shrunken
 from insitu.memory import PeakMemory
@@ -111,6 +112,7 @@ class Session:
         sample_distance: float | Mapping[str, float] | None = None,
         image_format: str | None = None,
         provenance: Mapping[str, Any] | None = None,
+        variations: Iterable[Variation] | None = None,
         nan: str = "refuse",
         progress: Callable[[int], None] | None = None,
     ) -> None:
@@ -124,6 +126,7 @@ class Session:
             sample_distance=sample_distance,
             image_format=image_format,
             provenance=provenance or {},
+            variations=None if variations is None else tuple(variations),
         )
         self._nan = nan
         self._progress = progress
@@ -162,8 +165,12 @@ class Session:
         array: str | None = None,
         nan: str | None = None,
         provenance: Mapping[str, Any] | None = None,
+        appearances: Sequence[str] | None = None,
     ) -> RenderedMember:
-        """Render one member; arguments, result and errors as those of the function `render_member`."""
+        """Render one member; arguments, result and errors as those of the function `render_member`.
+
+        `appearances` names those of the catalog's that this member is shown with, all by default.
+        """
         started, memory = clock.perf_counter(), PeakMemory()
         if split not in SPLITS:
             raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
@@ -185,10 +192,12 @@ class Session:
                 recorded["warnings"] = [*resampled, *notes]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # out of bounds is already said and recorded
-                opened = catalog.begin_member(name, parameters, split=split, provenance=recorded)
+                opened = catalog.begin_member(
+                    name, parameters, split=split, provenance=recorded, appearances=appearances
+                )
             with opened as writer:
                 drawn = self._draw(grid, catalog, writer, memory)
-                summary = summarize(grid, catalog.plan.appearances, tuple(catalog.plan.provenance["value_range"]))
+                summary = summarize(grid, _sampled(catalog.plan), tuple(catalog.plan.provenance["value_range"]))
                 memory.sample()
                 writer.write_summary(summary)
         return RenderedMember(
@@ -233,7 +242,8 @@ class Session:
 
         render, write, images = 0.0, 0.0, 0
         distances = catalog.plan.provenance.get("sample_distances", {})
-        for appearance in catalog.plan.appearances:
+        shown = set(writer.member.appearances)
+        for appearance in (a for a in catalog.plan.appearances if a.name in shown):
             distance = distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None
             exact = catalog.plan.image_format == "exr"
             before = clock.perf_counter()
@@ -270,6 +280,7 @@ def render_member(
     sample_distance: float | Mapping[str, float] | None = None,
     time: float | None = None,
     bounds: Box | None = None,
+    variations: Iterable[Variation] | None = None,
 ) -> RenderedMember:
     """Render one member of an ensemble into a Cinema catalog; afterwards its field may go.
 
@@ -293,6 +304,8 @@ def render_member(
     target_decibels, sample_distance : how exact volume rendering must be (50 dB), or its step in world units.
     time : the simulation's time, recorded.
     bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
+    variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
+        (`catalogs.variations.isovalue_family`, `transfer_function_family`).
 
     Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
     to the transfer function's range, and the texture) and one image at a time.  All of it is freed again but the first.
@@ -310,6 +323,7 @@ def render_member(
         bounds=bounds,
         target_decibels=target_decibels,
         sample_distance=sample_distance,
+        variations=variations,
         nan=nan,
     ) as session:
         return session.render_member(
@@ -329,6 +343,12 @@ class _Drawn:
     render: float
     write: float
     images: int
+
+
+def _sampled(plan: CatalogPlan) -> tuple[Appearance, ...]:
+    """The appearances by which points of the field are kept: of transfer functions only the bases, whose places all share."""
+    same = {n for v in plan.variations if v.kind == "transfer_function" for n in v.named(*SPLITS)}
+    return tuple(a for a in plan.appearances if a.name not in same)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from catalogs.appearance import Appearance, VolumeRendering, appearance_from_jso
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.scene import PlannedMember, ViewPlan
+from catalogs.variations import Variation
 from insitu.boxes import Box, box_of, cameras_around, check_inside, checked_box, same_box
 from insitu.summarize import value_range
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from render.grids import Grid
 
 TARGET_DECIBELS = 50.0
+CORNERS = 6  # settings of a variation whose sample distance is measured; the finest serves the whole variation
 BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has no infinity
 
 
@@ -40,6 +42,7 @@ class Wishes:
     sample_distance : step of the rays in world units instead, one for all or by appearance.
     image_format : "png" (8 bits) or "exr" (float32).
     provenance : further JSON values to record in a new catalog.
+    variations : which appearances sample visualization parameters.
     """
 
     space: ParameterSpace | None = None
@@ -50,6 +53,7 @@ class Wishes:
     sample_distance: float | Mapping[str, float] | None = None
     image_format: str | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    variations: tuple[Variation, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.bounds is not None:
@@ -113,18 +117,37 @@ def measure_pilot(grid: Grid, wishes: Wishes) -> Pilot:
     check_inside(grid, bounds)
     values = (float(grid.values.min()), float(grid.values.max()))
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
+    measured = _measured(volumes, wishes.variations or ())
     if wishes.sample_distance is not None or not volumes:
         return Pilot(bounds, values)
     from render import choose_sample_distance
 
     cameras = cameras_around(bounds, wishes.views or ViewPlan())
-    chosen = {a.name: choose_sample_distance(grid, a, cameras, target_decibels(wishes)) for a in volumes}
+    chosen = {a.name: choose_sample_distance(grid, a, cameras, target_decibels(wishes)) for a in measured}
+    by = {a.name: _stand_in(a.name, list(chosen), wishes.variations or ()) for a in volumes}
+    finest = {name: min((chosen[other] for other in others), key=lambda c: c.distance) for name, others in by.items()}
     return Pilot(
         bounds,
         values,
-        {name: float(c.distance) for name, c in chosen.items()},
-        {name: round(min(float(c.decibels), BEST_DECIBELS), 2) for name, c in chosen.items()},
+        {name: float(c.distance) for name, c in finest.items()},
+        {name: round(min(float(c.decibels), BEST_DECIBELS), 2) for name, c in finest.items()},
     )
+
+
+def _measured(volumes: Sequence[VolumeRendering], variations: Sequence[Variation]) -> list[VolumeRendering]:
+    """The volume renderings whose sample distance is measured: of a variation, the base and a few that lie far from it."""
+    settings = {s.appearance for v in variations for s in v.settings}
+    kept = {name for v in variations for name in v.named("train")[:: max(1, len(v.named("train")) // CORNERS)]}
+    return [a for a in volumes if a.name not in settings or a.name in kept]
+
+
+def _stand_in(name: str, measured: Sequence[str], variations: Sequence[Variation]) -> list[str]:
+    """The measured appearances whose finest sample distance an appearance takes: its own, or those of its variation."""
+    for variation in variations:
+        family = {variation.base, *(s.appearance for s in variation.settings)}
+        if name in family:
+            return [other for other in measured if other in family]
+    return [name]
 
 
 def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
@@ -179,6 +202,7 @@ def plan_catalog(pilot: Pilot, wishes: Wishes) -> CatalogPlan:
         bounds=pilot.bounds,
         image_format=wishes.image_format or "png",
         provenance=provenance,
+        variations=wishes.variations or (),
     )
 
 
@@ -210,6 +234,9 @@ def disagreements(plan: CatalogPlan, wishes: Wishes) -> list[str]:
     if wishes.appearances is not None:
         wanted = [appearance_to_json(a) for a in wishes.appearances]
         differences += differing(wanted, [appearance_to_json(a) for a in plan.appearances], "appearances")
+    if wishes.variations is not None:
+        varied = [v.to_json() for v in wishes.variations]
+        differences += differing(varied, [v.to_json() for v in plan.variations], "variations")
     if wishes.bounds is not None and not same_box(wishes.bounds, plan.bounds):
         differences.append(f"bounds: {wishes.bounds} here, {plan.bounds} in the catalog")
     if wishes.views is not None:

@@ -6,7 +6,7 @@ import contextlib
 import fcntl
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,22 +63,31 @@ def locked(directory: Path) -> Iterator[None]:
         yield
 
 
+def part_of(tensors: Mapping[str, Tensor], part: str) -> dict[str, Tensor]:
+    """The tensors whose names begin with `part` and a dot, without both."""
+    return {name.removeprefix(f"{part}."): t for name, t in tensors.items() if name.startswith(f"{part}.")}
+
+
 def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
     """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes."""
     plan = catalog.plan
     appearance = settings.appearance or plan.appearances[0].name
+    learnt = [v for v in plan.variations if v.base == appearance and settings.visualization_steps]
+    shown = [appearance, *(s.appearance for v in learnt for s in v.settings)]
     values = {
         "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},
-        "plan": {k: v for k, v in plan.to_json().items() if k not in ("appearances", "provenance")},
-        "appearances": [appearance_to_json(a) for a in plan.appearances if a.name == appearance],
-        "members": [_identity(catalog, member, appearance) for member in catalog.members],
+        "plan": {k: v for k, v in plan.to_json().items() if k not in ("appearances", "provenance", "variations")},
+        "variations": [v.to_json() for v in learnt],
+        "appearances": [appearance_to_json(a) for a in plan.appearances if a.name in set(shown)],
+        "members": [_identity(catalog, member, shown) for member in catalog.members],
     }
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
-def _identity(catalog: Catalog, member: Member, appearance: str) -> dict[str, Any]:
+def _identity(catalog: Catalog, member: Member, shown: Sequence[str]) -> dict[str, Any]:
     """What makes a member's images what they are, as far as can be told without reading them."""
-    paths = [catalog.image_path(member, appearance, view) for view in range(len(member.cameras))]
+    names, views = [a for a in shown if a in member.appearances], range(len(member.cameras))
+    paths = [catalog.image_path(member, name, view) for name in names for view in views]
     own = member.cameras is not catalog.plan.cameras
     return {
         "name": member.name,

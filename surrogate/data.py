@@ -15,18 +15,21 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
+from catalogs.variations import Setting, Variation
 from surrogate.gaussians import Normalization
 
 
 class ImageRow(NamedTuple):
-    """One image of a catalog, whichever the appearance."""
+    """One image of a catalog."""
 
     member: Member
     view: int
+    appearance: str
+    setting: Setting | None = None  # of the appearance, where it belongs to a variation
 
     @property
     def split(self) -> str:
-        return self.member.row_split(self.view)
+        return self.member.row_split(self.view, self.setting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +39,13 @@ class Example:
     Attributes
     ----------
     camera : in normalized coordinates.
-    parameters : (P,) float32, normalized to [-1, 1] over their bounds.
+    parameters : (P,) float32, normalized to [-1, 1] over their bounds; followed by the visualization parameters (V,) of
+        `Variation.normalize` in training of those.
     pixels : (H, W, 4) uint8 premultiplied RGBA, or (H, W, 3) uint8 RGB where the catalog's images are opaque.
     """
 
     camera: Camera
-    parameters: Tensor  # [P]
+    parameters: Tensor  # [P] or [P + V]
     pixels: NDArray[np.uint8]  # [H, W, 3 or 4]
 
     def compared(self) -> NDArray[np.uint8]:
@@ -58,28 +62,37 @@ class Example:
         return (packed + through * np.uint32(0x010101)).view(np.uint8)
 
 
-def rows(catalog: Catalog) -> list[ImageRow]:
-    """Every image of one appearance, in the order of members and views."""
-    return [ImageRow(member, view) for member in catalog.members for view in range(len(member.cameras))]
+def rows(catalog: Catalog, appearances: Sequence[str]) -> list[ImageRow]:
+    """Every image of some appearances, in the order of members, appearances and views."""
+    settings = {name: catalog.plan.setting(name) for name in appearances}
+    return [
+        ImageRow(member, view, name, settings[name])
+        for member in catalog.members
+        for name in appearances
+        if name in member.appearances
+        for view in range(len(member.cameras))
+    ]
 
 
-def training_rows(catalog: Catalog) -> list[ImageRow]:
+def training_rows(catalog: Catalog, appearances: Sequence[str]) -> list[ImageRow]:
     """The images to learn from; raises ValueError where there are none."""
-    kept = [row for row in rows(catalog) if row.split == "train"]
+    kept = [row for row in rows(catalog, appearances) if row.split == "train"]
     if not kept:
         raise ValueError(
-            f"catalog {catalog.path} holds no training images: at least one member of split train with a view of "
-            "split train is needed"
+            f"catalog {catalog.path} holds no training images of {', '.join(appearances[:4]) or 'any appearance'}: at least "
+            "one member of split train with a view of split train is needed"
         )
     return kept
 
 
-def validation_rows(catalog: Catalog, count: int) -> list[ImageRow]:
+def validation_rows(catalog: Catalog, appearances: Sequence[str], count: int) -> list[ImageRow]:
     """`count` images spread evenly over those kept for choices, as unlike the training images as there are.
 
     Validation views of validation members where there are any, else any view of those, else validation views.
     """
-    kept = [row for row in rows(catalog) if row.split == "validation"]
+    kept = [row for row in rows(catalog, appearances) if row.split == "validation"]
+    of_settings = [row for row in kept if row.setting is not None and row.setting.split == "validation"]
+    kept = of_settings or kept
     of_members = [row for row in kept if row.member.split == "validation"]
     of_both = [row for row in of_members if row.member.view_splits[row.view] == "validation"]
     kept = of_both or of_members or kept
@@ -89,17 +102,23 @@ def validation_rows(catalog: Catalog, count: int) -> list[ImageRow]:
 
 
 def load_examples(
-    catalog: Catalog, appearance: str, wanted: Sequence[ImageRow], normalization: Normalization
+    catalog: Catalog,
+    wanted: Sequence[ImageRow],
+    normalization: Normalization,
+    variation: Variation | None = None,
 ) -> list[Example]:
-    """The images of `wanted` rows, decoded in parallel, (len(wanted)) examples in order."""
-    names = {row.member.name: row.member for row in wanted}
-    parameters = {name: _parameters(catalog, member) for name, member in names.items()}
+    """The images of `wanted` rows, decoded in parallel, (len(wanted)) examples in order.
+
+    Their parameters are the simulation's, followed by the visualization parameters of `variation` where one is given.
+    """
+    names = {(row.member.name, row.appearance): row for row in wanted}
+    parameters = {name: _parameters(catalog, row, variation) for name, row in names.items()}
     views = {id(camera): camera for row in wanted for camera in (row.member.cameras[row.view],)}  # most are shared
     cameras = {key: normalization.camera(camera) for key, camera in views.items()}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        pixels = pool.map(lambda row: _pixels(catalog, appearance, row), wanted)
+        pixels = pool.map(lambda row: _pixels(catalog, row), wanted)
         return [
-            Example(cameras[id(row.member.cameras[row.view])], parameters[row.member.name], image)
+            Example(cameras[id(row.member.cameras[row.view])], parameters[row.member.name, row.appearance], image)
             for row, image in zip(wanted, pixels, strict=True)
         ]
 
@@ -117,11 +136,15 @@ def foreground_color(examples: Iterable[Example], background: Sequence[float] | 
     return total / weight if weight > 0 else np.full(3, 0.5)
 
 
-def _pixels(catalog: Catalog, appearance: str, row: ImageRow) -> NDArray[np.uint8]:
-    image = catalog.image(row.member, appearance, row.view, dtype="uint8")  # [H, W, 4]
+def _pixels(catalog: Catalog, row: ImageRow) -> NDArray[np.uint8]:
+    image = catalog.image(row.member, row.appearance, row.view, dtype="uint8")  # [H, W, 4]
     return image if catalog.plan.background is None else np.ascontiguousarray(image[..., :3])
 
 
-def _parameters(catalog: Catalog, member: Member) -> Tensor:
-    values = [member.parameters[name] for name in catalog.plan.space.names]  # [P]
-    return torch.from_numpy(catalog.plan.space.normalize(values)).to(torch.float32)
+def _parameters(catalog: Catalog, row: ImageRow, variation: Variation | None) -> Tensor:
+    values = [row.member.parameters[name] for name in catalog.plan.space.names]  # [P]
+    simulation = catalog.plan.space.normalize(values)
+    if variation is None:
+        return torch.from_numpy(simulation).to(torch.float32)
+    visualization = variation.normalize(None if row.setting is None else row.setting.values)  # [V]
+    return torch.from_numpy(np.concatenate([simulation, visualization])).to(torch.float32)

@@ -1,4 +1,4 @@
-"""Where the Gaussians start: on points that the hook sampled from the fields by opacity, or anywhere in the box."""
+"""Where the Gaussians start: on points that the hook sampled by opacity, that pictures tell, or anywhere in the box."""
 
 from __future__ import annotations
 
@@ -30,10 +30,12 @@ def initial_points(
     """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
 
     Their colours are those of the transfer function, where `appearance` has one.  Raises ValueError where
-    `settings.initialization` is "in-situ" and the catalog has no points.
+    `settings.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
     """
     if settings.initialization == "random":
         return None
+    if settings.initialization in ("hull", "sfm"):
+        return _from_pictures(settings, catalog, appearance, normalization)
     summaries = [m.summary() for m in catalog.members if m.split == "train"]
     kept = [s for s in summaries if s is not None and len(s.points)]
     if not kept and settings.initialization == "in-situ":
@@ -48,6 +50,21 @@ def initial_points(
     if not isinstance(shown, VolumeRendering):
         return Points(places, None)
     return Points(places, shown.transfer_function.colors(np.concatenate([s.point_values for s in kept])))
+
+
+def _from_pictures(
+    settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
+) -> Points:
+    """Points that the pictures of one member tell, slower and coarser than what the hook knew."""
+    from surrogate.initialization.hull import hull_points
+    from surrogate.initialization.pictures import representative_member
+    from surrogate.initialization.structure_from_motion import structure_from_motion_points
+
+    member = representative_member(catalog)
+    if settings.initialization == "sfm":
+        return structure_from_motion_points(catalog, member, appearance, normalization, seed=settings.seed)
+    random = generator(settings.seed, "hull")
+    return hull_points(catalog, member, appearance, normalization, settings.gaussians, random)
 
 
 def initial_gaussians(

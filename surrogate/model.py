@@ -16,6 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs import durable
+from catalogs.appearance import TransferFunction
 from catalogs.cameras import Camera
 from catalogs.parameters import ParameterSpace
 from surrogate.deformation import Deformation, load_deformation
@@ -23,8 +24,9 @@ from surrogate.encoding import Encoding
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
+from surrogate.visualization import Visualization
 
-SCHEMA = 2  # 1 had no encodings
+SCHEMA = 3  # 1 had no encodings, 2 no visualization parameters
 TENSORS, RECORD = "model.safetensors", "model.json"
 SEPARATOR = "/"  # between the name of an encoded tensor and that of its part
 
@@ -37,7 +39,7 @@ class DeformedGaussians:
     """
 
     gaussians: Gaussians  # in normalized coordinates
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, float]  # those of the simulation, and of the visualization where they were given
     normalization: Normalization
     rasterizer: Rasterizer
 
@@ -82,6 +84,7 @@ class Surrogate:
     """A trained ensemble.
 
     >>> picture = Surrogate.load("runs/tgv-dvr/surrogate").at(Re=1830.0).render(camera)   # doctest: +SKIP
+    >>> picture = Surrogate.load("runs/tgv-iso/surrogate").at(Re=1830.0, isovalue=5.5).render(camera)   # doctest: +SKIP
 
     Attributes
     ----------
@@ -93,6 +96,7 @@ class Surrogate:
     background : the colour behind the volume in the images it was trained on; None where they had alpha.
     encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
         are what these decode to.  One that was replaced since is stored as it is.
+    visualizations : how it follows an isovalue or a transfer function as well.
     training : how it came to be: `seconds`, `steps`, `settings`, `curve`, `appearance`, `fingerprint`.
     """
 
@@ -104,24 +108,76 @@ class Surrogate:
     background: tuple[float, float, float] | None = None
     training: Mapping[str, Any] = field(default_factory=dict)
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
+    visualizations: tuple[Visualization, ...] = ()
 
     def at(self, **parameters: float) -> DeformedGaussians:
-        """The ensemble at `parameters`, all of them by name, in their units.
+        """The ensemble at `parameters`, those of the simulation all by name, in their units.
 
-        Raises ValueError for missing, unknown or non-finite ones; warns where one lies out of bounds.
+        Without more it looks as the base appearance does.  The visualization parameters of one variation may follow, all of
+        them: an `isovalue`, or the displacements of the base transfer function's inner control points (those left out are
+        zero); `under` takes any other transfer function.
+
+        Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
+        bounds.
+        """
+        varied = {n: v for n, v in parameters.items() if n in self.visualization_names}
+        values = self.space.values({n: v for n, v in parameters.items() if n not in varied})  # [P]
+        normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
+        named = dict(zip(self.space.names, values.tolist(), strict=True))
+        with torch.no_grad():
+            if varied:
+                visualization, more = self._varied(varied)  # [V]
+                named |= dict(zip(visualization.variation.space.names, more.tolist(), strict=True))
+                place = torch.from_numpy(visualization.variation.normalize(more.tolist())).to(torch.float32)  # [V]
+                both = torch.cat([normalized, place])  # [P + V]
+                deformed = visualization.gaussians_at(self.gaussians, self.deformation, both)
+            else:
+                deformed = self.deformation.deformed(self.gaussians, normalized)
+        return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
+
+    def under(self, transfer_function: TransferFunction, /, **parameters: float) -> DeformedGaussians:
+        """The ensemble at simulation `parameters` under any transfer function, in opacity and colour.
+
+        Values that none of the training functions showed look as the base shows them.  Raises ValueError where the surrogate
+        knows no field values (it then learnt transfer functions by their displacements, or none), or as `at` does.
         """
         values = self.space.values(parameters)  # [P]
         normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
+        known = [v for v in self.visualizations if v.variation.kind == "transfer_function"]
+        if not known:
+            raise ValueError(
+                "this surrogate has learnt no transfer functions: its scene needs a [[variation]] of that kind"
+            )
         with torch.no_grad():
-            deformed = self.deformation.deformed(self.gaussians, normalized)
+            deformed = known[0].under(self.gaussians, self.deformation, normalized, transfer_function)
         named = dict(zip(self.space.names, values.tolist(), strict=True))
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
+
+    @property
+    def visualization_names(self) -> tuple[str, ...]:
+        """The visualization parameters that `at` takes."""
+        return tuple(name for v in self.visualizations for name in v.variation.space.names)
+
+    def _varied(self, parameters: Mapping[str, float]) -> tuple[Visualization, NDArray[np.float64]]:
+        """The variation that has all these parameters, and its values (V,)."""
+        for visualization in self.visualizations:
+            space = visualization.variation.space
+            if set(parameters) <= set(space.names):
+                return visualization, space.values(dict.fromkeys(space.names, 0.0) | dict(parameters))
+        raise ValueError(f"parameters {sorted(parameters)} belong to different variations: set those of one")
 
     def to(self, device: str | torch.device) -> Surrogate:
         """The same on another device, which draws it: "cuda" needs the extra `[cuda]`, and then draws by gsplat."""
         moved, rasterizer = torch.device(device), replace(self.rasterizer, backend=AUTO)
         gaussians, deformation = self.gaussians.to(moved), self.deformation.to(moved)
-        return replace(self, gaussians=gaussians, deformation=deformation, rasterizer=rasterizer)
+        visualizations = tuple(v.to(moved) for v in self.visualizations)
+        return replace(
+            self,
+            gaussians=gaussians,
+            deformation=deformation,
+            rasterizer=rasterizer,
+            visualizations=visualizations,
+        )
 
     @property
     def megabytes(self) -> float:
@@ -151,6 +207,7 @@ class Surrogate:
             "rasterizer": self.rasterizer.to_json(),
             "background": self.background,
             "training": dict(self.training),
+            "visualizations": [v.record() for v in self.visualizations],
         }
         durable.replace(directory / RECORD, json.dumps(record, indent=1).encode())
 
@@ -180,7 +237,9 @@ class Surrogate:
     def _of(
         cls, record: Mapping[str, Any], tensors: Mapping[str, torch.Tensor], encodings: Mapping[str, Encoding]
     ) -> Surrogate:
-        parts: dict[str, dict[str, torch.Tensor]] = {"gaussians": {}, "deformation": {}}
+        records = record.get("visualizations", [])
+        names = ("gaussians", "deformation", *(f"visualization{i}" for i in range(len(records))))
+        parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in names}
         for name, tensor in tensors.items():
             part, key = name.split(".", 1)
             parts[part][key] = tensor
@@ -194,12 +253,17 @@ class Surrogate:
             background=None if background is None else tuple(background),
             training=record["training"],
             encodings=encodings,
+            visualizations=tuple(
+                Visualization.load(parts[f"visualization{i}"], form) for i, form in enumerate(records)
+            ),
         )
 
     def _stored(self) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
         """The tensors of the file, and the format of each that is encoded, by name."""
         tensors = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
         tensors |= {f"deformation.{name}": tensor for name, tensor in self.deformation.stored().items()}
+        for i, visualization in enumerate(self.visualizations):
+            tensors |= {f"visualization{i}.{name}": tensor for name, tensor in visualization.stored().items()}
         found, forms = dict[str, torch.Tensor](), dict[str, str]()
         for name, tensor in tensors.items():
             encoding = self.encodings.get(name)
@@ -210,11 +274,15 @@ class Surrogate:
                 found[name] = tensor
         return found, forms
 
+    def _following(self) -> str:
+        kinds = [v.variation.kind.replace("_", " ") for v in self.visualizations]
+        return f"any {' and '.join(kinds)}, " if kinds else ""
+
     def __repr__(self) -> str:
         bounds = ", ".join(f"{p.name} {p.low:g}..{p.high:g} {p.unit}".strip() for p in self.space.parameters)
         return (
             f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
-            f"{self.deformation.kind} deformation, {self.megabytes:.1f} MB>"
+            f"{self.deformation.kind} deformation, {self._following()}{self.megabytes:.1f} MB>"
         )
 
 

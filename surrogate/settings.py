@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import typing
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 ColorDegree = Literal["auto", 0, 1]
 Device = Literal["auto", "cpu", "cuda"]
-Initialization = Literal["auto", "in-situ", "random"]
+Initialization = Literal["auto", "in-situ", "hull", "sfm", "random"]
+DeformationKind = Literal["bilinear", "paper"]
+VisualizationKind = Literal["auto", "bilinear", "paper", "values"]
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,9 @@ class TrainingSettings:
     seed : seeds everything that is drawn at random.
     appearance : which of the catalog's appearances is learnt; "" means the first.
     gaussians : how many Gaussians, constant through training (dead ones are relocated).
-    initialization : "in-situ" places them on the points that the hook sampled by opacity, "random" uniformly in the
-        box, "auto" takes the points where the catalog has them.
+    initialization : "in-situ" places them on the points that the hook sampled by opacity, "hull" in the visual hull of the
+        member nearest to the parameters' mean, "sfm" on its structure from motion (the extra `[sfm]`), "random" uniformly in
+        the box; "auto" takes in-situ points where the catalog has them, else "random".
     initial_opacity, initial_scale : opacity of a fresh Gaussian, and its standard deviation in units of the mean
         distance between Gaussians spread evenly through the box.
     color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading); "auto" lets
@@ -38,6 +41,13 @@ class TrainingSettings:
     latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
         that embeds the parameters.
     latent_spread : standard deviation of the latent vectors at the start of stage 2.
+    deformation : the design of F_sim, of `surrogate.deformation.KINDS`.
+    visualization_steps : length of stage 3, per variation of the appearance that the catalog has.
+    visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns isovalues ("bilinear").
+    visualization_latent_size, visualization_hidden_width : as those above, of F_vis.
+    visualization_color_degree : as `color_degree`, of the Gaussians that F_vis shows; "auto" lets validation images decide.
+    simulation_rate_factor : what F_sim's rates are multiplied by where it is tuned along with F_vis.
+    value_bins, value_rate : how many field values every Gaussian has weights of ("values"), and Adam's rate for those.
     mean_rate ... color_rate : of the canonical Gaussians.  latent_rate, embedding_rate : of the deformation.
     canonical_rate_factor : what stage 2 multiplies the canonical rates by.
     final_rate_factor : what all rates have decayed to, exponentially, at the end of a stage.
@@ -72,6 +82,16 @@ class TrainingSettings:
     latent_size: int = 16
     hidden_width: int = 64
     latent_spread: float = 0.25
+    deformation: DeformationKind = "bilinear"
+
+    visualization_steps: int = 10_000
+    visualization_deformation: VisualizationKind = "auto"
+    visualization_latent_size: int = 16
+    visualization_hidden_width: int = 64
+    visualization_color_degree: ColorDegree = "auto"
+    simulation_rate_factor: float = 0.1
+    value_bins: int = 32
+    value_rate: float = 5e-3
 
     mean_rate: float = 3e-3
     log_scale_rate: float = 6e-3
@@ -109,10 +129,25 @@ class TrainingSettings:
     checkpoint_seconds: float = 30.0
 
     def __post_init__(self) -> None:
-        for name in ("gaussians", "canonical_steps", "latent_size", "hidden_width"):
+        for name in (
+            "gaussians",
+            "canonical_steps",
+            "latent_size",
+            "hidden_width",
+            "visualization_latent_size",
+            "visualization_hidden_width",
+        ):
             _require(getattr(self, name) >= 1, self, name, "at least 1")
-        for name in ("seed", "deformation_steps", "relocation_interval", "validation_interval", "validation_images"):
+        for name in (
+            "seed",
+            "deformation_steps",
+            "visualization_steps",
+            "relocation_interval",
+            "validation_interval",
+            "validation_images",
+        ):
             _require(getattr(self, name) >= 0, self, name, "at least 0")
+        _require(self.value_bins >= 2, self, "value_bins", "at least 2")
         for name in ("initial_opacity", "dead_opacity"):
             _require(0 < getattr(self, name) < 1, self, name, "between 0 and 1")
         for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor", "recovery_fraction"):
@@ -121,7 +156,8 @@ class TrainingSettings:
             positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
             _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
         _require(self.alpha_floor < self.alpha_cap < 1, self, "alpha_cap", "above alpha_floor and below 1")
-        _require(self.color_degree in typing.get_args(ColorDegree), self, "color_degree", '"auto", 0 or 1')
+        for name in ("color_degree", "visualization_color_degree"):
+            _require(getattr(self, name) in typing.get_args(ColorDegree), self, name, '"auto", 0 or 1')
         for name in ("dilation", "need_tolerance"):
             _require(getattr(self, name) >= 0, self, name, "at least 0")
 
@@ -136,6 +172,10 @@ class TrainingSettings:
         if unknown:
             raise ValueError(f"training: unknown keys {unknown}; known are {sorted(types)}")
         return cls(**{name: _typed(name, value, types[name]) for name, value in table.items()})
+
+    def for_visualization(self) -> TrainingSettings:
+        """The same with F_vis's sizes where F_sim's stand."""
+        return replace(self, latent_size=self.visualization_latent_size, hidden_width=self.visualization_hidden_width)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values that `from_table` turns back into the same settings."""

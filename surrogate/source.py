@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from catalogs.catalog import Catalog
+from catalogs.variations import Variation
 from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialize import Points, initial_gaussians, initial_points
@@ -27,34 +28,56 @@ class Source:
     catalog: Catalog
     appearance: str = field(init=False)
     normalization: Normalization = field(init=False)
-    points: Points | None = field(init=False)
 
     def __post_init__(self) -> None:
         names = [a.name for a in self.catalog.plan.appearances]
         appearance = self.settings.appearance or names[0]
         if appearance not in names:
             raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
-        training_rows(self.catalog)
+        training_rows(self.catalog, [appearance])
         normalization = Normalization.of_box(self.catalog.plan.bounds)
         object.__setattr__(self, "appearance", appearance)
         object.__setattr__(self, "normalization", normalization)
-        points = initial_points(self.settings, self.catalog, appearance, normalization)
-        object.__setattr__(self, "points", points)
+        if self.settings.initialization == "in-situ":
+            _ = self.points  # says at once where the catalog has none
 
     def data(self) -> TrainingData:
         """All images that training needs, decoded."""
-        learn, watch = training_rows(self.catalog), validation_rows(self.catalog, self.settings.validation_images)
+        shown = [self.appearance]
+        learn = training_rows(self.catalog, shown)
+        watch = validation_rows(self.catalog, shown, self.settings.validation_images)
         return TrainingData(
-            load_examples(self.catalog, self.appearance, learn, self.normalization),
-            load_examples(self.catalog, self.appearance, watch, self.normalization),
+            load_examples(self.catalog, learn, self.normalization),
+            load_examples(self.catalog, watch, self.normalization),
+            self.catalog.plan.background,
+        )
+
+    @property
+    def variations(self) -> tuple[Variation, ...]:
+        """Those of the appearance that is learnt, where they are learnt too."""
+        kept = self.catalog.plan.variations if self.settings.visualization_steps else ()
+        return tuple(v for v in kept if v.base == self.appearance)
+
+    def varied_data(self, variation: Variation) -> TrainingData:
+        """All images of a variation, the base left out, decoded."""
+        shown = [setting.appearance for setting in variation.settings]
+        learn, watch = training_rows(self.catalog, shown), validation_rows(self.catalog, shown, JUDGES)
+        return TrainingData(
+            load_examples(self.catalog, learn, self.normalization, variation),
+            load_examples(self.catalog, watch, self.normalization, variation),
             self.catalog.plan.background,
         )
 
     @cached_property
     def judges(self) -> list[Example]:
         """The validation images that choices about the model are made on."""
-        watch = validation_rows(self.catalog, JUDGES)
-        return load_examples(self.catalog, self.appearance, watch, self.normalization)
+        watch = validation_rows(self.catalog, [self.appearance], JUDGES)
+        return load_examples(self.catalog, watch, self.normalization)
+
+    @cached_property
+    def points(self) -> Points | None:
+        """What Gaussians start on; None: anywhere in the box."""
+        return initial_points(self.settings, self.catalog, self.appearance, self.normalization)
 
     def initial_gaussians(self, data: TrainingData) -> Gaussians:
         """What stage 1 starts from."""

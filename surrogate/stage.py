@@ -16,12 +16,13 @@ class Stage:
 
     Attributes
     ----------
-    name : "canonical" or "deformation".
+    name : "canonical", "deformation", or the kind of a variation.
     steps : its length.
     tensors : the leaf tensors that are optimized, by name; those of the Gaussians under the names in `Gaussians`.
     rates : Adam's rate per tensor at the stage's start.
     per_gaussian : which of them have a row per Gaussian.
     gaussians_at : the Gaussians at normalized parameters (P,), differentiable in `tensors`.
+    relocates : whether dead Gaussians may move; all rows of `per_gaussian` are among `tensors` then.
     """
 
     name: str
@@ -30,3 +31,4 @@ class Stage:
     rates: Mapping[str, float]
     per_gaussian: frozenset[str]
     gaussians_at: Callable[[Tensor], Gaussians]
+    relocates: bool = True

@@ -40,8 +40,9 @@ class StageRun:
         self.stage, self.settings, self.data = stage, settings, data
         self.step = 0
         self._adam = Adam(stage.tensors, stage.rates)
-        means = stage.tensors["means"]
-        self._peaks = means.new_zeros(len(means), requires_grad=False)  # [N], decayed maximum of the deformed opacities
+        first = next(iter(stage.tensors.values()))
+        count = len(stage.tensors["means"]) if stage.relocates else 0
+        self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
         self._order = ShuffledEpochs(len(data.examples), settings.seed)
         self._rasterizer = Rasterizer.of(settings)
         self._behind = WHITE if data.background is None else data.background
@@ -55,12 +56,13 @@ class StageRun:
         loss = image_loss(picture, target, ssim_weight=settings.ssim_weight)
         loss.backward()
         self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
-        with torch.no_grad():
-            self._peaks.mul_(settings.peak_decay)
-            torch.maximum(self._peaks, gaussians.opacities(), out=self._peaks)
-            self.step += 1
-            if self._relocation_due():
-                self._relocate()
+        self.step += 1
+        if self.stage.relocates:
+            with torch.no_grad():
+                self._peaks.mul_(settings.peak_decay)
+                torch.maximum(self._peaks, gaussians.opacities(), out=self._peaks)
+                if self._relocation_due():
+                    self._relocate()
         return float(loss.detach())
 
     def validate(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Training from a catalog: stages 1 and 2, checkpointed so that it can be stopped at any moment.
+"""Training from a catalog: stages 1, 2 and 3, checkpointed so that it can be stopped at any moment.
 
 A run that was killed and taken up again ends bit for bit where an undisturbed one does (on the same machine): every
 random choice is a function of the seed and the step, a checkpoint holds everything else, the kernels give the same result
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,16 +21,20 @@ from torch import Tensor
 
 from catalogs.catalog import Catalog
 from surrogate.canonical import canonical_stage
-from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
+from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked, part_of
 from surrogate.deformation import KINDS, load_deformation
 from surrogate.device import chosen
 from surrogate.gaussians import Gaussians
 from surrogate.interruption import Interruption
 from surrogate.model import Surrogate
-from surrogate.needs import NEEDS, Needs, choose_color_degree, fit_to_need
+from surrogate.needs import NEEDS, VARIED_NEEDS, Need, Needs, choose_color_degree, fit_to_need
 from surrogate.needs.color_degree import ASKED_AFTER
 from surrogate.needs.color_degree import NAME as COLOR_DEGREE
 from surrogate.needs.fitted import Bench, Fitted
+from surrogate.needs.fitting import precision
+from surrogate.needs.precision import precision_of_visualization
+from surrogate.needs.visualized_color_degree import NAME as VISUALIZED_COLOR_DEGREE
+from surrogate.needs.visualized_color_degree import choose_visualized_color_degree
 from surrogate.progress import ProgressReport, TrainingProgress
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -39,6 +43,9 @@ from surrogate.source import Source
 from surrogate.stage import Stage
 from surrogate.stage_run import StageRun, TrainingData
 from surrogate.threads import one_torch_thread
+from surrogate.varying import Varying
+from surrogate.visualization import Visualization
+from surrogate.visualize import new_visualization, visualization_stage
 
 REPORT_SECONDS = 0.5
 NEEDS_STAGE = "needs"
@@ -90,26 +97,32 @@ class _Run:
         self._losses: list[float] = []  # since the last point of the curve
         self._choices: list[dict[str, Any]] = []
         self._color_degree: int | None = None  # once it is chosen
+        self._carried: dict[str, Tensor] = {}
+        self._carried_record: dict[str, Any] = {}
         self._seconds_before, self._started = 0.0, time.perf_counter()
         self._recent: deque[tuple[float, int]] = deque(maxlen=20)  # (time, step) of the last reports
         self._saved = self._reported = time.perf_counter()
 
     def finish(self, checkpoint: Checkpoint | None) -> Surrogate:
         """Run whatever is left of the stages."""
-        steps = self._settings.canonical_steps + self._settings.deformation_steps
-        self._progress(TrainingProgress("loading", 0, steps))
+        self._progress(TrainingProgress("loading", 0, self._steps))
         data = self._source.data()
         if checkpoint is not None:
             self._curve, self._losses = list(checkpoint.record["curve"]), list(checkpoint.record["losses"])
             self._seconds_before = float(checkpoint.record["seconds"])
             self._choices, self._color_degree = list(checkpoint.record["choices"]), checkpoint.record["color_degree"]
         with Interruption() as interruption:
-            if checkpoint is None or checkpoint.record["stage"] != NEEDS_STAGE:
+            if checkpoint is None or checkpoint.record["stage"] in ("canonical", "deformation"):
                 needs = Needs(self._fit(data, checkpoint, interruption))
             else:
                 needs = _restored(checkpoint)
                 needs = replace(needs, fitted=needs.fitted.to(chosen(self._settings.device)))
-            return self._surrogate(self._need(needs, data, interruption))
+            if not self._source.variations:
+                return self._surrogate(self._need(needs, data, interruption))
+            if needs.done < len(VARIED_NEEDS):
+                needs, checkpoint = self._need(needs, data, interruption, VARIED_NEEDS), None
+            learnt = self._vary(needs.fitted, checkpoint, interruption)
+            return self._surrogate(*self._stored_in_fewer_bits(needs, learnt, data))
 
     def _fit(self, data: TrainingData, checkpoint: Checkpoint | None, interruption: Interruption) -> Fitted:
         """Stages 1 and 2."""
@@ -119,7 +132,9 @@ class _Run:
             run = _resumed(canonical_stage(gaussians, settings), settings, data, checkpoint)
             self._run(run, 0, settings.canonical_steps, interruption)
             checkpoint = None
-        deformation = KINDS["bilinear"].create(gaussians, len(self._source.catalog.plan.space), settings).to(device)
+        deformation = (
+            KINDS[settings.deformation].create(gaussians, len(self._source.catalog.plan.space), settings).to(device)
+        )
         degree = self._color_degree or gaussians.color_degree
         fitted = Fitted(gaussians.copy().with_color_degree(degree), deformation)
         run = _resumed(simulation_stage(*fitted, settings), settings, data, checkpoint)
@@ -146,23 +161,94 @@ class _Run:
     def _bench(self, data: TrainingData) -> Bench:
         return Bench(self._settings, replace(data, validation=self._source.judges))
 
-    def _need(self, needs: Needs, data: TrainingData, interruption: Interruption) -> Needs:
+    def _need(
+        self,
+        needs: Needs,
+        data: TrainingData,
+        interruption: Interruption,
+        choices: Sequence[Need] = NEEDS,
+    ) -> Needs:
         """What follows stage 2; a checkpoint after each choice, which is made again where it was interrupted."""
         if not (self._settings.fit_to_need and data.validation):
             return needs
         bench = self._bench(data)
-        while needs.done < len(NEEDS):
-            self._progress(TrainingProgress(NEEDS_STAGE, needs.done, len(NEEDS), psnr=self._curve[-1]["psnr"]))
-            _needs_checkpoint(needs, self._record(NEEDS_STAGE, needs.done)).save(self._directory)
+        while needs.done < len(choices):
+            self._progress(TrainingProgress(NEEDS_STAGE, needs.done, len(choices), psnr=self._curve[-1]["psnr"]))
+            self._carry(needs)
+            self._saved_state(NEEDS_STAGE, needs.done, {}).save(self._directory)
             interruption.act()
-            needs, choice = fit_to_need(needs, bench)
+            needs, choice = fit_to_need(needs, bench, choices)
             self._choices.append(choice.to_json())
         return needs
 
+    def _vary(
+        self, fitted: Fitted, checkpoint: Checkpoint | None, interruption: Interruption
+    ) -> list[tuple[Visualization, TrainingData]]:
+        """Stage 3: every variation of the appearance, one after the other."""
+        state = Varying.restored(checkpoint)
+        before = self._settings.canonical_steps + self._settings.deformation_steps
+        learnt = []
+        for number, variation in enumerate(self._source.variations):
+            data = self._source.varied_data(variation)
+            if number < len(state.finished):
+                learnt.append((state.finished[number], data))
+            else:
+                if state.color_degree is None:
+                    self._announce(VISUALIZED_COLOR_DEGREE, before)
+                    degree, choice = choose_visualized_color_degree(fitted, variation, self._source, data)
+                    self._choices += [] if choice is None else [choice.to_json()]
+                    state, checkpoint = replace(state, color_degree=degree), None
+                plan, settings = self._source.catalog.plan, self._settings
+                visualization = new_visualization(*fitted, variation, plan, settings, state.color_degree or 0)
+                stage = visualization_stage(*fitted, visualization, settings)
+                self._carry(Needs(fitted, len(VARIED_NEEDS)), state)
+                run = _resumed(stage, settings, data, checkpoint)
+                self._run(run, before, settings.visualization_steps, interruption)
+                state, checkpoint = Varying((*state.finished, visualization.copy())), None
+                learnt.append((state.finished[-1], data))
+            before += self._settings.visualization_steps
+        return learnt
+
+    def _stored_in_fewer_bits(
+        self, needs: Needs, learnt: Sequence[tuple[Visualization, TrainingData]], data: TrainingData
+    ) -> tuple[Needs, tuple[Visualization, ...]]:
+        """The last choice, for all parts of the model."""
+        found = []
+        if self._settings.fit_to_need and data.validation:
+            needs, choice = fit_to_need(needs, self._bench(data), (*VARIED_NEEDS, precision))
+            self._choices.append(choice.to_json())
+        for number, (visualization, varied) in enumerate(learnt):
+            visualization = visualization.to(torch.device("cpu"))
+            if self._settings.fit_to_need and varied.validation:
+                bench = Bench(self._settings, varied)
+                visualization, encodings, choice = precision_of_visualization(visualization, needs.fitted, bench)
+                named = {f"visualization{number}.{name}": encoding for name, encoding in encodings.items()}
+                needs = replace(needs, encodings={**needs.encodings, **named})
+                self._choices.append(choice.to_json())
+            found.append(visualization)
+        return needs, tuple(found)
+
+    def _carry(self, needs: Needs, varying: Varying | None = None) -> None:
+        """What the next checkpoints must hold besides the tensors that are trained."""
+        deformation = needs.fitted.deformation
+        self._carried = {f"fitted.{name}": tensor for name, tensor in needs.fitted.tensors().items()}
+        self._carried_record = {
+            "deformation": {"kind": deformation.kind, **deformation.record()},
+            "needs": needs.done,
+        }
+        if varying is not None:
+            self._carried |= varying.tensors()
+            self._carried_record |= {"varying": varying.record()}
+
     def _announce(self, stage: str, step: int) -> None:
         psnr = self._curve[-1]["psnr"] if self._curve else None
-        steps = self._settings.canonical_steps + self._settings.deformation_steps
-        self._progress(TrainingProgress(stage, step, steps, psnr=psnr))
+        self._progress(TrainingProgress(stage, step, self._steps, psnr=psnr))
+
+    @property
+    def _steps(self) -> int:
+        """Of all stages."""
+        stage_3 = len(self._source.variations) * self._settings.visualization_steps
+        return self._settings.canonical_steps + self._settings.deformation_steps + stage_3
 
     def _run(self, run: StageRun, before: int, until: int, interruption: Interruption) -> None:
         """Take a stage up to its step `until`; `before` is how many steps the stages before it had."""
@@ -192,7 +278,11 @@ class _Run:
         self._losses = []
 
     def _checkpoint(self, run: StageRun) -> Checkpoint:
-        return Checkpoint(run.tensors(), self._record(run.stage.name, run.step))
+        return self._saved_state(run.stage.name, run.step, run.tensors())
+
+    def _saved_state(self, stage: str, step: int, tensors: Mapping[str, Tensor]) -> Checkpoint:
+        of_run = {f"run.{name}": tensor for name, tensor in tensors.items()}
+        return Checkpoint({**self._carried, **of_run}, {**self._record(stage, step), **self._carried_record})
 
     def _record(self, stage: str, step: int) -> dict[str, Any]:
         return {
@@ -212,7 +302,7 @@ class _Run:
             return
         self._reported = now
         self._recent.append((now, done))
-        (then, first), steps = self._recent[0], self._settings.canonical_steps + self._settings.deformation_steps
+        (then, first), steps = self._recent[0], self._steps
         rate = (done - first) / (now - then) if now > then else 0.0
         losses = self._losses[-200:]
         self._progress(
@@ -230,7 +320,7 @@ class _Run:
     def _seconds(self) -> float:
         return self._seconds_before + time.perf_counter() - self._started
 
-    def _surrogate(self, needs: Needs) -> Surrogate:
+    def _surrogate(self, needs: Needs, visualizations: tuple[Visualization, ...] = ()) -> Surrogate:
         plan, fitted = self._source.catalog.plan, needs.fitted.to(torch.device("cpu"))
         return Surrogate(
             gaussians=fitted.gaussians,
@@ -243,12 +333,13 @@ class _Run:
                 "fingerprint": self._mark,
                 "appearance": self._source.appearance,
                 "seconds": self._seconds(),
-                "steps": self._settings.canonical_steps + self._settings.deformation_steps,
+                "steps": self._steps,
                 "settings": self._settings.to_json(),
                 "curve": self._curve,
                 "choices": self._choices,
             },
             encodings=needs.encodings,
+            visualizations=visualizations,
         )
 
 
@@ -256,7 +347,7 @@ def _resumed(stage: Stage, settings: TrainingSettings, data: TrainingData, check
     """The stage's run from its start, or from where the checkpoint was taken."""
     run = StageRun(stage, settings, data)
     if checkpoint is not None:
-        run.restore(dict(checkpoint.tensors), int(checkpoint.record["step"]))
+        run.restore(part_of(checkpoint.tensors, "run"), int(checkpoint.record["step"]))
     return run
 
 
@@ -268,20 +359,11 @@ def _widened(tensors: Mapping[str, Tensor], like: Mapping[str, Tensor]) -> dict[
     }
 
 
-def _needs_checkpoint(needs: Needs, record: Mapping[str, Any]) -> Checkpoint:
-    deformation = needs.fitted.deformation
-    of_deformation = {"kind": deformation.kind, **deformation.record()}
-    return Checkpoint(needs.fitted.tensors(), {**record, "deformation": of_deformation})
-
-
 def _restored(checkpoint: Checkpoint) -> Needs:
-    parts: dict[str, dict[str, Tensor]] = {"gaussians": {}, "deformation": {}}
-    for name, tensor in checkpoint.tensors.items():
-        part, key = name.split(".", 1)
-        parts[part][key] = tensor
-    record = checkpoint.record["deformation"]
-    deformation = load_deformation(record["kind"], parts["deformation"], record)
-    return Needs(Fitted(Gaussians(**parts["gaussians"]), deformation), int(checkpoint.record["step"]))
+    tensors, record = part_of(checkpoint.tensors, "fitted"), checkpoint.record["deformation"]
+    deformation = load_deformation(record["kind"], part_of(tensors, "deformation"), record)
+    gaussians = Gaussians(**part_of(tensors, "gaussians"))
+    return Needs(Fitted(gaussians, deformation), int(checkpoint.record["needs"]))
 
 
 def _check_mark(found: str | None, mark: str, directory: Path) -> None:

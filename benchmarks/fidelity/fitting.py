@@ -51,8 +51,7 @@ class Subject:
         examples = {
             split: load_examples(
                 catalog,
-                appearance,
-                [ImageRow(member, view) for view, kept in enumerate(member.view_splits) if kept == split],
+                [ImageRow(member, view, appearance) for view, kept in enumerate(member.view_splits) if kept == split],
                 normalization,
             )
             for split in ("train", "validation", "test")

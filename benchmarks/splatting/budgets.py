@@ -29,7 +29,7 @@ REPEATS = 3
 def budgets(setup: Setup, trained: Trained) -> str:
     """Time and error by the part of the Gaussians that is drawn, and the plot."""
     few = 20 if setup.quick else 1
-    learned = training_rows(trained.catalog)
+    learned = training_rows(trained.catalog, [str(trained.model.training["appearance"])])
     setup.say(f"{trained.name}: the importance of each Gaussian")
     weights = _importance(trained, learned[:: max(1, len(learned) * few // WEIGHED)])
     rows = trained.validation(JUDGED // few)
@@ -73,7 +73,7 @@ def budgets(setup: Setup, trained: Trained) -> str:
 def _importance(trained: Trained, rows: Sequence[ImageRow]) -> Tensor:
     """What each Gaussian of the model contributes to the images of `rows`, (N,)."""
     model = trained.model
-    examples = load_examples(trained.catalog, str(model.training["appearance"]), rows, model.normalization)
+    examples = load_examples(trained.catalog, rows, model.normalization)
     return importance(lambda p: model.deformation.deformed(model.gaussians, p), examples, model.rasterizer)
 
 

@@ -130,7 +130,7 @@ class Trained:
 
     def validation(self, count: int) -> list[ImageRow]:
         """That many images that choices are made on, spread evenly."""
-        return validation_rows(self.catalog, count)
+        return validation_rows(self.catalog, self.catalog.appearance_names[:1], count)
 
     def view(self) -> View:
         """The model as one validation image shows it."""

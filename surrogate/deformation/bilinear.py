@@ -39,15 +39,24 @@ class BilinearDeformation:
     weights_out: Tensor  # [L * C, hidden]
     biases_out: Tensor  # [L * C]
     units: Tensor  # [C]
+    anchored: int = 0  # so many of the last parameters: where they are zero, nothing moves
 
     kind: ClassVar[str] = "bilinear"
     per_gaussian: ClassVar[frozenset[str]] = frozenset({"latents"})
 
     @classmethod
-    def create(cls, gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> BilinearDeformation:
+    def create(
+        cls,
+        gaussians: Gaussians,
+        parameters: int,
+        settings: TrainingSettings,
+        *,
+        anchored: int = 0,
+        color_columns: int = 3,
+    ) -> BilinearDeformation:
         """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero."""
         count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
-        units = _units(settings)  # [C]
+        units = _units(settings, color_columns)  # [C]
         random = generator(settings.seed, "latents")
         bound = 1.0 / math.sqrt(max(parameters, 1))
         return cls(
@@ -57,6 +66,7 @@ class BilinearDeformation:
             weights_out=torch.zeros(latent * len(units), hidden),
             biases_out=torch.zeros(latent * len(units)),
             units=units,
+            anchored=anchored,
         )
 
     @classmethod
@@ -67,7 +77,7 @@ class BilinearDeformation:
             name: _spread(tensors[name], units != 0.0, tensors["latents"].shape[1])
             for name in ("weights_out", "biases_out")
         }
-        return cls(**{**tensors, **whole}, units=units)
+        return cls(**{**tensors, **whole}, units=units, anchored=int(record.get("anchored", 0)))
 
     def embedding(self, parameters: Tensor) -> Tensor:
         """The modes (L, C) at normalized `parameters` (P,)."""
@@ -76,7 +86,12 @@ class BilinearDeformation:
     def _modes(self, parameters: Tensor) -> Tensor:
         given = parameters.to(self.weights_in.device)  # [P]
         hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, given))  # [hidden]
-        flat = torch.addmv(self.biases_out, self.weights_out, hidden)  # [L * C]
+        if self.anchored:
+            at_anchor = torch.cat([given[: -self.anchored], torch.zeros_like(given[-self.anchored :])])  # [P]
+            still = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, at_anchor))  # [hidden]
+            flat = torch.mv(self.weights_out, hidden - still)  # [L * C]
+        else:
+            flat = torch.addmv(self.biases_out, self.weights_out, hidden)  # [L * C]
         return flat.view(self.latents.shape[1], len(self.units))
 
     def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
@@ -114,13 +129,13 @@ class BilinearDeformation:
 
     def to(self, device: torch.device) -> BilinearDeformation:
         """The same on another device."""
-        return replace(
-            self, units=self.units.to(device), **{name: tensor.to(device) for name, tensor in self.tensors().items()}
-        )
+        moved: dict[str, Any] = {name: tensor.to(device) for name, tensor in self.tensors().items()}
+        return replace(self, units=self.units.to(device), **moved)
 
     def copy(self) -> BilinearDeformation:
         """The same numbers in tensors of their own."""
-        return replace(self, **{name: tensor.detach().clone() for name, tensor in self.tensors().items()})
+        own: dict[str, Any] = {name: tensor.detach().clone() for name, tensor in self.tensors().items()}
+        return replace(self, **own)
 
     @property
     def latent_size(self) -> int:
@@ -180,7 +195,7 @@ class BilinearDeformation:
 
     def record(self) -> dict[str, Any]:
         """The offset units (C,), which are not trained; zero for what holds still."""
-        return {"units": self.units.tolist()}
+        return {"units": self.units.tolist()} | ({"anchored": self.anchored} if self.anchored else {})
 
     def _columns(self, attribute: str) -> slice:
         start = _FIRST_COLUMNS[attribute]
@@ -208,14 +223,14 @@ class _AddProducts(torch.autograd.Function):
         return torch.from_numpy(by_latents), torch.from_numpy(by_modes), *gradients
 
 
-def _units(settings: TrainingSettings) -> Tensor:
-    """The size of one unit of each of a Gaussian's C parameters that may move, (C,): all but how colours depend on direction."""
+def _units(settings: TrainingSettings, color_columns: int) -> Tensor:
+    """The size of one unit of each of a Gaussian's C parameters that may move, (C,), `color_columns` of them of its colour."""
     return torch.tensor(
         [settings.mean_offset] * 3
         + [settings.log_scale_offset] * 3
         + [settings.quat_offset] * 4
         + [settings.opacity_offset]
-        + [settings.color_offset] * 3
+        + [settings.color_offset] * color_columns
     )
 
 

@@ -42,15 +42,11 @@ class Offsets:
 class Deformation(Protocol):
     """Offsets as a differentiable function of the canonical Gaussians and the normalized parameters.
 
-    An implementation joins `surrogate.deformation.KINDS` under its `kind`.
+    An implementation joins `surrogate.deformation.READABLE` under its `kind`, and `KINDS` if it is learnt from nothing.
     """
 
     kind: ClassVar[str]
     per_gaussian: ClassVar[frozenset[str]]  # the names in `tensors` that have one row per Gaussian
-
-    @classmethod
-    def create(cls, gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> Deformation:
-        """A deformation by `parameters` many parameters that still moves nothing."""
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Deformation:
@@ -95,3 +91,22 @@ class Deformation(Protocol):
 
     def record(self) -> dict[str, Any]:
         """JSON values that `load` needs beside the tensors."""
+
+
+class LearntDeformation(Deformation, Protocol):
+    """A deformation that any parameters can be learnt with."""
+
+    @classmethod
+    def create(
+        cls,
+        gaussians: Gaussians,
+        parameters: int,
+        settings: TrainingSettings,
+        *,
+        anchored: int = 0,
+        color_columns: int = 3,
+    ) -> Deformation:
+        """A deformation by `parameters` many parameters that still moves nothing.
+
+        Where the last `anchored` parameters are zero it will never move anything.  `color_columns` of the colours may move.
+        """

@@ -6,7 +6,18 @@ and says what it measured (`Choice`).
 
 from surrogate.needs.choice import Choice, Measured, Option
 from surrogate.needs.color_degree import choose_color_degree
-from surrogate.needs.fitting import NEEDS, Needs, fit_to_need
+from surrogate.needs.fitting import NEEDS, VARIED_NEEDS, Need, Needs, fit_to_need
 from surrogate.needs.importance import importance
 
-__all__ = ["NEEDS", "Choice", "Measured", "Needs", "Option", "choose_color_degree", "fit_to_need", "importance"]
+__all__ = [
+    "NEEDS",
+    "VARIED_NEEDS",
+    "Choice",
+    "Measured",
+    "Need",
+    "Needs",
+    "Option",
+    "choose_color_degree",
+    "fit_to_need",
+    "importance",
+]

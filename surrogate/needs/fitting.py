@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from surrogate.encoding import Encoding
@@ -62,9 +62,11 @@ def precision(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
 
 Need = Callable[[Needs, Bench], tuple[Needs, Choice]]
 NEEDS: tuple[Need, ...] = (settle, attributes, modes, gaussians, precision)  # in this order
+# Where visualization parameters follow, no Gaussian is removed: one that the base does not show may be what others need.
+VARIED_NEEDS: tuple[Need, ...] = (settle, attributes, modes)
 
 
-def fit_to_need(needs: Needs, bench: Bench) -> tuple[Needs, Choice]:
-    """Make the next choice, on validation images; deterministic, so that it can be made again after an interruption."""
-    after, choice = NEEDS[needs.done](needs, bench)
+def fit_to_need(needs: Needs, bench: Bench, choices: Sequence[Need] = NEEDS) -> tuple[Needs, Choice]:
+    """Make the next of `choices`, on validation images; deterministic, so that it can be made again after an interruption."""
+    after, choice = choices[needs.done](needs, bench)
     return Needs(after.fitted, needs.done + 1, after.encodings), choice

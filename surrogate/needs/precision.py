@@ -10,6 +10,7 @@ from torch import Tensor
 from surrogate.encoding import FORMATS, Encoding, encode
 from surrogate.needs.choice import Choice, Option
 from surrogate.needs.fitted import Bench, Fitted
+from surrogate.visualization import Visualization
 
 NAME = "precision"
 
@@ -36,6 +37,31 @@ def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, En
     after = bench.measure(current, megabytes=megabytes)
     options.append(Option("as kept", after.psnr))
     return current, chosen, Choice(NAME, _said(by_size, chosen), options, before, after)
+
+
+def precision_of_visualization(
+    visualization: Visualization, fitted: Fitted, bench: Bench
+) -> tuple[Visualization, dict[str, Encoding], Choice]:
+    """The same for F_vis and its copy of F_sim, on validation images of the variation; `fitted` is stored already."""
+
+    def psnr(trial: Visualization) -> float:
+        return bench.psnr_of(lambda parameters: trial.gaussians_at(*fitted, parameters))
+
+    before = psnr(visualization)
+    options, chosen, current = [Option("all in float32", before)], dict[str, Encoding](), visualization
+    by_size = sorted(visualization.stored(), key=lambda name: (-visualization.stored()[name].numel(), name))
+    for name in by_size:
+        for form in FORMATS:
+            encoding = encode(visualization.stored()[name], form)
+            trial = Visualization.load(current.stored() | {name: encoding.decoded()}, current.record())
+            found = psnr(trial)
+            if found >= before - bench.tolerance:
+                current, chosen[name] = trial, encoding
+                break
+            options.append(Option(f"{name} in {form}", found))
+    options.append(Option("as kept", psnr(current)))
+    kind = visualization.variation.kind.replace("_", " ")
+    return current, chosen, Choice(f"{NAME}, {kind}", _said(by_size, chosen), options)
 
 
 def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -109,7 +109,7 @@ def _run(
     gaussians = _start()
     deformation = BilinearDeformation.create(gaussians, 1, settings)
     gaussians = Gaussians(*(change(t.double()).to(dtype) for t in gaussians.tensors().values()))
-    tensors = {name: change(t.double()).to(dtype) for name, t in deformation.tensors().items()}
+    tensors: dict[str, Any] = {name: change(t.double()).to(dtype) for name, t in deformation.tensors().items()}
     stage = simulation_stage(gaussians, BilinearDeformation(**tensors, units=deformation.units.to(dtype)), settings)
     adam, rasterizer = Adam(stage.tensors, stage.rates), Rasterizer(backend=backend)
     loss_of = image_loss_reference if dtype == torch.float64 else image_loss

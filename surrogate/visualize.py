@@ -1,0 +1,108 @@
+"""Stage 3, F_vis: the Gaussians of F_sim follow the visualization parameters; the canonical ones are frozen.
+
+A transfer function changes only opacities and colours, and F_sim is frozen with the canonical Gaussians, so that the base stays
+what it was, bit for bit.  Isovalues turn volumes into surfaces: everything moves, and a copy of F_sim is tuned along.
+"""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from catalogs.appearance import VolumeRendering
+from catalogs.plan import CatalogPlan
+from catalogs.variations import Variation
+from surrogate.deformation import KINDS, Deformation
+from surrogate.deformation.values import ValuesDeformation
+from surrogate.gaussians import NAMES, Gaussians
+from surrogate.settings import TrainingSettings
+from surrogate.stage import Stage
+from surrogate.visualization import Visualization
+
+FROZEN_BY_TRANSFER_FUNCTIONS = ("means", "log_scales", "quats")
+VISUALIZATION, SIMULATION = "visualization.", "simulation."
+
+
+def kind_of(variation: Variation, settings: TrainingSettings) -> str:
+    """Which F_vis a variation gets; raises ValueError where what was asked for can't be had."""
+    asked = settings.visualization_deformation
+    if asked == "auto":
+        return "values" if variation.kind == "transfer_function" else "bilinear"
+    if asked == "values" and variation.kind != "transfer_function":
+        raise ValueError(
+            f'training.visualization_deformation = "values" applies transfer functions, but this catalog varies the '
+            f"{variation.kind} of {variation.base}"
+        )
+    return asked
+
+
+def new_visualization(
+    gaussians: Gaussians,
+    simulation: Deformation,
+    variation: Variation,
+    plan: CatalogPlan,
+    settings: TrainingSettings,
+    color_degree: int = 0,
+) -> Visualization:
+    """An F_vis that does nothing yet.
+
+    Parameters
+    ----------
+    gaussians, simulation : the canonical ones and F_sim, as they are after stage 2.
+    plan : the catalog's, which knows the base appearance.
+    color_degree : of the Gaussians that it is to show.
+    """
+    kind, edits = kind_of(variation, settings), variation.kind == "transfer_function"
+    degree = max(color_degree, gaussians.color_degree)
+    if kind == "values":
+        base = next(a for a in plan.appearances if a.name == variation.base)
+        if not isinstance(base, VolumeRendering):
+            raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
+        steps = [parameter.high for parameter in variation.space.parameters]
+        applied = ValuesDeformation.create(gaussians, base.transfer_function, steps, settings)
+        return Visualization(variation, applied, None, degree)
+    wide = gaussians.with_color_degree(degree)
+    deformation = KINDS[kind].create(
+        wide,
+        len(plan.space) + len(variation.space),
+        settings.for_visualization(),
+        anchored=len(variation.space) if edits else 0,
+        color_columns=wide.colors.shape[1],
+    )
+    for attribute in FROZEN_BY_TRANSFER_FUNCTIONS if edits else ():
+        deformation = deformation.without(attribute)
+    return Visualization(variation, deformation, None if edits else simulation.copy(), degree)
+
+
+def visualization_stage(
+    gaussians: Gaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+) -> Stage:
+    """Optimize `visualization` in place: F_vis and, at a reduced rate, its own copy of F_sim where it has one."""
+    adjusted = settings.for_visualization()
+    of_vis, tuned = visualization.deformation, visualization.simulation
+    tensors = {VISUALIZATION + name: t for name, t in of_vis.tensors().items()}
+    rates = {VISUALIZATION + name: rate for name, rate in of_vis.rates(adjusted).items()}
+    if tuned is not None:
+        tensors |= {SIMULATION + name: t for name, t in tuned.tensors().items()}
+        rates |= {
+            SIMULATION + name: settings.simulation_rate_factor * rate for name, rate in tuned.rates(settings).items()
+        }
+    known: dict[tuple[float, ...], Gaussians] = {}
+
+    def gaussians_at(parameters: Tensor) -> Gaussians:
+        if tuned is not None:
+            return visualization.gaussians_at(gaussians, simulation, parameters)
+        alone = parameters[: -len(visualization.variation.space)]  # [P]
+        place = tuple(alone.tolist())
+        if place not in known:  # F_sim is frozen: a member's Gaussians are always the same
+            known[place] = visualization.simulated(gaussians, simulation, alone)
+        return of_vis.deformed(known[place], parameters)
+
+    return Stage(
+        name=visualization.variation.kind,
+        steps=settings.visualization_steps,
+        tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
+        rates=rates,
+        per_gaussian=frozenset(NAMES),
+        gaussians_at=gaussians_at,
+        relocates=False,
+    )
