@@ -29,7 +29,7 @@ from catalogs.cameras import Camera
 from catalogs.images import ImageError, read_image, write_image
 from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.parameters import SPLITS
-from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json
+from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json, shortened
 from catalogs.summary import FieldSummary
 
 __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
@@ -62,7 +62,7 @@ class MemberWriter:
         """
         plan = self._catalog.plan
         if appearance not in self.member.appearances:
-            raise CatalogError(f"no appearance {appearance!r}; the member has {list(self.member.appearances)}")
+            raise CatalogError(f"no appearance {appearance!r}; the member has {shortened(self.member.appearances)}")
         if not 0 <= view < len(self.member.cameras):
             raise CatalogError(f"view {view} does not exist: there are {len(self.member.cameras)}")
         camera = self.member.cameras[view]
@@ -157,7 +157,7 @@ class Catalog:
         views = sorted({len(m.cameras) for m in members}) or [len(self.plan.cameras)]
         return (
             f"Catalog {self.path}\n  parameters  {ranges}\n  members     {len(members)} ({counts})\n"
-            f"  appearances {_shortened(self.appearance_names)}\n  views       {'-'.join(map(str, views))}"
+            f"  appearances {shortened(self.appearance_names)}\n  views       {'-'.join(map(str, views))}"
         )
 
     @property
@@ -198,8 +198,8 @@ class Catalog:
         """A writer for a new member, to be used in a `with` block; of all appearances or, by name, of some.
 
         Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
-        that is no JSON, or cameras given twice or not at all; ValueError for wrong parameters (a value out of bounds only
-        warns, and is recorded).
+        that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value
+        out of bounds only warns, and is recorded).
         """
         if (cameras is None) == (not self.plan.cameras):
             raise CatalogError(
@@ -217,7 +217,7 @@ class Catalog:
             view_splits=self.plan.view_splits if view_splits is None else tuple(view_splits),
             path=durable.partial_name(folder / name),
             provenance=provenance or {},
-            appearances=known_appearances(appearances, self.plan),
+            appearances=known_appearances(appearances, self.plan.appearance_names),
         )
         self._refuse_duplicate(member)
         durable.remove_abandoned(folder)
@@ -232,9 +232,14 @@ class Catalog:
     def image(self, member: Member | str, appearance: str, view: int, *, dtype: str = "uint8") -> NDArray[Any]:
         """Premultiplied RGBA [H, W, 4], "uint8" or "float32"; opaque where the catalog has a background.
 
-        Raises ImageError naming the file when it is absent, damaged or of another size than its camera.
+        Raises ImageError naming the file when it is absent, damaged or of another size than its camera, CatalogError for an
+        appearance that the member does not show.
         """
         member = self.member(member) if isinstance(member, str) else member
+        if appearance not in member.appearances:
+            raise CatalogError(
+                f"member {member.name} of {self.path} does not show {appearance!r}; it shows {shortened(member.appearances)}"
+            )
         path = self.image_path(member, appearance, view)
         rgba = read_image(path, dtype=dtype)
         camera = member.cameras[view]
@@ -288,9 +293,17 @@ class Catalog:
         with durable.locked(self.path / LOCK):
             self._refuse_duplicate(member)
             self._clean_up()
+            if len(member.appearances) < len(self.plan.appearances):
+                self._raise_schema()
             with durable.staged(self.path / TABLE, self.table(also=member)):
                 durable.rename(member.path, target)
                 durable.sync(target.parent)
+
+    def _raise_schema(self) -> None:
+        """Let a catalog of schema 1, whose readers take every member to show all appearances, be of the present one."""
+        record = read_json(self.path / DESCRIPTION)
+        if record["schema"] < SCHEMA:
+            _write_description(self.path, {**record, "schema": SCHEMA})
 
     def _clean_up(self) -> None:
         durable.remove_abandoned(self.path)
@@ -306,10 +319,6 @@ class Catalog:
                 )
 
 
-def _shortened(names: Sequence[str], most: int = 12) -> str:
-    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
-
-
 def _write_empty(path: Path, plan: CatalogPlan) -> None:
     """Make the locked folder `path` a catalog without members; its description comes last and says that all is there."""
     table = cinema.format_rows([plan.header]).encode()
@@ -317,7 +326,10 @@ def _write_empty(path: Path, plan: CatalogPlan) -> None:
     durable.remove_abandoned(path)
     durable.make_folder(path / MEMBERS)
     durable.replace(path / TABLE, table)
-    record = {"schema": SCHEMA, **plan.to_json()}
+    _write_description(path, {"schema": SCHEMA, **plan.to_json()})
+
+
+def _write_description(path: Path, record: Mapping[str, Any]) -> None:
     durable.replace(path / DESCRIPTION, json.dumps(record, indent=1, allow_nan=False).encode())
 
 

@@ -15,7 +15,7 @@ from catalogs import cinema, durable
 from catalogs.appearance import Isosurface
 from catalogs.cameras import Camera, spherical_angles
 from catalogs.parameters import SPLITS
-from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
+from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json, shortened
 from catalogs.summary import FieldSummary
 from catalogs.variations import ISOVALUE, Setting
 
@@ -71,16 +71,18 @@ class Member:
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
 
 
-def known_appearances(names: Sequence[str] | None, plan: CatalogPlan) -> tuple[str, ...]:
-    """`names` in the plan's order, all of the plan's for None; raises CatalogError for unknown ones or none at all."""
+def known_appearances(names: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
+    """`names` in the order of the catalog's `known` ones, all for None; raises CatalogError for others or none at all."""
     if names is None:
-        return tuple(plan.appearance_names)
-    strange = sorted(set(names) - set(plan.appearance_names))
-    if strange or not names:
+        return tuple(known)
+    wanted = {names} if isinstance(names, str) else set(names)
+    strange = sorted(wanted - set(known))
+    if strange or not wanted:
         raise CatalogError(
-            f"a member needs appearances of the catalog's {plan.appearance_names[:8]}, got {strange or 'none'}"
+            f"a member needs appearances of the catalog's, which are {shortened(known, 8)}, "
+            f"got {shortened(strange, 8) or 'none'}"
         )
-    return tuple(name for name in plan.appearance_names if name in set(names))
+    return tuple(name for name in known if name in wanted)
 
 
 def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
@@ -142,7 +144,7 @@ def read_record(path: Path, plan: CatalogPlan) -> Member:
             view_splits=tuple(record["view_splits"]),
             path=path,
             provenance=record["provenance"],
-            appearances=known_appearances(record.get("appearances"), plan),
+            appearances=known_appearances(record.get("appearances"), plan.appearance_names),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ from catalogs.appearance import Appearance, Isosurface, appearance_from_json, ap
 from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
-from catalogs.variations import ISOVALUE, Setting, Variation
+from catalogs.variations import ISOVALUE, Setting, Variation, mismatches
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 KEPT_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz")  # what a member's folder holds beside images
@@ -63,7 +64,7 @@ class CatalogPlan:
             raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
         for problem in filter(None, map(name_problem, names)):
             raise CatalogError(f"an appearance can't be called so: {problem}")
-        _check_variations(self.variations, names)
+        _check_variations(self.variations, self.appearances)
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
         if self.image_format not in FORMATS:
@@ -157,13 +158,27 @@ class CatalogPlan:
         return [key for key in keys if key != "provenance" and mine.get(key) != theirs.get(key)]
 
 
-def _check_variations(variations: Sequence[Variation], names: Sequence[str]) -> None:
-    """Raise CatalogError unless every appearance of every variation is one of the catalog's, in one variation."""
+def shortened(names: Sequence[str], most: int = 12) -> str:
+    """The names with commas between, of many only the first and how many there are."""
+    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+def _check_variations(variations: Sequence[Variation], appearances: Sequence[Appearance]) -> None:
+    """Raise CatalogError unless variations are of different kinds and every setting of theirs is an appearance as it says."""
+    kinds = [variation.kind for variation in variations]
+    if len(set(kinds)) != len(kinds):
+        raise CatalogError(f"a catalog has one variation of a kind, for its columns are named once, got {kinds}")
     settings = [setting.appearance for variation in variations for setting in variation.settings]
-    strange = sorted({*settings, *(variation.base for variation in variations)} - set(names))
-    twice = sorted({name for name in settings if settings.count(name) > 1})
+    strange = sorted({*settings, *(variation.base for variation in variations)} - {a.name for a in appearances})
+    twice = sorted(name for name, count in Counter(settings).items() if count > 1)
     if strange or twice:
-        raise CatalogError(f"variations name appearances that do not exist {strange} or stand in two {twice}")
+        raise CatalogError(
+            f"every setting of a variation, and its base, is one appearance of the catalog: {shortened(strange) or 'none'} "
+            f"are no appearances, {shortened(twice) or 'none'} stand twice"
+        )
+    wrong = [problem for variation in variations for problem in mismatches(variation, appearances)]
+    if wrong:
+        raise CatalogError(f"appearances are not what their variation says: {'; '.join(wrong[:3])}")
 
 
 def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:

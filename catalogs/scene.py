@@ -87,6 +87,12 @@ class VariedMembers:
     share: float = 1.0
     compared: int | None = None
 
+    def drawn(self, training: Sequence[str], random: np.random.Generator) -> set[str]:
+        """Names of the training members that show the variation."""
+        exact = round(self.share * len(training), 9)  # 0.07 of 100 members is 7.000000000000001
+        count = max(1, math.ceil(exact)) if training else 0
+        return set(random.choice(training, count, replace=False).tolist()) if count else set()
+
     def shown_by(self, split: str) -> tuple[str, ...]:
         """Names of the appearances that a member of this split shows."""
         if split == "validation":
@@ -154,16 +160,14 @@ class Scene:
         return tuple(v.variation for v in self.varied)
 
     def assigned(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
-        """The members, each with the appearances that it shows."""
+        """The members, each with the appearances that it shows; all of them where nothing is varied."""
         if not self.varied:
             return tuple(members)
         training = [m.name for m in members if m.split == "train"]
         settings = {s.appearance for variation in self.variations for s in variation.settings}
         plain = [a.name for a in self.appearances if a.name not in settings]
         random = np.random.default_rng(self.seed)
-        chosen = [
-            set(random.choice(training, max(1, math.ceil(v.share * len(training))), replace=False)) for v in self.varied
-        ]
+        chosen = [v.drawn(training, random) for v in self.varied]
 
         def shown(member: PlannedMember) -> tuple[str, ...]:
             of = [
@@ -210,7 +214,7 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         if plan:
             raise ValueError(f"members come from the source's file: only seed and validation apply, got {sorted(plan)}")
     appearances = tuple(appearance_from_json(record) for record in tables.get("appearance", ()))
-    families = [_family(record, appearances) for record in tables.get("variation", ())]
+    families = [_family(record, appearances) for record in _records(tables, "variation")]
     appearances += tuple(a for family, _ in families for a in family.appearances)
     if not appearances and source["kind"] != "nerf":
         raise ValueError("at least one [[appearance]] must say how the field is shown")
@@ -237,12 +241,14 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
     """One `[[variation]]` table: a family of appearances around the one that it names, and who shows it."""
     values = dict(record)
     kind, base_name = values.pop("kind", None), values.pop("of", None)
-    share, compared = float(values.pop("members", 1.0)), values.pop("compared", None)
+    share, compared = values.pop("members", 1.0), values.pop("compared", None)
     base = next((a for a in appearances if a.name == base_name), None)
     if not isinstance(base, VolumeRendering):
         raise ValueError(f"variation.of must name a volume rendering among the appearances, got {base_name!r}")
-    if not 0.0 < share <= 1.0 or (compared is not None and (type(compared) is not int or compared < 1)):
-        raise ValueError(f"variation.members must lie in (0, 1] and compared be at least 1, got {share}, {compared}")
+    if type(share) not in (int, float) or not 0.0 < share <= 1.0:
+        raise ValueError(f"variation.members, the share of training members, must lie in (0, 1], got {share!r}")
+    if compared is not None and (type(compared) is not int or compared < 1):
+        raise ValueError(f"variation.compared must be a count, at least 1, got {compared!r}; left out, it is all")
     try:
         if kind == "isovalue":
             family = isovalue_family(base.name, **values)
@@ -250,9 +256,17 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
             family = transfer_function_family(base, **values)
         else:
             raise ValueError(f'variation.kind must be "isovalue" or "transfer_function", got {kind!r}')
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"variation of {base.name}: {error}") from None
-    return family, VariedMembers(family.variation, share, compared)
+    return family, VariedMembers(family.variation, float(share), compared)
+
+
+def _records(tables: Mapping[str, Any], name: str) -> Sequence[Mapping[str, Any]]:
+    """The tables `[[name]]`; raises ValueError for a single one, `[name]`."""
+    records = tables.get(name, [])
+    if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
+        raise ValueError(f"{name} must be tables with double brackets, [[{name}]], got {records!r}")
+    return records
 
 
 def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple[PlannedMember, ...]:

@@ -7,6 +7,7 @@ of its two inner control points from those of the base.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -14,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering, appearance_from_json
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 
 Kind = Literal["isovalue", "transfer_function"]
@@ -36,6 +37,8 @@ class Setting:
         object.__setattr__(self, "values", tuple(map(float, self.values)))
         if self.split not in SPLITS:
             raise ValueError(f"the split of {self.appearance} must be one of {SPLITS}, got {self.split!r}")
+        if not np.isfinite(self.values).all():
+            raise ValueError(f"the visualization parameters of {self.appearance} must be finite, got {self.values}")
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,12 @@ class Variation:
         if not any(s.split == "train" for s in self.settings):
             raise ValueError(f"the variation of {self.base} has no training settings")
         if any(len(s.values) != len(self.space) for s in self.settings):
-            raise ValueError(f"every setting of {self.base} must have {len(self.space)} values")
+            raise ValueError(f"every setting of {self.base} must have {len(self.space)} values, for {expected}")
+        if any(s.appearance == self.base for s in self.settings):
+            raise ValueError(f"the base {self.base} stands among the settings of its own variation: leave it out")
+        trained = [s.values for s in self.settings if s.split == "train"]
+        if self.kind == "isovalue" and (len(trained) < 2 or len(set(trained)) != len(trained)):
+            raise ValueError(f"at least two isovalues must be trained, all different, got {trained} of {self.base}")
 
     def setting(self, appearance: str) -> Setting | None:
         """The setting with this appearance, None for others."""
@@ -133,13 +141,19 @@ def isovalue_family(
     """
     rows = [(split, float(v)) for split, vs in zip(SPLITS, (train, validation, test), strict=True) for v in vs]
     values = [value for _, value in rows]
+    taken = sorted({"kind", "name", "isovalue"} & set(style or {}))
+    if taken:
+        raise ValueError(
+            f"style holds what all isosurfaces share, such as color, not {taken}: those are set by isovalue"
+        )
     if len(set(train)) < 2 or len(set(values)) != len(values):
         raise ValueError(f"isovalues must differ, and at least two be trained, got {values}")
     low, high = float(min(train)), float(max(train))
     if not all(low <= value <= high for value in values):
         raise ValueError(f"every isovalue must lie within the trained ones, {low:g} to {high:g}, got {values}")
-    settings = tuple(Setting(f"iso={value:g}", (value,), split) for split, value in rows)
-    surfaces = tuple(Isosurface(s.appearance, s.values[0], **(style or {})) for s in settings)
+    settings = tuple(Setting(f"iso={_digits(value)}", (value,), split) for split, value in rows)
+    form = {"kind": "isosurface", **(style or {})}
+    surfaces = tuple(appearance_from_json({**form, "name": s.appearance, "isovalue": s.values[0]}) for s in settings)
     space = ParameterSpace((Parameter(ISOVALUE, low, high, unit),))
     return Family(Variation("isovalue", base, space, settings), surfaces)
 
@@ -166,7 +180,7 @@ def transfer_function_family(
     first_step, second_step : (value, opacity) by which c1 and c2 are displaced.
     single_steps : the three steps of the single displacements, as multiples.
 
-    Raises ValueError where a displaced point would leave its place between its neighbours, or [0, 1].
+    Raises ValueError naming the function where a displaced point would leave its place between its neighbours, or [0, 1].
     """
     points = base.transfer_function.opacity_points
     if len(points) != 4 or (points[0][1], points[3][1]) != (0.0, 1.0):
@@ -175,20 +189,26 @@ def transfer_function_family(
             f"0 and 1, got {points}"
         )
     steps = np.array([*first_step, *second_step], dtype=np.float64)  # [4]
-    if steps.shape != (4,) or not (steps > 0).all():
-        raise ValueError(f"first_step and second_step must be a positive (value, opacity) each, got {steps.tolist()}")
+    if len(first_step) != 2 or len(second_step) != 2 or not (np.isfinite(steps) & (steps > 0)).all():
+        raise ValueError(
+            f"first_step and second_step must be a positive (value, opacity) each, got {first_step} and {second_step}"
+        )
+    if validation < 0 or test < 0:
+        raise ValueError(f"validation and test count transfer functions, from 0 on, got {validation} and {test}")
     trained = [*_joint_displacements(), *_single_displacements(single_steps)]
     random = np.random.default_rng(seed)
-    rows = {"train": np.array(trained)}
+    rows = {"train": np.array(trained)}  # [76, 4]
     rows |= {
         split: random.uniform(-1.0, 1.0, (count, 4)) for split, count in (("validation", validation), ("test", test))
     }
+    decimals = [_decimals(step) for step in steps.tolist()]
     settings, shown = [], []
     for split, displacements in rows.items():
-        for i, displacement in enumerate((displacements * steps).round(9).tolist(), start=1):
+        for i, moved in enumerate((displacements * steps).tolist(), start=1):
+            displacement = tuple(map(round, moved, decimals))
             name = f"{base.name}-{split}-{i:02d}"
-            settings.append(Setting(name, tuple(displacement), split))
-            shown.append(replace(base, name=name, transfer_function=displaced(base.transfer_function, displacement)))
+            settings.append(Setting(name, displacement, split))
+            shown.append(_displaced_appearance(base, name, displacement))
     space = ParameterSpace(
         tuple(
             Parameter(name, -step, step, unit if name.endswith("value") else "")
@@ -199,11 +219,61 @@ def transfer_function_family(
 
 
 def displaced(base: TransferFunction, displacement: Sequence[float]) -> TransferFunction:
-    """`base` with its inner control points moved by (4,) `POINT_PARAMETERS`; raises ValueError where that is none any more."""
+    """`base` with its inner control points moved by (4,) `POINT_PARAMETERS`; raises ValueError where they cross or leave [0, 1]."""
     ends, (first, second) = (base.opacity_points[0], base.opacity_points[3]), base.opacity_points[1:3]
     moved_first = (first[0] + displacement[0], first[1] + displacement[1])
     moved_second = (second[0] + displacement[2], second[1] + displacement[3])
     return replace(base, opacity_points=(ends[0], moved_first, moved_second, ends[1]))
+
+
+def mismatches(variation: Variation, appearances: Sequence[Appearance]) -> list[str]:
+    """Sentences naming each setting whose appearance shows something else than its values say; names must be known."""
+    named = {appearance.name: appearance for appearance in appearances}
+    base = _four_points(named[variation.base])
+    if variation.kind == "transfer_function" and base is None:
+        return [f"the base {variation.base} is no volume rendering of four opacity points"]
+    return [
+        f"{setting.appearance} does not show {dict(zip(variation.space.names, setting.values, strict=True))}"
+        for setting in variation.settings
+        if not _shows(named[setting.appearance], setting, base)
+    ]
+
+
+def _four_points(appearance: Appearance) -> TransferFunction | None:
+    """The transfer function, if it is one of four opacity points."""
+    if not isinstance(appearance, VolumeRendering) or len(appearance.transfer_function.opacity_points) != 4:
+        return None
+    return appearance.transfer_function
+
+
+def _shows(appearance: Appearance, setting: Setting, base: TransferFunction | None) -> bool:
+    if len(setting.values) == 1:
+        return isinstance(appearance, Isosurface) and appearance.isovalue == setting.values[0]
+    try:
+        return base is not None and _four_points(appearance) == displaced(base, setting.values)
+    except ValueError:
+        return False
+
+
+def _displaced_appearance(base: VolumeRendering, name: str, displacement: Sequence[float]) -> VolumeRendering:
+    try:
+        return replace(base, name=name, transfer_function=displaced(base.transfer_function, displacement))
+    except ValueError as error:
+        given = dict(zip(POINT_PARAMETERS, displacement, strict=True))
+        raise ValueError(
+            f"{name} moves the control points of {base.name} by {given} too far: {error}; take smaller steps, or a base "
+            "whose points lie farther from each other and from 0 and 1"
+        ) from None
+
+
+def _digits(value: float) -> str:
+    """A number for a name: six digits where they say it all, else as many as it takes."""
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+
+
+def _decimals(step: float) -> int:
+    """Decimals to which displacements are rounded: nine, and more where a step is so small that it needs them."""
+    return max(9, 6 - math.floor(math.log10(step)))
 
 
 def _joint_displacements() -> list[tuple[float, ...]]:
@@ -212,6 +282,8 @@ def _joint_displacements() -> list[tuple[float, ...]]:
 
 
 def _single_displacements(steps: Sequence[float]) -> list[tuple[float, ...]]:
-    if len(steps) != 3 or 0.0 in steps or len(set(steps)) != 3:
-        raise ValueError(f"single_steps must be three different multiples, none of them zero, got {steps}")
+    if len(set(steps)) != 3 or len(steps) != 3 or 0.0 in steps or not all(-1.0 <= step <= 1.0 for step in steps):
+        raise ValueError(
+            f"single_steps must be three different multiples of the steps, in [-1, 1] and none of them zero, got {steps}"
+        )
     return [tuple(step if i == axis else 0.0 for i in range(4)) for axis in range(4) for step in steps]

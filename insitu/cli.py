@@ -94,7 +94,8 @@ def ensemble(
         if scene is not None:
             if appearance is not None or size is not None or target_decibels is not None:
                 raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
-            wishes = _wishes_of(scene, stored.space)
+            asked = _renderable(scene)
+            members, wishes = asked.assigned(members), _wishes_of(asked, stored.space)
         else:
             appearances = None if appearance is None else appearances_from_toml(appearance)
             new = not is_catalog(catalog)
@@ -175,14 +176,20 @@ def probe(
             click.echo(f"# {preview}: one member per row")
 
 
-def _wishes_of(path: Path, space: Any) -> Any:
-    """What a scene says about rendering, for an ensemble of its own."""
+def _renderable(path: Path) -> Any:
+    """The scene of a TOML file; raises ValueError where it says nothing about rendering."""
     from catalogs.scene import Scene
-    from insitu.planning import Wishes
 
     scene = Scene.load(path)
     if not scene.appearances:
         raise ValueError(f"scene {path} has no [[appearance]]: its images were made elsewhere")
+    return scene
+
+
+def _wishes_of(scene: Any, space: Any) -> Any:
+    """What a scene says about rendering, for an ensemble of its own."""
+    from insitu.planning import Wishes
+
     distance = scene.render.sample_distance
     target = scene.render.target_decibels if distance is None else None
     return Wishes(
@@ -191,7 +198,7 @@ def _wishes_of(path: Path, space: Any) -> Any:
         scene.views,
         target_decibels=target,
         sample_distance=distance,
-        variations=scene.variations or None,
+        variations=scene.variations,
     )
 
 

@@ -80,7 +80,7 @@ def _render(
         target_decibels=None if distance is not None else scene.render.target_decibels,
         sample_distance=distance,
         provenance={"scene": scene.name, "source": dict(ensemble.source.identity)},
-        variations=scene.variations or None,
+        variations=scene.variations,
     )
     _check_unchanged(scene, folder / CATALOG, wishes, members)
     result = run_ensemble(

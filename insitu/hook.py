@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.appearance import Appearance, VolumeRendering
 from catalogs.catalog import Catalog, CatalogPlan, MemberWriter
+from catalogs.members import known_appearances
 from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.scene import ViewPlan
 from catalogs.variations import Variation
@@ -175,6 +176,7 @@ class Session:
         if split not in SPLITS:
             raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
         self._check_parameters(parameters)
+        self._check_appearances(appearances)
         name = name or member_name(parameters)
         with _repeated_warnings() as resampled:
             grid = as_grid(field, spacing=spacing, origin=origin, array=array, nan=nan or self._nan)
@@ -235,6 +237,13 @@ class Session:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
             space.values(parameters)
+
+    def _check_appearances(self, names: Sequence[str] | None) -> None:
+        """Refuse unknown ones before a new catalog is made for them."""
+        wished = [a.name for a in self._wishes.appearances or ()]
+        known = self._catalog.plan.appearance_names if self._catalog else wished
+        if known:  # else a new catalog without appearances: plan_catalog says what is missing
+            known_appearances(names, known)
 
     def _draw(self, grid: Grid, catalog: Catalog, writer: MemberWriter, memory: PeakMemory) -> _Drawn:
         """Render every appearance from every view, one image in memory at a time."""

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, appearance_to_json
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.catalog import Catalog, CatalogPlan, Member
+from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.plan import shortened
 from catalogs.scene import PlannedMember, ViewPlan
 from catalogs.variations import Variation
 from insitu.boxes import Box, box_of, cameras_around, check_inside, checked_box, same_box
@@ -117,14 +118,15 @@ def measure_pilot(grid: Grid, wishes: Wishes) -> Pilot:
     check_inside(grid, bounds)
     values = (float(grid.values.min()), float(grid.values.max()))
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
-    measured = _measured(volumes, wishes.variations or ())
     if wishes.sample_distance is not None or not volumes:
         return Pilot(bounds, values)
     from render import choose_sample_distance
 
+    variations = wishes.variations or ()
     cameras = cameras_around(bounds, wishes.views or ViewPlan())
+    measured = _measured(volumes, variations)
     chosen = {a.name: choose_sample_distance(grid, a, cameras, target_decibels(wishes)) for a in measured}
-    by = {a.name: _stand_in(a.name, list(chosen), wishes.variations or ()) for a in volumes}
+    by = {a.name: _stand_in(a.name, list(chosen), variations) for a in volumes}
     finest = {name: min((chosen[other] for other in others), key=lambda c: c.distance) for name, others in by.items()}
     return Pilot(
         bounds,
@@ -143,11 +145,9 @@ def _measured(volumes: Sequence[VolumeRendering], variations: Sequence[Variation
 
 def _stand_in(name: str, measured: Sequence[str], variations: Sequence[Variation]) -> list[str]:
     """The measured appearances whose finest sample distance an appearance takes: its own, or those of its variation."""
-    for variation in variations:
-        family = {variation.base, *(s.appearance for s in variation.settings)}
-        if name in family:
-            return [other for other in measured if other in family]
-    return [name]
+    families = [{variation.base, *variation.named(*SPLITS)} for variation in variations]
+    related = {name}.union(*(family for family in families if name in family))
+    return [other for other in measured if other in related]
 
 
 def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
@@ -254,7 +254,7 @@ def disagreements(plan: CatalogPlan, wishes: Wishes) -> list[str]:
 
 
 def misplaced(catalog: Catalog, members: Iterable[PlannedMember]) -> list[str]:
-    """Where stored members have the names of planned ones, but other parameters or another split."""
+    """Where stored members have the names of planned ones, but other parameters, another split or other appearances."""
     planned = {m.name: m for m in members}
     differences = []
     for stored in catalog.members:
@@ -262,7 +262,17 @@ def misplaced(catalog: Catalog, members: Iterable[PlannedMember]) -> list[str]:
             wanted = planned[stored.name]
             differences += differing(wanted.parameters, stored.parameters, f"{stored.name} parameters")
             differences += differing(wanted.split, stored.split, f"{stored.name} split")
+            differences += _differing_appearances(wanted, stored)
     return differences
+
+
+def _differing_appearances(wanted: PlannedMember, stored: Member) -> list[str]:
+    here = set(stored.appearances if wanted.appearances is None else wanted.appearances)
+    there = set(stored.appearances)
+    if here == there:
+        return []
+    only_here, only_there = (shortened(sorted(names), 3) or "none" for names in (here - there, there - here))
+    return [f"{stored.name} appearances: {only_here} only here, {only_there} only in the catalog"]
 
 
 def differing(wanted: Any, stored: Any, place: str) -> list[str]:

@@ -218,6 +218,8 @@ def _assignment(text: str) -> tuple[str, float]:
 
 
 def _summarize(record: Mapping[str, Any]) -> None:
+    from surrogate.report_variations import variation_line
+
     for views in ("seen_views", "unseen_views"):
         for parameters in ("seen_parameters", "unseen_parameters"):
             values = [record[metric][views][parameters] for metric in ("psnr", "ssim")]
@@ -228,6 +230,8 @@ def _summarize(record: Mapping[str, Any]) -> None:
         value = entry["psnr"]["unseen_views"]["unseen_parameters"]
         if value is not None:
             click.echo(f"  {entry['name']:<38.38} {value:6.2f} dB   (unseen views, unseen parameters)")
+    for variation in record["variations"]:
+        click.echo(f"  {variation_line(variation)}")
 
 
 class _Line:

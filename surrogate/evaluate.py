@@ -3,39 +3,52 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog, Member
 from surrogate.baselines.interpolation import Predictor, fixed_predictors, tuned_predictors
-from surrogate.baselines.pictures import SAME_VIEW_DEGREES, Target, predictions
-from surrogate.metrics import Score, score
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.baselines.pictures import SAME_VIEW_DEGREES, predictions
+from surrogate.model import Surrogate
+from surrogate.perceptual import PerceptualMetrics
+from surrogate.scoring import (
+    METRICS,
+    PARAMETERS,
+    PERCEPTUAL_METRICS,
+    VIEWS,
+    Case,
+    Report,
+    Scored,
+    Scorer,
+    cases_of,
+    compare,
+    mean,
+)
+from surrogate.stopwatch import Milliseconds, measure
 from surrogate.threads import one_torch_thread
+from surrogate.varied_evaluation import VariedEvaluation, evaluate_variation
 
-VERSION = 2
-METRICS = ("psnr", "ssim", "psnr_foreground")
-VIEWS = {"seen_views": ("train",), "unseen_views": ("test",)}
-PARAMETERS = {"seen_parameters": ("train",), "unseen_parameters": ("test",)}
+__all__ = [
+    "METRICS",
+    "PARAMETERS",
+    "PERCEPTUAL_METRICS",
+    "VERSION",
+    "VIEWS",
+    "BaselineResult",
+    "Evaluation",
+    "evaluate",
+    "mean",
+    "targets_of",
+]
+
+VERSION = 3
 MOST_IMAGES = 400  # per cell of seen parameters, drawn by seed; unseen parameters are evaluated whole
+MOST_PERCEPTUAL = 40  # images of a cell: six cells at 110 ms an image (256 x 256) take 26 s
 TUNING_IMAGES = 60  # validation images that choose a predictor's constants
 TIMED = 30
-
-Report = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """One image of the data set and how well something predicted it."""
-
-    target: Target
-    score: Score
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,94 +69,73 @@ class Evaluation:
     cells : scored images by row of views and column of parameters, as in `VIEWS` and `PARAMETERS`.
     validation : of validation members (else validation views): what choices are made on.
     baselines : trivial predictors at unseen parameters.
-    milliseconds : median per "parameter_change" and "view_change".
-    spread : lowest and highest of the same.
+    milliseconds : of a "parameter_change" and a "view_change".
+    variations : of the visualization parameters that the surrogate follows.
+    unavailable : why a perceptual metric can't be had on this machine, by its name.
     """
 
     cells: Mapping[str, Mapping[str, Sequence[Scored]]]
     validation: Sequence[Scored]
     baselines: Sequence[BaselineResult]
-    milliseconds: Mapping[str, float]
-    spread: Mapping[str, tuple[float, float]]
+    milliseconds: Mapping[str, Milliseconds]
+    variations: Sequence[VariedEvaluation] = ()
+    unavailable: Mapping[str, str] = field(default_factory=dict)
 
 
 @one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the images of `catalog` that it was made for."""
-    appearance = str(surrogate.training["appearance"])
+    appearance, perceptual = str(surrogate.training["appearance"]), PerceptualMetrics.load()
     chosen = {
-        views: {parameters: targets_of(catalog, PARAMETERS[parameters], VIEWS[views]) for parameters in PARAMETERS}
+        views: {
+            parameters: targets_of(catalog, appearance, PARAMETERS[parameters], VIEWS[views])
+            for parameters in PARAMETERS
+        }
         for views in VIEWS
     }
     for views in VIEWS:
         chosen[views]["seen_parameters"] = _some(chosen[views]["seen_parameters"], MOST_IMAGES)
-    watched = targets_of(catalog, ("validation",), ("train", "validation")) or targets_of(
-        catalog, ("train",), ("validation",)
-    )
-    groups = [chosen[v][p] for v in VIEWS for p in PARAMETERS] + [_some(watched, MOST_IMAGES)]
-    scorer = _Scorer(surrogate, catalog, appearance, sum(map(len, groups)), progress)
-    scored = [scorer.score(group) for group in groups]
-    cells = {v: dict(zip(PARAMETERS, scored[2 * i : 2 * i + 2], strict=True)) for i, v in enumerate(VIEWS)}
+    watched = targets_of(catalog, appearance, ("validation",), ("train", "validation"))
+    watched = watched or targets_of(catalog, appearance, ("train",), ("validation",))
+    judged = _some(watched, MOST_IMAGES)
+    total = sum(len(chosen[v][p]) for v in VIEWS for p in PARAMETERS) + len(judged)
+    scorer = Scorer(surrogate, catalog, lambda done: progress("surrogate", done, total))
+    looked_at = {"seen_parameters": 0, "unseen_parameters": MOST_PERCEPTUAL}
+    cells = {
+        v: {p: scorer.score(chosen[v][p], perceptual, most_perceptual=looked_at[p]) for p in PARAMETERS} for v in VIEWS
+    }
+    validation = scorer.score(judged)
     rows = {v: chosen[v]["unseen_parameters"] for v in VIEWS}
-    rows["validation"] = [target for target in groups[-1] if target.member.split == "validation"]
-    baselines = score_baselines(catalog, appearance, rows, watched, progress)
-    milliseconds, spread = measure_times(surrogate, catalog)
-    return Evaluation(cells, scored[-1], baselines, milliseconds, spread)
+    rows["validation"] = [target for target in judged if target.member.split == "validation"]
+    return Evaluation(
+        cells,
+        validation,
+        score_baselines(catalog, appearance, rows, watched, progress),
+        measure_times(surrogate, catalog),
+        [
+            evaluate_variation(surrogate, v, catalog, perceptual, most_perceptual=MOST_PERCEPTUAL, progress=progress)
+            for v in surrogate.visualizations
+        ],
+        perceptual.unavailable,
+    )
 
 
-def targets_of(catalog: Catalog, member_splits: Sequence[str], view_splits: Sequence[str]) -> list[Target]:
-    """Images whose member and view belong to the given splits."""
-    return [
-        Target(member, view)
-        for member in catalog.members
-        if member.split in member_splits
-        for view, split in enumerate(member.view_splits)
-        if split in view_splits
-    ]
-
-
-def mean(scored: Iterable[Scored], metric: str) -> float | None:
-    """Mean of a metric over images that have one; None without any."""
-    values = [getattr(s.score, metric) for s in scored]
-    values = [value for value in values if not math.isnan(value)]
-    return float(np.mean(values)) if values else None
-
-
-class _Scorer:
-    """Renders and scores targets, member by member, so that the deformation runs once for each."""
-
-    def __init__(self, surrogate: Surrogate, catalog: Catalog, appearance: str, total: int, progress: Report) -> None:
-        self._surrogate, self._catalog, self._appearance = surrogate, catalog, appearance
-        self._total, self._done, self._progress = total, 0, progress
-
-    def score(self, targets: Sequence[Target]) -> list[Scored]:
-        found: list[Scored] = []
-        by_member: dict[str, list[Target]] = {}
-        for target in targets:
-            by_member.setdefault(target.member.name, []).append(target)
-        for group in by_member.values():
-            deformed = self._surrogate.at(**group[0].member.parameters)
-            with ThreadPoolExecutor(2) as pool:
-                found += pool.map(lambda target, d=deformed: self._score_one(d, target), group)
-            self._done += len(group)
-            self._progress("surrogate", self._done, self._total)
-        return found
-
-    def _score_one(self, deformed: DeformedGaussians, target: Target) -> Scored:
-        truth = self._catalog.image(target.member, self._appearance, target.view)
-        background = self._catalog.plan.background
-        return Scored(target, score(truth, deformed.render(target.camera, background=background), background))
+def targets_of(
+    catalog: Catalog, appearance: str, member_splits: Sequence[str], view_splits: Sequence[str]
+) -> list[Case]:
+    """Images of one appearance whose member and view belong to the given splits."""
+    return cases_of(catalog.members, {appearance: {}}, member_splits, view_splits)
 
 
 def score_baselines(
     catalog: Catalog,
     appearance: str,
-    rows: Mapping[str, Sequence[Target]],
-    watched: Sequence[Target],
+    rows: Mapping[str, Sequence[Case]],
+    watched: Sequence[Case],
     progress: Report,
 ) -> list[BaselineResult]:
     """The trivial predictors on named `rows` of targets; their constants are chosen on `watched` validation images."""
-    members = [m for m in catalog.members if m.split == "train"]
+    members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
     targets = [target for group in rows.values() for target in group]
     if not members or not targets:
         return []
@@ -158,7 +150,7 @@ def score_baselines(
     ]
 
 
-def _tuned(catalog: Catalog, appearance: str, members: Sequence[Member], watched: Sequence[Target]) -> list[Predictor]:
+def _tuned(catalog: Catalog, appearance: str, members: Sequence[Member], watched: Sequence[Case]) -> list[Predictor]:
     """The best of each tuned family on validation members; none where the catalog has no such member."""
     targets = _some([target for target in watched if target.member.split == "validation"], TUNING_IMAGES)
     if not targets:
@@ -175,42 +167,30 @@ def _score_predictors(
     catalog: Catalog,
     appearance: str,
     members: Sequence[Member],
-    targets: Sequence[Target],
+    targets: Sequence[Case],
     predictors: Sequence[Predictor],
     progress: Report,
 ) -> list[tuple[list[Scored], float]]:
     known, wanted = (_normalized(catalog, group) for group in (members, [t.member for t in targets]))
     weights = [predictor.weights(known, wanted) for predictor in predictors]
     found: list[list[Scored]] = [[] for _ in predictors]
-    worst, background = 0.0, catalog.plan.background
+    worst, background, cases = 0.0, catalog.plan.background, {id(target): target for target in targets}
     for done, prediction in enumerate(predictions(catalog, appearance, members, targets, weights), start=1):
         truth = catalog.image(prediction.target.member, appearance, prediction.target.view)
         worst = max(worst, prediction.degrees)
         for scores, picture in zip(found, prediction.pictures, strict=True):
-            scores.append(Scored(prediction.target, score(truth, picture, background)))
+            scores.append(compare(cases[id(prediction.target)], truth, picture, background))
         progress("trivial predictors", done, len(targets))
     degrees = worst if worst > SAME_VIEW_DEGREES else 0.0
     return [(scores, degrees) for scores in found]
 
 
-def measure_times(surrogate: Surrogate, catalog: Catalog) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Median milliseconds, and lowest and highest, of deforming at new parameters and of drawing a new view."""
+def measure_times(surrogate: Surrogate, catalog: Catalog) -> dict[str, Milliseconds]:
+    """Of deforming at new parameters and of drawing a new view."""
     members = catalog.members
     cameras = [m.cameras[i * len(m.cameras) // TIMED] for i in range(TIMED) for m in [members[i % len(members)]]]
-    rows = [dict(members[i % len(members)].parameters) for i in range(TIMED)]
-    changes, views = [], []
-    for parameters, camera in zip(rows, cameras, strict=True):
-        started = time.perf_counter()
-        deformed = surrogate.at(**parameters)
-        between = time.perf_counter()
-        deformed.render(camera)
-        views.append(1e3 * (time.perf_counter() - between))
-        changes.append(1e3 * (between - started))
-    measured: dict[str, Any] = {"parameter_change": changes, "view_change": views}
-    return (
-        {name: float(np.median(values)) for name, values in measured.items()},
-        {name: (float(min(values)), float(max(values))) for name, values in measured.items()},
-    )
+    change, draw = measure(surrogate, [members[i % len(members)].parameters for i in range(TIMED)], cameras)
+    return {"parameter_change": change, "view_change": draw}
 
 
 def _normalized(catalog: Catalog, members: Sequence[Member]) -> NDArray[np.float64]:
@@ -218,7 +198,7 @@ def _normalized(catalog: Catalog, members: Sequence[Member]) -> NDArray[np.float
     return np.array([space.normalize([m.parameters[n] for n in space.names]) for m in members])  # [N, P]
 
 
-def _some(targets: Sequence[Target], most: int) -> list[Target]:
+def _some(targets: Sequence[Case], most: int) -> list[Case]:
     """At most `most` of the targets, drawn without replacement by a fixed seed, in order."""
     if len(targets) <= most:
         return list(targets)

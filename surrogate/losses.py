@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 import native
+from surrogate.gaussians import NAMES, Gaussians
 from surrogate.splatting.cpu import cores
 
 WINDOW = 11
@@ -33,6 +34,12 @@ def image_loss_reference(image: Tensor, target: Tensor, *, ssim_weight: float = 
     target = target.to(image.dtype) / 255.0 if target.dtype == torch.uint8 else target
     image = image[..., : target.shape[2]]
     return (image - target).abs().mean() + ssim_weight * (1.0 - structural_similarity(image, target).mean())
+
+
+def deformation_size(deformed: Gaussians, rest: Gaussians) -> Tensor:
+    """L_deform of GS-Surrogate: squared offsets of all attributes, added up for each Gaussian, then the mean over Gaussians."""
+    offsets = [(getattr(deformed, name) - getattr(rest, name)).reshape(len(rest), -1) for name in NAMES]  # [N, .] each
+    return torch.stack([(offset**2).sum(dim=1).mean() for offset in offsets]).sum()
 
 
 def structural_similarity(image: Tensor, target: Tensor) -> Tensor:

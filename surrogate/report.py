@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from catalogs import durable
 from catalogs.catalog import Catalog
-from surrogate import report_pictures
-from surrogate.evaluate import METRICS, PARAMETERS, VERSION, VIEWS, Evaluation, Scored, mean
-from surrogate.metrics import DEFINITIONS
+from surrogate import metrics, perceptual, report_pictures, scoring, varied_evaluation
+from surrogate.evaluate import VERSION, Evaluation
 from surrogate.model import Surrogate
+from surrogate.perceptual import PerceptualMetrics
 from surrogate.provenance import commit, machine
+from surrogate.report_tables import cell_table, cell_tables, number, perceptual_remarks, row, table, timing_row, timings
+from surrogate.report_variations import summarize_variation, variation_section
+from surrogate.scoring import METRICS, VIEWS, Scored, mean
 
 RECORD = "report.json"
 
 
-def fingerprint(surrogate: Surrogate) -> str:
-    """Changes when the model, its catalog or the evaluation's code version do."""
-    return f"{VERSION}:{surrogate.training['fingerprint']}:{surrogate.training['seconds']}"
+def fingerprint(surrogate: Surrogate, unavailable: Iterable[str]) -> str:
+    """Changes when the model, its catalog, the evaluation's code version or the metrics that can't be had do."""
+    training = surrogate.training
+    return ":".join([str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable)])
 
 
 def is_current(directory: Path, surrogate: Surrogate) -> bool:
@@ -31,7 +35,7 @@ def is_current(directory: Path, surrogate: Surrogate) -> bool:
         record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return bool(record.get("fingerprint") == fingerprint(surrogate))
+    return bool(record.get("fingerprint") == fingerprint(surrogate, PerceptualMetrics.load().unavailable))
 
 
 def write_report(
@@ -69,22 +73,20 @@ def summarize(
     scene: str, surrogate: Surrogate, evaluation: Evaluation, *, dataset_seconds: float | None
 ) -> dict[str, Any]:
     """The contents of `report.json`; null where the data set has no such images."""
-    tables: dict[str, Any] = {m: _table(evaluation.cells, m) for m in METRICS}
     unseen = {v: {"unseen_parameters": evaluation.cells[v]["unseen_parameters"]} for v in VIEWS}
     return {
         "scene": scene,
         "commit": commit(),
         "machine": machine(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "fingerprint": fingerprint(surrogate),
+        "fingerprint": fingerprint(surrogate, evaluation.unavailable),
         "seed": surrogate.training["settings"]["seed"],
         "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
         "model_megabytes": surrogate.megabytes,
         "gaussians": len(surrogate.gaussians),
-        "milliseconds": dict(evaluation.milliseconds),
-        "milliseconds_spread": {name: list(pair) for name, pair in evaluation.spread.items()},
-        **tables,
-        "images": {v: {p: len(evaluation.cells[v][p]) for p in PARAMETERS} for v in VIEWS},
+        **timings(evaluation.milliseconds),
+        **cell_tables(evaluation.cells),
+        "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(_empty(s) for v in unseen.values() for group in v.values() for s in group),
         "validation": {m: mean(evaluation.validation, m) for m in METRICS} | {"images": len(evaluation.validation)},
         "trivial_predictors": [
@@ -96,31 +98,22 @@ def summarize(
             }
             for result in evaluation.baselines
         ],
+        "variations": [summarize_variation(v) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),
         "settings": surrogate.training["settings"],
         "curve": surrogate.training["curve"],
-        "definitions": DEFINITIONS,
+        "definitions": metrics.DEFINITIONS
+        | scoring.DEFINITIONS
+        | perceptual.DEFINITIONS
+        | (varied_evaluation.DEFINITIONS if evaluation.variations else {}),
     }
-
-
-def _table(cells: Mapping[str, Mapping[str, Sequence[Scored]]], metric: str) -> dict[str, dict[str, float | None]]:
-    return {v: {p: mean(cells[v][p], metric) for p in PARAMETERS} for v in VIEWS}
 
 
 def _empty(scored: Scored) -> bool:
     return scored.score.psnr_foreground != scored.score.psnr_foreground
 
 
-def _number(value: float | None, digits: int = 2) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
-
-
-def _row(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
 def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
-    seconds, milliseconds, spread = record["seconds"], record["milliseconds"], record["milliseconds_spread"]
     machine_line = f"{record['machine']['processor']}, {record['machine']['cores']} cores"
     lines = [
         f"# {record['scene']}",
@@ -129,10 +122,11 @@ def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         "",
         "## How good",
         "",
-        *_quality_table(record),
+        *cell_table(record, ("views", "parameters")),
+        *perceptual_remarks(record, record["unavailable"]),
         "",
         f"Validation ({record['validation']['images']} images; all choices were made on these): "
-        f"{_number(record['validation']['psnr'])} dB, SSIM {_number(record['validation']['ssim'], 4)}.",
+        f"{number(record['validation']['psnr'])} dB, SSIM {number(record['validation']['ssim'], 4)}.",
         "",
         "## Beside trivial predictors",
         "",
@@ -140,26 +134,31 @@ def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         "",
         "## How fast, how large",
         "",
-        _row("", ""),
-        _row("---", "---"),
-        _row("making the data set", f"{_number(seconds['dataset'], 0)} s"),
-        _row(
-            "training",
-            f"{_number(seconds['train'], 0)} s, {record['settings']['canonical_steps']} + "
-            f"{record['settings']['deformation_steps']} steps",
-        ),
-        _row("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
-        *(
-            _row(label, f"{milliseconds[name]:.2f} ms (median; {spread[name][0]:.2f} to {spread[name][1]:.2f})")
-            for name, label in (("parameter_change", "a parameter change"), ("view_change", "a view change"))
-        ),
+        *_cost_table(record),
         "",
+        *(line for varied in record["variations"] for line in variation_section(varied, record["unavailable"])),
         *_needs_section(record),
     ]
     for title, name in pictures.items():
         lines += [f"## {title}", "", f"![{title}]({name})", ""]
     lines += ["## Definitions", "", *(f"- **{name}**: {text}." for name, text in record["definitions"].items()), ""]
     return "\n".join(lines)
+
+
+def _cost_table(record: Mapping[str, Any]) -> list[str]:
+    seconds, settings = record["seconds"], record["settings"]
+    steps = [settings["canonical_steps"], settings["deformation_steps"]]
+    steps += [settings["visualization_steps"] for _ in record["variations"]]
+    return table(
+        ("", ""),
+        [
+            ("making the data set", f"{number(seconds['dataset'], 0)} s"),
+            ("training", f"{number(seconds['train'], 0)} s, {' + '.join(map(str, steps))} steps"),
+            ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
+            timing_row(record, "parameter_change", "a parameter change"),
+            timing_row(record, "view_change", "a view change"),
+        ],
+    )
 
 
 def _needs_section(record: Mapping[str, Any]) -> list[str]:
@@ -174,12 +173,12 @@ def _needs_section(record: Mapping[str, Any]) -> list[str]:
         "say how the model changed with it: negative decibels were lost, megabytes are those of the tensors, milliseconds those "
         "of deforming and drawing one picture.",
         "",
-        _row("", "kept", "tried (validation PSNR, dB)", "dB", "MB", "ms"),
-        _row(*["---"] * 6),
+        row("", "kept", "tried (validation PSNR, dB)", "dB", "MB", "ms"),
+        row(*["---"] * 6),
     ]
     for choice in choices:
         tried = " · ".join(f"{option['name']}: {option['psnr']:.2f}" for option in choice["options"])
-        lines.append(_row(choice["name"], choice["kept"], tried or "–", *_change(choice["before"], choice["after"])))
+        lines.append(row(choice["name"], choice["kept"], tried or "–", *_change(choice["before"], choice["after"])))
     return [*lines, ""]
 
 
@@ -190,27 +189,6 @@ def _change(before: Mapping[str, float] | None, after: Mapping[str, float] | Non
     return [f"{after['psnr'] - before['psnr']:+.3f}", size, speed]
 
 
-def _quality_table(record: Mapping[str, Any]) -> list[str]:
-    lines = [
-        _row("views", "parameters", "PSNR (dB)", "PSNR of the foreground (dB)", "SSIM", "images"),
-        _row(*["---"] * 6),
-    ]
-    for views in VIEWS:
-        for parameters in PARAMETERS:
-            values = [record[m][views][parameters] for m in ("psnr", "psnr_foreground", "ssim")]
-            lines.append(
-                _row(
-                    views.split("_")[0],
-                    parameters.split("_")[0],
-                    _number(values[0]),
-                    _number(values[1]),
-                    _number(values[2], 4),
-                    str(record["images"][views][parameters]),
-                )
-            )
-    return lines
-
-
 def _baseline_table(record: Mapping[str, Any]) -> list[str]:
     if not record["trivial_predictors"]:
         return ["The data set has no unseen parameters, or no training members to predict them from."]
@@ -218,7 +196,7 @@ def _baseline_table(record: Mapping[str, Any]) -> list[str]:
         "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
         "the lead is the surrogate's at unseen views (negative: behind).",
         "",
-        _row(
+        row(
             "",
             "PSNR, seen views",
             "PSNR, unseen views",
@@ -227,7 +205,7 @@ def _baseline_table(record: Mapping[str, Any]) -> list[str]:
             "lead (dB)",
             "PSNR, validation",
         ),
-        _row(*["---"] * 7),
+        row(*["---"] * 7),
     ]
     own = record["psnr"]["unseen_views"]["unseen_parameters"]
     for entry in [{"name": "**surrogate**", **record}, *record["trivial_predictors"]]:
@@ -235,14 +213,14 @@ def _baseline_table(record: Mapping[str, Any]) -> list[str]:
         other = at["psnr"]["unseen_views"]
         lead = "" if own is None or other is None or entry["name"] == "**surrogate**" else f"{own - other:+.2f}"
         lines.append(
-            _row(
+            row(
                 entry["name"],
-                _number(at["psnr"]["seen_views"]),
-                _number(other),
-                _number(at["psnr_foreground"]["unseen_views"]),
-                _number(at["ssim"]["unseen_views"], 4),
+                number(at["psnr"]["seen_views"]),
+                number(other),
+                number(at["psnr_foreground"]["unseen_views"]),
+                number(at["ssim"]["unseen_views"], 4),
                 lead,
-                _number(entry["validation"]["psnr"]),
+                number(entry["validation"]["psnr"]),
             )
         )
     borrowed = max(entry["borrowed_view_degrees"] for entry in record["trivial_predictors"])

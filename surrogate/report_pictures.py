@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from catalogs.catalog import Catalog
-from surrogate.evaluate import PARAMETERS, VIEWS, Evaluation, Scored
-from surrogate.metrics import WHITE, composite
+from surrogate.evaluate import Evaluation
 from surrogate.model import Surrogate
+from surrogate.report_sheets import chosen_rows, draw_sheet
+from surrogate.report_tables import Cells
+from surrogate.report_variations import NAMES
+from surrogate.scoring import PARAMETERS, VIEWS, Scored
 
-DIFFERENCE_SCALE = 0.2  # the colour bar's end: an error of this much in some channel
 RESOLUTION = 130
+
+Plot = Callable[[Any], bool]
 
 
 def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Evaluation) -> dict[str, str]:
@@ -22,11 +28,19 @@ def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Ev
     import matplotlib
 
     matplotlib.use("agg")
-    candidates: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    sheet = partial(_sheet, surrogate=surrogate, catalog=catalog)
+    candidates: dict[str, tuple[str, Plot]] = {
         "Truth, prediction and difference": (
             "comparison.png",
-            lambda f: _comparison(f, surrogate, catalog, evaluation),
-        ),
+            partial(sheet, names=("worst", "median", "best"), cells=evaluation.cells, otherwise=evaluation.validation),
+        )
+    }
+    for varied in evaluation.variations:
+        kind = varied.variation.kind
+        title = f"Truth, prediction and difference under {NAMES[kind]}"
+        drawn = partial(sheet, names=("median", "worst"), cells=varied.cells, otherwise=varied.validation)
+        candidates[title] = f"{kind}.png", drawn
+    candidates |= {
         "Training": ("curves.png", lambda f: _curves(f, surrogate)),
         "Error by parameter": ("parameters.png", lambda f: _parameters(f, evaluation)),
         "Spread over images": ("spread.png", lambda f: _spread(f, evaluation)),
@@ -34,7 +48,7 @@ def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Ev
     return {title: name for title, (name, plot) in candidates.items() if _save(directory / name, plot)}
 
 
-def _save(path: Path, plot: Callable[[Any], bool]) -> bool:
+def _save(path: Path, plot: Plot) -> bool:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
@@ -44,45 +58,30 @@ def _save(path: Path, plot: Callable[[Any], bool]) -> bool:
     return drawn
 
 
-def _hardest_cell(evaluation: Evaluation) -> tuple[str, list[Scored]]:
-    """The test images that ask most of the surrogate: unseen both ways if there are such."""
-    for views in ("unseen_views", "seen_views"):
-        for parameters in ("unseen_parameters", "seen_parameters"):
-            scored = list(evaluation.cells[views][parameters])
+def _hardest_cell(cells: Cells, otherwise: Sequence[Scored]) -> tuple[str, list[Scored]]:
+    """The images that ask most of the surrogate: of the last row and column that have any, else those for validation."""
+    for row in reversed(list(cells)):
+        for column in reversed(list(cells[row])):
+            scored = list(cells[row][column])
             if scored:
-                return f"{views.replace('_', ' ')}, {parameters.replace('_', ' ')}", scored
-    return "validation", list(evaluation.validation)
+                return f"{row.replace('_', ' ')}, {column.replace('_', ' ')}", scored
+    return "validation", list(otherwise)
 
 
-def _comparison(figure: Any, surrogate: Surrogate, catalog: Catalog, evaluation: Evaluation) -> bool:
-    label, scored = _hardest_cell(evaluation)
+def _sheet(
+    figure: Any,
+    names: Sequence[str],
+    cells: Cells,
+    surrogate: Surrogate,
+    catalog: Catalog,
+    otherwise: Sequence[Scored],
+) -> bool:
+    """The images of these names among the hardest ones."""
+    label, scored = _hardest_cell(cells, otherwise)
     if not scored:
         return False
-    ordered = sorted(scored, key=lambda s: s.score.psnr)
-    cases = {"worst": ordered[0], "median": ordered[len(ordered) // 2], "best": ordered[-1]}
-    figure.set_size_inches(9.0, 9.6)
-    axes = figure.subplots(len(cases), 3, squeeze=False)
-    shown = None
-    for row, (name, case) in zip(axes, cases.items(), strict=True):
-        background = catalog.plan.background
-        truth = catalog.image(case.target.member, str(surrogate.training["appearance"]), case.target.view)
-        picture = surrogate.at(**case.target.member.parameters).render(case.target.camera, background=background)
-        pair = [composite(image, background or WHITE) for image in (truth, picture)]
-        difference = np.abs(pair[0] - pair[1]).max(axis=-1)  # [H, W]
-        at = ", ".join(f"{key} = {value:g}" for key, value in case.target.member.parameters.items())
-        row[0].set_ylabel(f"{name}: {case.score.psnr:.1f} dB\nview {case.target.view}", fontsize=10)
-        row[0].set_title(f"truth\n{at}" if len(at) < 40 else "truth", fontsize=9)
-        row[1].set_title("prediction", fontsize=9)
-        row[2].set_title("largest difference of a channel", fontsize=9)
-        row[0].imshow(pair[0])
-        row[1].imshow(pair[1])
-        shown = row[2].imshow(difference, cmap="magma", vmin=0.0, vmax=DIFFERENCE_SCALE)
-        for axis in row:
-            axis.set_xticks([])
-            axis.set_yticks([])
-    figure.colorbar(shown, ax=axes[:, 2], fraction=0.05, extend="max", label="absolute difference (colours in [0, 1])")
-    figure.suptitle(f"{label.capitalize()}: {len(scored)} images", fontsize=11)
-    return True
+    rows = chosen_rows(scored, names, surrogate, catalog)
+    return draw_sheet(figure, f"{label.capitalize()}: {len(scored)} images", rows)
 
 
 def _curves(figure: Any, surrogate: Surrogate) -> bool:
@@ -95,12 +94,13 @@ def _curves(figure: Any, surrogate: Surrogate) -> bool:
     left.set(xlabel="step", ylabel="training loss (L1 + SSIM)", title="Loss")
     right.plot(steps, [np.nan if p["psnr"] is None else p["psnr"] for p in curve], color="tab:orange")
     right.set(xlabel="step", ylabel="PSNR of validation images (dB)", title="Validation")
-    change = next((p["step"] for p in reversed(curve) if p["stage"] == "canonical"), None)
+    changes = [(before["step"], p["stage"]) for before, p in pairwise(curve) if before["stage"] != p["stage"]]
     for axis in (left, right):
         axis.grid(alpha=0.3)
-        if change is not None:
-            axis.axvline(change, color="gray", linewidth=1, linestyle="--")
-            axis.text(change, axis.get_ylim()[0], " deformation →", fontsize=8, color="gray", va="bottom")
+        for step, stage in changes:
+            axis.axvline(step, color="gray", linewidth=1, linestyle="--")
+            label = f" {stage.replace('_', ' ')} →"
+            axis.text(step, axis.get_ylim()[0], label, fontsize=8, color="gray", va="bottom", rotation=90)
     return True
 
 

@@ -1,4 +1,4 @@
-"""Which image each training step looks at.
+"""Which image each training step looks at: each as often as the others, or the hard ones more often.
 
 Everything drawn at random during training comes from a counter-based generator keyed by (seed, purpose, step), so
 that a resumed run draws exactly what an undisturbed one would have, and no generator state needs saving.
@@ -6,9 +6,14 @@ that a resumed run draws exactly what an undisturbed one would have, and no gene
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
 
-PURPOSES = ("initialization", "order", "relocation", "latents", "hull")
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples")
 
 
 def generator(seed: int, purpose: str, step: int = 0) -> np.random.Generator:
@@ -30,3 +35,51 @@ class ShuffledEpochs:
         if epoch != self._epoch:
             self._epoch, self._order = epoch, generator(self._seed, "order", epoch).permutation(self._count)
         return int(self._order[place])
+
+
+HARD_BLOCK = 100  # steps for which the chances of the images stay the same
+MEMORY = 0.5  # of an image's running error, when it is seen again
+
+
+class HardExamples:
+    """Visits `count` items in proportion to a power of their running errors, in blocks; an item never seen counts as the worst.
+
+    `errors` (count,) and the `block` (HARD_BLOCK,) that is being visited are all its state: a run that is taken up again with
+    them goes on as it would have.  Images of each block are drawn systematically (one random offset, evenly spaced quantiles), so
+    that a block's mixture is as near to the chances as can be.
+    """
+
+    def __init__(self, count: int, seed: int, power: float) -> None:
+        if count < 1 or not power > 0:
+            raise ValueError(f"hard examples need images and a positive power, got {count} images and {power}")
+        self._seed, self._power = seed, power
+        self.errors = np.full(count, np.nan)  # [count]
+        self.block = np.zeros(HARD_BLOCK, dtype=np.int64)
+
+    def __getitem__(self, step: int) -> int:
+        number, place = divmod(step, HARD_BLOCK)
+        if place == 0:
+            self.block = self._drawn(number)
+        return int(self.block[place])
+
+    def tell(self, item: int, error: float) -> None:
+        """Remember how wrong the picture of an item was."""
+        before = self.errors[item]
+        self.errors[item] = error if np.isnan(before) else MEMORY * before + (1.0 - MEMORY) * error
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The state by name."""
+        return {"hard.errors": torch.from_numpy(self.errors.copy()), "hard.block": torch.from_numpy(self.block.copy())}
+
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take up the state of `tensors()`."""
+        self.errors, self.block = tensors["hard.errors"].numpy().copy(), tensors["hard.block"].numpy().copy()
+
+    def _drawn(self, number: int) -> NDArray[np.int64]:
+        random = generator(self._seed, "hard examples", number)
+        worst = np.nanmax(self.errors) if not np.isnan(self.errors).all() else 1.0
+        chances = np.where(np.isnan(self.errors), worst, self.errors) ** self._power  # [count]
+        cumulative = np.cumsum(chances)  # [count]
+        quantiles = (np.arange(HARD_BLOCK) + random.random()) / HARD_BLOCK * cumulative[-1]  # [HARD_BLOCK]
+        drawn = np.searchsorted(cumulative, quantiles, side="right").clip(max=len(chances) - 1)
+        return random.permutation(drawn)

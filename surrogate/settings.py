@@ -14,6 +14,7 @@ ColorDegree = Literal["auto", 0, 1]
 Device = Literal["auto", "cpu", "cuda"]
 Initialization = Literal["auto", "in-situ", "hull", "sfm", "random"]
 DeformationKind = Literal["bilinear", "paper"]
+RelocationTarget = Literal["opacity", "gradient"]
 VisualizationKind = Literal["auto", "bilinear", "paper", "values"]
 
 
@@ -36,8 +37,8 @@ class TrainingSettings:
         distance between Gaussians spread evenly through the box.
     color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading); "auto" lets
         held-out views of one member decide.
-    canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members) and of stage 2
-        (the same, deformed by the simulation parameters).
+    canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members; 0: both are learnt jointly from the
+        start) and of stage 2 (the same, deformed by the simulation parameters).
     latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
         that embeds the parameters.
     latent_spread : standard deviation of the latent vectors at the start of stage 2.
@@ -53,8 +54,12 @@ class TrainingSettings:
     final_rate_factor : what all rates have decayed to, exponentially, at the end of a stage.
     mean_offset ... color_offset : how far one unit of the deformation's output moves each quantity.
     ssim_weight : of 1 - SSIM in the loss, beside the mean absolute error.
+    deformation_penalty : weight in the loss of L_deform, the mean squared size of the deformation's offsets; 0 for none.
+    hard_example_power : images are drawn in proportion to this power of their running error; 0 draws all as often.
     relocation_interval : steps between relocations of dead Gaussians; 0 turns them off.
     relocation_stop : fraction of a stage after which no Gaussian is relocated.
+    relocation_target : where dead Gaussians go: "opacity", onto living ones in proportion to that; "gradient", onto those at which
+        pictures pull by more than `gradient_threshold` on the screen.
     dead_opacity : a Gaussian is dead where the decayed maximum of its deformed opacity lies below this.
     peak_decay : what that maximum is multiplied by per step.
     alpha_floor, alpha_cap, dilation : the rasterizer's smallest and largest alpha, and the variance (pixels squared) added to
@@ -110,7 +115,11 @@ class TrainingSettings:
     color_offset: float = 0.5
 
     ssim_weight: float = 0.2
+    deformation_penalty: float = 0.0
+    hard_example_power: float = 0.0
     relocation_interval: int = 100
+    relocation_target: RelocationTarget = "opacity"
+    gradient_threshold: float = 1e-4
     relocation_stop: float = 0.7
     dead_opacity: float = 0.01
     peak_decay: float = 0.995
@@ -131,7 +140,6 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         for name in (
             "gaussians",
-            "canonical_steps",
             "latent_size",
             "hidden_width",
             "visualization_latent_size",
@@ -140,6 +148,7 @@ class TrainingSettings:
             _require(getattr(self, name) >= 1, self, name, "at least 1")
         for name in (
             "seed",
+            "canonical_steps",
             "deformation_steps",
             "visualization_steps",
             "relocation_interval",
@@ -153,12 +162,21 @@ class TrainingSettings:
         for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor", "recovery_fraction"):
             _require(0 <= getattr(self, name) <= 1, self, name, "in [0, 1]")
         for field in fields(self):
+            if field.name == "simulation_rate_factor":  # zero freezes F_sim
+                continue
             positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
             _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
         _require(self.alpha_floor < self.alpha_cap < 1, self, "alpha_cap", "above alpha_floor and below 1")
         for name in ("color_degree", "visualization_color_degree"):
             _require(getattr(self, name) in typing.get_args(ColorDegree), self, name, '"auto", 0 or 1')
-        for name in ("dilation", "need_tolerance"):
+        for name in (
+            "dilation",
+            "need_tolerance",
+            "deformation_penalty",
+            "hard_example_power",
+            "simulation_rate_factor",
+            "gradient_threshold",
+        ):
             _require(getattr(self, name) >= 0, self, name, "at least 0")
 
     @classmethod

@@ -22,4 +22,5 @@ def simulation_stage(gaussians: Gaussians, deformation: Deformation, settings: T
         rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
         per_gaussian=frozenset(NAMES) | {PREFIX + name for name in deformation.per_gaussian},
         gaussians_at=lambda parameters: deformation.deformed(gaussians, parameters),
+        rest_at=lambda parameters: gaussians,
     )

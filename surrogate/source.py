@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
@@ -73,6 +76,15 @@ class Source:
         """The validation images that choices about the model are made on."""
         watch = validation_rows(self.catalog, [self.appearance], JUDGES)
         return load_examples(self.catalog, watch, self.normalization)
+
+    @property
+    def histogram(self) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
+        """How often the training members' fields have which values, (K,), and the bins' edges (K + 1,); None where not known."""
+        summaries = [m.summary() for m in self.catalog.members if m.split == "train"]
+        known = [summary for summary in summaries if summary is not None]
+        if not known:
+            return None, None
+        return np.sum([summary.histogram for summary in known], axis=0), known[0].bin_edges
 
     @cached_property
     def points(self) -> Points | None:

@@ -22,6 +22,7 @@ class Stage:
     rates : Adam's rate per tensor at the stage's start.
     per_gaussian : which of them have a row per Gaussian.
     gaussians_at : the Gaussians at normalized parameters (P,), differentiable in `tensors`.
+    rest_at : what the stage's deformation acts on, there; None where it has none.
     relocates : whether dead Gaussians may move; all rows of `per_gaussian` are among `tensors` then.
     """
 
@@ -32,3 +33,4 @@ class Stage:
     per_gaussian: frozenset[str]
     gaussians_at: Callable[[Tensor], Gaussians]
     relocates: bool = True
+    rest_at: Callable[[Tensor], Gaussians] | None = None

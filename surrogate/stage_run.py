@@ -11,11 +11,12 @@ from torch import Tensor
 
 from surrogate.data import Example
 from surrogate.densify import plan_relocation, relocate
-from surrogate.losses import image_loss
+from surrogate.losses import deformation_size, image_loss
 from surrogate.metrics import WHITE
 from surrogate.optimizer import Adam
+from surrogate.pulls import Pulls
 from surrogate.rasterizer import Rasterizer
-from surrogate.sampling import ShuffledEpochs, generator
+from surrogate.sampling import HardExamples, ShuffledEpochs, generator
 from surrogate.settings import TrainingSettings
 from surrogate.stage import Stage
 from surrogate.validation import mean_psnr
@@ -43,18 +44,30 @@ class StageRun:
         first = next(iter(stage.tensors.values()))
         count = len(stage.tensors["means"]) if stage.relocates else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
-        self._order = ShuffledEpochs(len(data.examples), settings.seed)
+        by_gradient = count if settings.relocation_target == "gradient" else 0
+        self._pulls = Pulls.none(by_gradient, first)
+        images, power = len(data.examples), settings.hard_example_power
+        self._hard = HardExamples(images, settings.seed, power) if power else None
+        self._order = self._hard or ShuffledEpochs(images, settings.seed)
         self._rasterizer = Rasterizer.of(settings)
         self._behind = WHITE if data.background is None else data.background
 
     def advance(self) -> float:
         """One step: draw, compare, move, and relocate where it is due.  Returns the loss."""
-        settings, example = self.settings, self.data.examples[self._order[self.step]]
+        settings, item = self.settings, self._order[self.step]
+        example = self.data.examples[item]
         gaussians = self.stage.gaussians_at(example.parameters)
         picture = self._rasterizer.draw_over(gaussians, example.camera, self._behind)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
         loss = image_loss(picture, target, ssim_weight=settings.ssim_weight)
+        if self._hard is not None:
+            self._hard.tell(item, float(loss.detach()))
+        if settings.deformation_penalty and self.stage.rest_at is not None:
+            size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
+            loss = loss + settings.deformation_penalty * size
         loss.backward()
+        if len(self._pulls):
+            self._pulls.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)
         self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
         self.step += 1
         if self.stage.relocates:
@@ -79,6 +92,8 @@ class StageRun:
             | {f"moments.first.{name}": first for name, (first, _) in moments.items()}
             | {f"moments.second.{name}": second for name, (_, second) in moments.items()}
             | {"peaks": self._peaks}
+            | (self._pulls.tensors() if len(self._pulls) else {})
+            | (self._hard.tensors() if self._hard is not None else {})
         )
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
@@ -88,6 +103,10 @@ class StageRun:
             for name, tensor in self.stage.tensors.items():
                 tensor.copy_(tensors[name])
         self._peaks.copy_(tensors["peaks"])
+        if len(self._pulls):
+            self._pulls.restore(tensors)
+        if self._hard is not None:
+            self._hard.restore(tensors)
         moments = {n: (tensors[f"moments.first.{n}"], tensors[f"moments.second.{n}"]) for n in self.stage.tensors}
         self._adam.restore(moments, step)
 
@@ -99,8 +118,10 @@ class StageRun:
 
     def _relocate(self) -> None:
         random = generator(self.settings.seed, "relocation", self.step)
-        relocation = plan_relocation(self._peaks, self.settings.dead_opacity, random)
+        wanted = self._pulls.above(self.settings.gradient_threshold) if len(self._pulls) else None
+        relocation = plan_relocation(self._peaks, self.settings.dead_opacity, random, wanted)
         if relocation is not None:
             rows: dict[str, Any] = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())
             self._peaks[relocation.moved] = self._peaks[relocation.sources]
+        self._pulls.forget()

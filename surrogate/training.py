@@ -195,11 +195,11 @@ class _Run:
             else:
                 if state.color_degree is None:
                     self._announce(VISUALIZED_COLOR_DEGREE, before)
-                    degree, choice = choose_visualized_color_degree(fitted, variation, self._source, data)
+                    chosen_degree, choice = choose_visualized_color_degree(fitted, variation, self._source, data)
                     self._choices += [] if choice is None else [choice.to_json()]
-                    state, checkpoint = replace(state, color_degree=degree), None
-                plan, settings = self._source.catalog.plan, self._settings
-                visualization = new_visualization(*fitted, variation, plan, settings, state.color_degree or 0)
+                    state, checkpoint = replace(state, color_degree=chosen_degree), None
+                settings, degree = self._settings, state.color_degree or 0
+                visualization = new_visualization(*fitted, variation, self._source, degree)
                 stage = visualization_stage(*fitted, visualization, settings)
                 self._carry(Needs(fitted, len(VARIED_NEEDS)), state)
                 run = _resumed(stage, settings, data, checkpoint)

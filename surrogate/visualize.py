@@ -9,12 +9,12 @@ from __future__ import annotations
 from torch import Tensor
 
 from catalogs.appearance import VolumeRendering
-from catalogs.plan import CatalogPlan
 from catalogs.variations import Variation
 from surrogate.deformation import KINDS, Deformation
-from surrogate.deformation.values import ValuesDeformation
+from surrogate.deformation.values import ValuesDeformation, placed_values
 from surrogate.gaussians import NAMES, Gaussians
 from surrogate.settings import TrainingSettings
+from surrogate.source import Source
 from surrogate.stage import Stage
 from surrogate.visualization import Visualization
 
@@ -39,8 +39,7 @@ def new_visualization(
     gaussians: Gaussians,
     simulation: Deformation,
     variation: Variation,
-    plan: CatalogPlan,
-    settings: TrainingSettings,
+    source: Source,
     color_degree: int = 0,
 ) -> Visualization:
     """An F_vis that does nothing yet.
@@ -48,9 +47,10 @@ def new_visualization(
     Parameters
     ----------
     gaussians, simulation : the canonical ones and F_sim, as they are after stage 2.
-    plan : the catalog's, which knows the base appearance.
+    source : the catalog, which knows the base appearance and the field's histogram, and the settings.
     color_degree : of the Gaussians that it is to show.
     """
+    settings, plan = source.settings, source.catalog.plan
     kind, edits = kind_of(variation, settings), variation.kind == "transfer_function"
     degree = max(color_degree, gaussians.color_degree)
     if kind == "values":
@@ -58,7 +58,9 @@ def new_visualization(
         if not isinstance(base, VolumeRendering):
             raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
         steps = [parameter.high for parameter in variation.space.parameters]
-        applied = ValuesDeformation.create(gaussians, base.transfer_function, steps, settings)
+        function = base.transfer_function
+        values = placed_values(settings.value_bins, function.bounds, *source.histogram)
+        applied = ValuesDeformation.create(gaussians, function, values, steps)
         return Visualization(variation, applied, None, degree)
     wide = gaussians.with_color_degree(degree)
     deformation = KINDS[kind].create(
@@ -88,14 +90,17 @@ def visualization_stage(
         }
     known: dict[tuple[float, ...], Gaussians] = {}
 
-    def gaussians_at(parameters: Tensor) -> Gaussians:
-        if tuned is not None:
-            return visualization.gaussians_at(gaussians, simulation, parameters)
+    def rest_at(parameters: Tensor) -> Gaussians:
         alone = parameters[: -len(visualization.variation.space)]  # [P]
+        if tuned is not None:
+            return visualization.simulated(gaussians, simulation, alone)
         place = tuple(alone.tolist())
         if place not in known:  # F_sim is frozen: a member's Gaussians are always the same
             known[place] = visualization.simulated(gaussians, simulation, alone)
-        return of_vis.deformed(known[place], parameters)
+        return known[place]
+
+    def gaussians_at(parameters: Tensor) -> Gaussians:
+        return of_vis.deformed(rest_at(parameters), parameters)
 
     return Stage(
         name=visualization.variation.kind,
@@ -105,4 +110,5 @@ def visualization_stage(
         per_gaussian=frozenset(NAMES),
         gaussians_at=gaussians_at,
         relocates=False,
+        rest_at=rest_at,
     )

@@ -25,6 +25,8 @@ let looking = null; // while dragging: {direction, up}, between the viewpoints
 
 const member = () => catalog.members[shown.member];
 const viewpoints = () => catalog.viewpoints[member().viewpoints];
+const everyAppearance = catalog.appearances.map((_, i) => i);
+const appearancesOf = m => m.appearances || everyAppearance; // by number; a member may show some only
 const towards = point => point.slice(0, 3);
 const upOf = point => point.slice(3, 6);
 const addressOf = (m, appearance, view) =>
@@ -126,7 +128,7 @@ function showCaption() {
 function showControls() {
   const m = member();
   $("member").value = shown.member;
-  $("appearance").value = shown.appearance;
+  offerAppearances();
   catalog.parameters.forEach((p, i) => {
     const box = $("parameters").children[i];
     box.querySelector("input").value = wanted[i];
@@ -141,6 +143,33 @@ function showControls() {
   for (const button of document.querySelectorAll("[data-size], [data-background]"))
     if (button.tagName === "BUTTON")
       button.setAttribute("aria-pressed", shown.size === button.dataset.size || shown.background === button.dataset.background);
+}
+
+function offerAppearances() {
+  const menu = $("appearance"), offered = appearancesOf(member()), numbers = offered.join();
+  if (menu.dataset.offered !== numbers) {
+    menu.dataset.offered = numbers;
+    menu.replaceChildren(...grouped(offered));
+  }
+  menu.value = shown.appearance;
+  menu.title = catalog.appearances[shown.appearance].title; // long titles are cut short in the menu
+}
+
+function grouped(numbers) {
+  const made = [], groups = new Map();
+  for (const i of numbers) {
+    const { title, group } = catalog.appearances[i], option = new Option(title, i);
+    if (!group) {
+      made.push(option);
+      continue;
+    }
+    if (!groups.has(group)) {
+      groups.set(group, Object.assign(document.createElement("optgroup"), { label: group }));
+      made.push(groups.get(group));
+    }
+    groups.get(group).append(option);
+  }
+  return made;
 }
 
 function show() {
@@ -158,8 +187,14 @@ function chooseMember(index, keepSliders = false) {
   const point = viewpoints()[shown.view];
   shown.member = index;
   if (!keepSliders) wanted = [...member().values];
+  keepToAppearances();
   shown.view = nearestView(towards(point), upOf(point)); // members may have cameras of their own
   show();
+}
+
+function keepToAppearances() {
+  const offered = appearancesOf(member());
+  if (!offered.includes(shown.appearance)) shown.appearance = offered[0];
 }
 
 function slide(i, value) {
@@ -253,6 +288,7 @@ function readAddress() {
   const place = (list, name) => Math.max(0, list.findIndex(item => item.name === name));
   if (fields.has("member")) shown.member = place(catalog.members, fields.get("member"));
   if (fields.has("appearance")) shown.appearance = place(catalog.appearances, fields.get("appearance"));
+  keepToAppearances();
   if (["dark", "black", "white", "checker"].includes(fields.get("background"))) shown.background = fields.get("background");
   if (["fit", "actual"].includes(fields.get("size"))) shown.size = fields.get("size");
   const view = Number(fields.get("view") ?? NaN), count = viewpoints().length;
@@ -296,7 +332,6 @@ function addParameter(p, i) {
 }
 
 function addChoices() {
-  catalog.appearances.forEach((a, i) => $("appearance").append(new Option(a.title, i)));
   $("appearance-field").hidden = catalog.appearances.length < 2;
   for (const split of SPLITS) {
     const group = Object.assign(document.createElement("optgroup"), { label: split });

@@ -19,7 +19,7 @@ import numpy as np
 from catalogs import durable
 from catalogs.appearance import Appearance, Isosurface
 from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogError, Member
+from catalogs.catalog import Catalog, CatalogError, CatalogPlan, Member
 
 PAGE = "index.html"
 
@@ -54,10 +54,10 @@ def page_of(catalog: Catalog) -> str:
 def describe(catalog: Catalog) -> dict[str, Any]:
     """What the page needs to know of the catalog, as JSON values.
 
-    Keys: `title`; `parameters`; `appearances` (`name`, `title`); `background` as a CSS color or None; `files`, the file name
-    of each view; `viewpoints`, sets of [x, y, z, up x, up y, up z] per view, unit vectors from the volume's middle towards
-    the camera and to the top of its picture; `splits`, of the views of each set; `members` (`name`, `split`, `values`,
-    `viewpoints`: which set).
+    Keys: `title`; `parameters`; `appearances` (`name`, `title`, and `group` of those in a variation); `background` as a CSS
+    color or None; `files`, the file name of each view; `viewpoints`, sets of [x, y, z, up x, up y, up z] per view, unit
+    vectors from the volume's middle towards the camera and to the top of its picture; `splits`, of the views of each set;
+    `members` (`name`, `split`, `values`, `viewpoints`: which set, and `appearances`: which, by number, unless all).
     """
     plan = catalog.plan
     members = catalog.members
@@ -71,19 +71,28 @@ def describe(catalog: Catalog) -> dict[str, Any]:
                 "split": member.split,
                 "values": [member.parameters[name] for name in plan.space.names],
                 "viewpoints": sets.setdefault(views, len(sets)),
+                **_appearances_of(member, plan.appearance_names),
             }
         )
     most = max((len(m.cameras) for m in members), default=0)
     return {
         "title": _title(catalog),
         "parameters": plan.space.to_json(),
-        "appearances": [{"name": a.name, "title": _appearance_title(a)} for a in plan.appearances],
+        "appearances": [_appearance(a, plan) for a in plan.appearances],
         "background": _css(plan.background),
         "files": _file_names(catalog, members, most),
         "viewpoints": [points for points, _ in sets],
         "splits": [splits for _, splits in sets],
         "members": rows,
     }
+
+
+def _appearances_of(member: Member, names: Sequence[str]) -> dict[str, list[int]]:
+    """Which of the catalog's appearances the member shows; nothing where it shows all."""
+    if len(member.appearances) == len(names):
+        return {}
+    shown = set(member.appearances)
+    return {"appearances": [i for i, name in enumerate(names) if name in shown]}
 
 
 def _viewpoints(cameras: Sequence[Camera], bounds: Any) -> tuple[tuple[float, ...], ...]:
@@ -110,10 +119,21 @@ def _title(catalog: Catalog) -> str:
     return str(catalog.plan.provenance.get("scene") or (path.parent.name if path.stem == "catalog" else path.stem))
 
 
-def _appearance_title(appearance: Appearance) -> str:
+def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
+    said = {"name": appearance.name, "title": _appearance_title(appearance, plan)}
+    setting = plan.setting(appearance.name)
+    if setting is None:
+        return said
+    kind = next(v.kind for v in plan.variations if v.setting(appearance.name) is setting)
+    return {**said, "group": f"{kind.replace('_', ' ')}s, {setting.split}"}
+
+
+def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:
+    """Its name and what sets it apart: an isovalue, or by how much the points of a transfer function are displaced."""
     if isinstance(appearance, Isosurface):
         return f"{appearance.name} (isovalue {appearance.isovalue:g})"
-    return appearance.name
+    moved = [f"{name} {value:+.3g}" for name, value in plan.varied(appearance.name).items() if value]
+    return f"{appearance.name} ({', '.join(moved)})" if moved else appearance.name
 
 
 def _css(color: Sequence[float] | None) -> str | None:

@@ -27,6 +27,7 @@ from surrogate.deformation.offsets import Offsets
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
+FINE = 1024  # places at which the density of values is taken
 SAMPLES = 32  # of the transfer function between two neighbouring values
 MOST_OPAQUE = 0.999  # an opacity of 1 would be an infinite extinction
 LEAST_DEPTH = 1e-4  # a Gaussian thinner than this is never drawn (alpha 1/255)
@@ -41,7 +42,7 @@ class ValuesDeformation:
     ----------
     weights : (N, B), whose absolute values are W.
     base : the transfer function at which the Gaussians are what F_sim says.
-    values : (B,) field values, evenly spread over the base's bounds.
+    values : (B,) increasing field values that span the base's bounds.
     steps : (4,) the displacements that normalized visualization parameters are in units of.
     """
 
@@ -55,10 +56,16 @@ class ValuesDeformation:
 
     @classmethod
     def create(
-        cls, gaussians: Gaussians, base: TransferFunction, steps: Sequence[float], settings: TrainingSettings
+        cls, gaussians: Gaussians, base: TransferFunction, values: NDArray[np.float64], steps: Sequence[float]
     ) -> ValuesDeformation:
-        """Weights that give every Gaussian its optical depth under `base`, on the values whose colours are most like its own."""
-        values = np.linspace(*base.bounds, settings.value_bins)  # [B]
+        """Weights that give every Gaussian its optical depth under `base`, on the values whose colours are most like its own.
+
+        Parameters
+        ----------
+        gaussians : N of them, as they look under `base`.
+        values : (B,) increasing, from `placed_values`.
+        steps : (4,) what a normalized displacement of 1 means.
+        """
         table = torch.from_numpy(_table(base, values))  # [B, 4]
         extinctions, emissions = table[:, 0], table[:, 1:]
         colors = emissions / extinctions.clamp(min=1e-9)[:, None]  # [B, 3]
@@ -69,14 +76,19 @@ class ValuesDeformation:
         depths = torch.nn.functional.softplus(gaussians.opacity_logits.detach().cpu().double())  # [N]
         scale = depths / (alike @ extinctions).clamp(min=1e-9)  # [N]
         weights = (alike * scale[:, None]).float().to(gaussians.means.device)
-        return cls(weights, base, values, tuple(map(float, steps)))
+        return cls(weights, base, np.asarray(values, dtype=np.float64), tuple(map(float, steps)))
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> ValuesDeformation:
         """The deformation of `stored()` and `record()`."""
-        base = TransferFunction(**record["base"])
-        values = np.linspace(*base.bounds, tensors["weights"].shape[1])
-        return cls(tensors["weights"], base, values, tuple(record["steps"]))
+        values = np.array(record["values"], dtype=np.float64)
+        if (
+            set(tensors) != {"weights"}
+            or tensors["weights"].shape[1:] != values.shape
+            or not (np.diff(values) > 0).all()
+        ):
+            raise ValueError(f"weights of {len(values)} increasing values are needed, got {sorted(tensors)}")
+        return cls(tensors["weights"], TransferFunction(**record["base"]), values, tuple(record["steps"]))
 
     def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
         """Offsets of `gaussians`, those of the member, at parameters (P + 4,), of which the last 4 displace control points."""
@@ -148,27 +160,46 @@ class ValuesDeformation:
         return {"weights": settings.value_rate}
 
     def record(self) -> dict[str, Any]:
-        """The base transfer function and the steps."""
-        return {"base": asdict(self.base), "steps": list(self.steps)}
+        """The base transfer function, the values and the steps."""
+        return {"base": asdict(self.base), "values": self.values.tolist(), "steps": list(self.steps)}
+
+
+def placed_values(
+    count: int, bounds: tuple[float, float], histogram: NDArray[np.int64] | None, edges: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """`count` increasing values that span `bounds`, denser where the field has more of its volume.
+
+    Half of their density is even, half follows the square root of the field's histogram (K,) over `edges` (K + 1,): a transfer
+    function's control point may stand anywhere, but most pictures are made of the frequent values.  Even where both are None.
+    """
+    low, high = bounds
+    if histogram is None or edges is None or not histogram.sum():
+        return np.linspace(low, high, count)
+    fine = np.linspace(low, high, FINE + 1)  # [FINE + 1]
+    frequency = np.interp((fine[1:] + fine[:-1]) / 2.0, (edges[1:] + edges[:-1]) / 2.0, histogram)  # [FINE]
+    density = np.sqrt(np.maximum(frequency, 0.0))
+    density = density / max(density.sum(), 1e-300) + 1.0 / FINE  # [FINE]
+    cumulative = np.concatenate([[0.0], np.cumsum(density)])  # [FINE + 1]
+    return np.interp(np.linspace(0.0, cumulative[-1], count), cumulative, fine)
 
 
 def _table(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Extinction, and extinction times colour, at each of B evenly spaced values: (B, 4), in units of the function's distance.
+    """Extinction, and extinction times colour, at each of B increasing values: (B, 4), in units of the function's distance.
 
     Each is the mean over the values around, weighted by the hat function that linear interpolation between the values gives.
     """
-    fine = np.linspace(values[0], values[-1], (len(values) - 1) * SAMPLES + 1)  # [F]
-    extinctions = -np.log1p(-np.minimum(function.opacities(fine), MOST_OPAQUE))  # [F]
-    columns = np.concatenate([extinctions[:, None], extinctions[:, None] * function.colors(fine)], axis=1)  # [F, 4]
-    offsets = np.arange(-SAMPLES, SAMPLES + 1) / SAMPLES  # [2 SAMPLES + 1]
-    hat = 1.0 - np.abs(offsets)
-    padded = np.pad(columns, ((SAMPLES, SAMPLES), (0, 0)))  # [F + 2 SAMPLES, 4]
-    inside = np.pad(np.ones(len(fine)), SAMPLES)
-    means = [
-        hat @ padded[i * SAMPLES : i * SAMPLES + len(hat)] / (hat @ inside[i * SAMPLES : i * SAMPLES + len(hat)])
-        for i in range(len(values))
-    ]
-    return np.stack(means)
+    inside = (np.arange(SAMPLES) + 0.5) / SAMPLES  # [S], places between two values
+    fine = values[:-1, None] + np.diff(values)[:, None] * inside  # [B - 1, S]
+    extinctions = -np.log1p(-np.minimum(function.opacities(fine), MOST_OPAQUE))  # [B - 1, S]
+    columns = np.concatenate([extinctions[..., None], extinctions[..., None] * function.colors(fine)], axis=2)
+    lengths = np.diff(values)[:, None]  # [B - 1, 1]
+    rising = (
+        lengths * np.einsum("s,bsc->bc", inside, columns) / SAMPLES
+    )  # [B - 1, 4], to the upper value of each interval
+    falling = lengths * np.einsum("s,bsc->bc", 1.0 - inside, columns) / SAMPLES
+    total = np.pad(rising, ((1, 0), (0, 0))) + np.pad(falling, ((0, 1), (0, 0)))  # [B, 4]
+    weight = np.pad(lengths, ((1, 0), (0, 0))) / 2.0 + np.pad(lengths, ((0, 1), (0, 0))) / 2.0  # [B, 1]
+    return total / weight
 
 
 def _logit_of_depth(depths: Tensor) -> Tensor:

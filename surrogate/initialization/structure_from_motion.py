@@ -183,8 +183,7 @@ def _load_pycolmap() -> Any:
         import pycolmap
     except ImportError as error:
         raise ValueError(
-            'training.initialization = "sfm" needs pycolmap, which is not installed: '
-            "pip install 'gs-surrogate[sfm]'"
+            "training.initialization = \"sfm\" needs pycolmap, which is not installed: pip install 'gs-surrogate[sfm]'"
         ) from error
     _take_termination_back()
     return pycolmap

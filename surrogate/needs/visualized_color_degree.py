@@ -42,7 +42,7 @@ def _probed(fitted: Fitted, variation: Variation, source: Source, data: Training
     settings = source.settings
     steps = max(1, round(PROBE * settings.visualization_steps))
     short = replace(settings, visualization_steps=steps)
-    visualization = new_visualization(*fitted, variation, source.catalog.plan, short, degree)
+    visualization = new_visualization(*fitted, variation, source, degree)
     stage = visualization_stage(*fitted, visualization, short)
     run = StageRun(stage, short, data)
     while run.step < steps:

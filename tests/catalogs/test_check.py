@@ -85,7 +85,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "one bit": (lambda c: flip(c / IMAGE), "row 5", "damaged"),
     "another format": (lambda c: (c / IMAGE).write_text("hello"), "row 5", "no PNG"),
     "stray quote": (lambda c: rewrite(c / "data.csv", "120.0,1.0,dvr", '120.0,1.0,d"r'), "data.csv", "line 2"),
-    "newer schema": (lambda c: rewrite(c / "catalog.json", '"schema": 1', '"schema": 9'), "catalog.json", "newer"),
+    "newer schema": (lambda c: rewrite(c / "catalog.json", '"schema": 2', '"schema": 9'), "catalog.json", "newer"),
     "damaged summary": (lambda c: cut(c / "members/first/field.npz"), "first", "summary"),
 }
 

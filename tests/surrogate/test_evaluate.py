@@ -91,7 +91,7 @@ def test_trivial_predictors_are_what_they_say(run: tuple[Surrogate, Catalog, Pat
         "ridge regression",
         "radial basis functions",
     }
-    target = targets_of(catalog, ("test",), ("test",))[3]
+    target = targets_of(catalog, "disk", ("test",), ("test",))[3]
     low, high = (catalog.image(m, "disk", target.view, dtype="float32") for m in catalog.members if m.split == "train")
     truth = catalog.image(target.member, "disk", target.view)
     wanted = {

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages
+from catalogs.appearance import ImportedImages, TransferFunction, VolumeRendering
 from catalogs.browse import CatalogServer, page_of
 from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.variations import isovalue_family, transfer_function_family
 from tests.catalogs.chromium import PROGRAMS, Browser, find_browser
 
 SIZE = 64
@@ -52,6 +53,34 @@ def grid(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
             for a, appearance in enumerate(catalog.appearance_names):
                 for view in range(42):
                     writer.write_image(appearance, view, picture(10000 * number + 1000 * a + view))
+    return catalog
+
+
+FUNCTION = TransferFunction(
+    ((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (0.3, 0.2), (0.6, 0.5), (1.0, 1.0)), 0.1
+)
+BASE = VolumeRendering("dvr", FUNCTION)
+SHOWN = {"all": None, "some": ("dvr", "dvr-train-07", "iso=0.5"), "isosurfaces": ("iso=0.2", "iso=0.5")}
+
+
+@pytest.fixture(scope="module")
+def varied(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
+    """Three members of twelve views each: one shows all of 82 appearances, two show some."""
+    functions = transfer_function_family(
+        BASE, first_step=(0.1, 0.1), second_step=(0.1, 0.25), validation=1, test=1, unit="kg"
+    )
+    isovalues = isovalue_family("dvr", train=(0.2, 0.8), test=(0.5,))
+    plan = grid_plan(
+        appearances=(BASE, *functions.appearances, *isovalues.appearances),
+        variations=(functions.variation, isovalues.variation),
+        cameras=tuple(orbit((1.0, 0.0, 0.0), 1.0, width=8, height=8, frequency=1)),
+        view_splits=tuple(view_splits(12)),
+    )
+    catalog = Catalog.create(tmp_path_factory.mktemp("varied") / "varied.cdb", plan)
+    for number, (name, appearances) in enumerate(SHOWN.items()):
+        with catalog.begin_member(name, {"x": float(number), "y<b>": 0.0}, appearances=appearances) as writer:
+            for appearance, view in writer.missing():
+                writer.write_image(appearance, view, np.full((8, 8, 4), view, np.uint8))
     return catalog
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def shown(browser: Browser) -> tuple[str, str, int]:
         f"{SHOWN} && {SHOWN} === addressOf(member(), shown.appearance, shown.view) "
         "&& document.getElementById('picture').complete"
     )
-    _, member, appearance, file = browser.evaluate(SHOWN).split("/")
+    _, member, appearance, file = unquote(browser.evaluate(SHOWN)).split("/")
     return member, appearance, int(file.removesuffix(".png"))
 
 
@@ -104,6 +105,56 @@ def test_menus_choose_member_and_appearance(server: CatalogServer, browser: Brow
     assert browser.evaluate("+document.getElementById('parameter-0').value") == 2.0
     browser.evaluate(f"({choose.format()})('appearance', '1')")
     assert shown(browser)[:2] == ("m4", "second")
+
+
+OFFERED = "[...document.getElementById('appearance').options].map(option => option.text)"
+
+
+def test_the_menu_offers_what_a_member_shows(varied: Catalog, browser: Browser) -> None:
+    browser.open(f"file://{write_page(varied.path)}#member=all&appearance=dvr-train-65&view=3")
+    assert shown(browser) == ("all", "dvr-train-65", 3)
+    titles = browser.evaluate(OFFERED)
+    assert len(titles) == 82
+    assert titles[65] == "dvr-train-65 (c1_value -0.1)"
+    assert browser.evaluate("document.getElementById('appearance').title") == titles[65]
+    groups = browser.evaluate("[...document.querySelectorAll('#appearance optgroup')].map(group => group.label)")
+    assert groups == [
+        *(f"transfer functions, {split}" for split in ("train", "validation", "test")),
+        *(f"isovalues, {split}" for split in ("train", "test")),
+    ]
+    assert browser.evaluate("document.getElementById('appearance').offsetWidth") < 250
+    choose = "(id, value) => { const s = document.getElementById(id); s.value = value; s.onchange({target: s}); }"
+    browser.evaluate(f"({choose})('member', '1')")
+    assert browser.evaluate("catalog.members[1].name") == "isosurfaces"
+    assert shown(browser) == ("isosurfaces", "iso=0.2", 3), "the first that it shows"
+    assert browser.evaluate(OFFERED) == ["iso=0.2 (isovalue 0.2)", "iso=0.5 (isovalue 0.5)"]
+    browser.evaluate(f"({choose})('appearance', document.getElementById('appearance').options[1].value)")
+    assert shown(browser) == ("isosurfaces", "iso=0.5", 3)
+    left, length, y = slider(browser, 0)
+    browser.mouse("mousePressed", left + 0.5 * length, y)
+    browser.mouse("mouseReleased", left + 0.5 * length, y)
+    assert shown(browser) == ("some", "iso=0.5", 3), "it shows that too"
+    assert len(browser.evaluate(OFFERED)) == 3
+    assert browser.evaluate("document.getElementById('appearance').selectedOptions[0].text") == "iso=0.5 (isovalue 0.5)"
+    assert browser.complaints() == []
+
+
+def test_an_address_asks_only_for_what_a_member_shows(varied: Catalog, browser: Browser) -> None:
+    page = write_page(varied.path)
+    for fields, expected in {
+        "member=isosurfaces&appearance=dvr&view=2": ("isosurfaces", "iso=0.2", 2),
+        "member=isosurfaces&view=2": ("isosurfaces", "iso=0.2", 2),
+        "member=some&appearance=dvr-train-07&view=2": ("some", "dvr-train-07", 2),
+    }.items():
+        browser.open(f"file://{page}#{fields}")
+        assert shown(browser) == expected
+        browser.evaluate("document.getElementById('stage').focus()")
+        browser.press("ArrowRight")
+        assert shown(browser)[:2] == expected[:2]
+        assert browser.complaints() == []
+    browser.evaluate("location.hash = 'member=isosurfaces&appearance=dvr-train-07&view=2'")
+    browser.wait_for("member().name === 'isosurfaces'")
+    assert shown(browser) == ("isosurfaces", "iso=0.2", 2)
 
 
 def test_dragging_turns_the_thing_with_the_pointer(grid: Catalog, server: CatalogServer, browser: Browser) -> None:

@@ -39,6 +39,35 @@ def test_the_page_names_every_picture(grid: Catalog) -> None:
     assert data["background"] is None
 
 
+def test_the_page_names_only_pictures_that_members_show(varied: Catalog) -> None:
+    data = data_of(page_of(varied))
+    named = set()
+    for member in data["members"]:
+        for number in member.get("appearances", range(len(data["appearances"]))):
+            for file in data["files"]:
+                named.add(f"members/{member['name']}/{data['appearances'][number]['name']}/{file}")
+    assert named == {path.relative_to(varied.path).as_posix() for path in varied.path.rglob("*.png")}
+    assert [("appearances" in member) for member in data["members"]] == [False, True, True]
+
+
+def test_settings_have_titles_and_groups(varied: Catalog, catalog: Catalog) -> None:
+    appearances = {a["name"]: a for a in describe(varied)["appearances"]}
+    assert appearances["dvr"] == {"name": "dvr", "title": "dvr"}
+    assert appearances["dvr-train-07"] == {
+        "name": "dvr-train-07",
+        "title": "dvr-train-07 (c1_value -0.1, c1_opacity -0.1, c2_value +0.1)",
+        "group": "transfer functions, train",
+    }
+    assert appearances["dvr-train-65"]["title"] == "dvr-train-65 (c1_value -0.1)"
+    assert appearances["dvr-test-01"]["group"] == "transfer functions, test"
+    assert appearances["iso=0.5"] == {
+        "name": "iso=0.5",
+        "title": "iso=0.5 (isovalue 0.5)",
+        "group": "isovalues, test",
+    }
+    assert not any("group" in a for a in describe(catalog)["appearances"])
+
+
 def test_viewpoints_are_seen_from_the_middle_of_the_box(grid: Catalog) -> None:
     (points,) = describe(grid)["viewpoints"]
     np.testing.assert_allclose(np.array(points)[:, :3], icosphere(2), atol=2e-6)

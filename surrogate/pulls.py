@@ -1,0 +1,63 @@
+"""How strongly pictures pull at each Gaussian on the screen: where one is not enough, more are needed.
+
+Kerbl et al. 2023, section 5.2: Gaussians with a large mean gradient of the loss with respect to their place on the screen, in
+normalized device coordinates, stand for too much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from catalogs.cameras import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Pulls:
+    """Sums of screen gradients, and over how many pictures that showed the Gaussian, since the last `forget`."""
+
+    totals: Tensor  # [N]
+    pictures: Tensor  # [N]
+
+    @classmethod
+    def none(cls, count: int, like: Tensor) -> Pulls:
+        """Of `count` Gaussians, on the device of `like`."""
+        return cls(torch.zeros(count, device=like.device), torch.zeros(count, device=like.device))
+
+    def __len__(self) -> int:
+        return len(self.totals)
+
+    def add(self, means: Tensor, gradients: Tensor | None, camera: Camera) -> None:
+        """Count one picture: `means` (N, 3) as it showed them, `gradients` (N, 3) of its loss with respect to them.
+
+        A place on the screen moves by f / depth pixels per unit of length, of which width / 2 are one device coordinate.
+        """
+        if gradients is None:
+            return
+        rotation = torch.from_numpy(camera.world_to_camera[2, :3]).to(means)  # [3]
+        depths = means @ rotation + float(camera.world_to_camera[2, 3])  # [N]
+        sizes = gradients.norm(dim=1) * depths.abs() * (camera.width / (2.0 * camera.fx))  # [N]
+        self.totals.add_(sizes)
+        self.pictures.add_((sizes > 0).to(self.pictures.dtype))
+
+    def above(self, threshold: float) -> Tensor:
+        """Mean pulls (N,), zero where they do not exceed `threshold`."""
+        means = self.totals / self.pictures.clamp(min=1.0)  # [N]
+        return torch.where(means > threshold, means, 0.0)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.totals.zero_()
+        self.pictures.zero_()
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The state by name."""
+        return {"pulls.totals": self.totals, "pulls.pictures": self.pictures}
+
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take up the state of `tensors()`."""
+        for name, own in self.tensors().items():
+            own.copy_(tensors[name])
