@@ -7,10 +7,11 @@ BIN     := .venv/bin
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
 
-.PHONY: help setup dataset train evaluate browse test test-fast lint clients bench clean-scene
+.PHONY: help setup dataset train evaluate ablate browse test test-fast lint clients bench clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
+	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS)/<scene>/ablation/"
 	@echo "make test                        every test (make test-fast: the quick ones)"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
 	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
@@ -33,6 +34,10 @@ train: dataset
 	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
 
 evaluate: train
+
+# About four hours for the standard scene on two cores; an interrupted study goes on with what is missing.
+ablate: dataset
+	$(BIN)/surrogate ablate scenes/$(SCENE).toml --runs $(RUNS)
 
 browse: dataset
 	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb

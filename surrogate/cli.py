@@ -125,6 +125,78 @@ def show(run: Path) -> None:
 
 
 @main.command()
+@SCENE
+@RUNS
+@click.option("--seconds", default=180.0, show_default=True, help="Time of each fit.")
+@click.option("--seeds", default=3, show_default=True, help="Fits of each variant.")
+@click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
+@click.option(
+    "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"
+)
+@click.option("--again", is_flag=True, help="Repeat fits that took 15 % more or less than --seconds.")
+def ablate(scene: Path, runs: Path, only: tuple[str, ...], **options: Any) -> None:
+    """Train SCENE in many ways for the same time each and compare them on validation images; goes on where it was interrupted.
+
+    To be run on a machine that has nothing else to do: what others take from one variant is missing in its steps.
+    """
+    loaded, catalog = _open(scene, runs)
+    from surrogate.ablation.records import Result
+    from surrogate.ablation.run import ablate as run
+    from surrogate.ablation.table import PAGE, verdict
+
+    folder, line = loaded.run_directory(runs) / "ablation", _Line()
+    names = [name.strip() for given in only for name in given.split(",")]
+
+    def tell(result: Result) -> None:
+        line.end()
+        done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
+        click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
+
+    try:
+        rows = run(
+            loaded.name,
+            _settings(loaded),
+            catalog,
+            folder,
+            progress=line.show,
+            tell=tell,
+            only=names,
+            **options,
+        )
+    except (ValueError, RuntimeError, OSError) as error:
+        line.end()
+        raise _Failure(str(error)) from error
+    except KeyboardInterrupt:
+        line.end()
+        click.echo("interrupted: finished fits are kept, and the same command goes on with the others", err=True)
+        raise
+    click.echo(verdict(rows))
+    click.echo(folder / PAGE)
+
+
+@main.command()
+@SCENE
+@RUNS
+def ceiling(scene: Path, runs: Path) -> None:
+    """Fit SCENE's Gaussians to one unseen member alone: what they could reach at all, beside what the surrogate reaches."""
+    loaded, catalog = _open(scene, runs)
+    from surrogate.ceiling import FILE, line, measure_ceiling
+    from surrogate.model import Surrogate
+
+    folder, shown = loaded.run_directory(runs), _Line()
+    surrogate = _load(folder / "surrogate") if Surrogate.exists(folder / "surrogate") else None
+    try:
+        record = measure_ceiling(_settings(loaded), catalog, folder / FILE, surrogate, progress=shown.show)
+    except (ValueError, OSError) as error:
+        shown.end()
+        raise _Failure(str(error)) from error
+    shown.end()
+    for entry in record["entries"]:
+        click.echo(line(entry))
+    click.echo(folder / FILE)
+
+
+@main.command()
 @click.option("--backend", default="cpu", show_default=True, help="Of surrogate.splatting.render.")
 @click.option(
     "--drift/--no-drift", default=True, show_default=True, help="Whether training is tried in both precisions."

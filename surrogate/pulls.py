@@ -37,7 +37,7 @@ class Pulls:
         """
         if gradients is None:
             return
-        rotation = torch.from_numpy(camera.world_to_camera[2, :3]).to(means)  # [3]
+        rotation = torch.from_numpy(camera.world_to_camera[2, :3].copy()).to(means)  # [3]
         depths = means @ rotation + float(camera.world_to_camera[2, 3])  # [N]
         sizes = gradients.norm(dim=1) * depths.abs() * (camera.width / (2.0 * camera.fx))  # [N]
         self.totals.add_(sizes)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from catalogs.catalog import Catalog
+from catalogs.variations import KINDS
 from surrogate.evaluate import Evaluation
 from surrogate.model import Surrogate
 from surrogate.report_sheets import chosen_rows, draw_sheet
@@ -88,11 +89,13 @@ def _curves(figure: Any, surrogate: Surrogate) -> bool:
     curve = surrogate.training["curve"]
     if len(curve) < 2:
         return False
-    steps = [point["step"] for point in curve]
     left, right = figure.subplots(1, 2)
-    left.semilogy(steps, [point["loss"] for point in curve], color="tab:blue")
+    for _, points in groupby(curve, lambda point: point["stage"] if point["stage"] in KINDS else ""):
+        part = list(points)  # variations have validation images of their own: nothing leads from one part to the next
+        steps, style = [point["step"] for point in part], "-" if len(part) > 1 else "."
+        left.semilogy(steps, [point["loss"] for point in part], style, color="tab:blue")
+        right.plot(steps, [np.nan if p["psnr"] is None else p["psnr"] for p in part], style, color="tab:orange")
     left.set(xlabel="step", ylabel="training loss (L1 + SSIM)", title="Loss")
-    right.plot(steps, [np.nan if p["psnr"] is None else p["psnr"] for p in curve], color="tab:orange")
     right.set(xlabel="step", ylabel="PSNR of validation images (dB)", title="Validation")
     changes = [(before["step"], p["stage"]) for before, p in pairwise(curve) if before["stage"] != p["stage"]]
     for axis in (left, right):

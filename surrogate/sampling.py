@@ -39,10 +39,13 @@ class ShuffledEpochs:
 
 HARD_BLOCK = 100  # steps for which the chances of the images stay the same
 MEMORY = 0.5  # of an image's running error, when it is seen again
+LEAST_CHANCE = 0.1  # of the mean: an image without an error is seen that often, or nobody would know when it gets one
 
 
 class HardExamples:
     """Visits `count` items in proportion to a power of their running errors, in blocks; an item never seen counts as the worst.
+
+    None is forgotten: the easiest are visited about a tenth as often as they would be without regard to errors.
 
     `errors` (count,) and the `block` (HARD_BLOCK,) that is being visited are all its state: a run that is taken up again with
     them goes on as it would have.  Images of each block are drawn systematically (one random offset, evenly spaced quantiles), so
@@ -78,7 +81,9 @@ class HardExamples:
     def _drawn(self, number: int) -> NDArray[np.int64]:
         random = generator(self._seed, "hard examples", number)
         worst = np.nanmax(self.errors) if not np.isnan(self.errors).all() else 1.0
-        chances = np.where(np.isnan(self.errors), worst, self.errors) ** self._power  # [count]
+        errors = np.maximum(np.where(np.isnan(self.errors), worst, self.errors), 0.0)  # [count]
+        chances = (errors / (errors.max() or 1.0)) ** self._power  # [count]
+        chances = np.maximum(chances, LEAST_CHANCE * chances.mean() or 1.0)
         cumulative = np.cumsum(chances)  # [count]
         quantiles = (np.arange(HARD_BLOCK) + random.random()) / HARD_BLOCK * cumulative[-1]  # [HARD_BLOCK]
         drawn = np.searchsorted(cumulative, quantiles, side="right").clip(max=len(chances) - 1)

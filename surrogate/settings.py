@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
+from surrogate.gaussians import NAMES
 from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 ColorDegree = Literal["auto", 0, 1]
@@ -43,6 +44,7 @@ class TrainingSettings:
         that embeds the parameters.
     latent_spread : standard deviation of the latent vectors at the start of stage 2.
     deformation : the design of F_sim, of `surrogate.deformation.KINDS`.
+    held_still : attributes of the Gaussians, of `surrogate.gaussians.NAMES`, that F_sim does not move.
     visualization_steps : length of stage 3, per variation of the appearance that the catalog has.
     visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns isovalues ("bilinear").
     visualization_latent_size, visualization_hidden_width : as those above, of F_vis.
@@ -88,6 +90,7 @@ class TrainingSettings:
     hidden_width: int = 64
     latent_spread: float = 0.25
     deformation: DeformationKind = "bilinear"
+    held_still: tuple[str, ...] = ()
 
     visualization_steps: int = 10_000
     visualization_deformation: VisualizationKind = "auto"
@@ -96,7 +99,7 @@ class TrainingSettings:
     visualization_color_degree: ColorDegree = "auto"
     simulation_rate_factor: float = 0.1
     value_bins: int = 32
-    value_rate: float = 5e-3
+    value_rate: float = 2e-3
 
     mean_rate: float = 3e-3
     log_scale_rate: float = 6e-3
@@ -157,6 +160,7 @@ class TrainingSettings:
         ):
             _require(getattr(self, name) >= 0, self, name, "at least 0")
         _require(self.value_bins >= 2, self, "value_bins", "at least 2")
+        _require(set(self.held_still) <= set(NAMES), self, "held_still", f"some of {list(NAMES)}")
         for name in ("initial_opacity", "dead_opacity"):
             _require(0 < getattr(self, name) < 1, self, name, "between 0 and 1")
         for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor", "recovery_fraction"):
@@ -167,8 +171,10 @@ class TrainingSettings:
             positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
             _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
         _require(self.alpha_floor < self.alpha_cap < 1, self, "alpha_cap", "above alpha_floor and below 1")
-        for name in ("color_degree", "visualization_color_degree"):
-            _require(getattr(self, name) in typing.get_args(ColorDegree), self, name, '"auto", 0 or 1')
+        for name, kind in typing.get_type_hints(type(self)).items():
+            if typing.get_origin(kind) is Literal:
+                options = typing.get_args(kind)
+                _require(getattr(self, name) in options, self, name, f"one of {list(options)}")
         for name in (
             "dilation",
             "need_tolerance",
@@ -197,12 +203,19 @@ class TrainingSettings:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values that `from_table` turns back into the same settings."""
-        return asdict(self)
+        values = asdict(self)
+        if not self.held_still:  # so that runs from before there was this choice are still recognized
+            del values["held_still"]
+        return values
 
 
 def _typed(name: str, value: Any, kind: Any) -> Any:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
+    if kind == tuple[str, ...]:
+        if not isinstance(value, list | tuple) or not all(isinstance(part, str) for part in value):
+            raise ValueError(f"training.{name} must be a list of strings, got {value!r}")
+        return tuple(value)
     options = typing.get_args(kind)
     if options:
         if value not in options:

@@ -37,10 +37,11 @@ class Source:
         appearance = self.settings.appearance or names[0]
         if appearance not in names:
             raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
-        training_rows(self.catalog, [appearance])
         normalization = Normalization.of_box(self.catalog.plan.bounds)
         object.__setattr__(self, "appearance", appearance)
         object.__setattr__(self, "normalization", normalization)
+        for shown in ([appearance], *(_shown_by(variation) for variation in self.variations)):
+            training_rows(self.catalog, shown)  # says at once where there are none
         if self.settings.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
 
@@ -62,13 +63,21 @@ class Source:
         return tuple(v for v in kept if v.base == self.appearance)
 
     def varied_data(self, variation: Variation) -> TrainingData:
-        """All images of a variation, the base left out, decoded."""
-        shown = [setting.appearance for setting in variation.settings]
-        learn, watch = training_rows(self.catalog, shown), validation_rows(self.catalog, shown, JUDGES)
+        """All images of a variation that training needs, the base left out, decoded."""
+        shown = _shown_by(variation)
+        learn = training_rows(self.catalog, shown)
+        watch = validation_rows(self.catalog, shown, self.settings.validation_images)
         return TrainingData(
             load_examples(self.catalog, learn, self.normalization, variation),
             load_examples(self.catalog, watch, self.normalization, variation),
             self.catalog.plan.background,
+        )
+
+    def varied_judges(self, variation: Variation) -> TrainingData:
+        """The validation images that choices about a variation are made on; none where the settings want none."""
+        watch = validation_rows(self.catalog, _shown_by(variation), JUDGES if self.settings.validation_images else 0)
+        return TrainingData(
+            [], load_examples(self.catalog, watch, self.normalization, variation), self.catalog.plan.background
         )
 
     @cached_property
@@ -96,3 +105,8 @@ class Source:
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
         return initial_gaussians(self.settings, box, self.points, foreground_color(some, data.background))
+
+
+def _shown_by(variation: Variation) -> list[str]:
+    """The appearances of a variation, the base left out."""
+    return [setting.appearance for setting in variation.settings]

@@ -20,9 +20,10 @@ import torch
 from torch import Tensor
 
 from catalogs.catalog import Catalog
+from catalogs.variations import Variation
 from surrogate.canonical import canonical_stage
 from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked, part_of
-from surrogate.deformation import KINDS, load_deformation
+from surrogate.deformation import KINDS, Deformation, load_deformation
 from surrogate.device import chosen
 from surrogate.gaussians import Gaussians
 from surrogate.interruption import Interruption
@@ -45,7 +46,7 @@ from surrogate.stage_run import StageRun, TrainingData
 from surrogate.threads import one_torch_thread
 from surrogate.varying import Varying
 from surrogate.visualization import Visualization
-from surrogate.visualize import new_visualization, visualization_stage
+from surrogate.visualize import kind_of, new_visualization, visualization_stage
 
 REPORT_SECONDS = 0.5
 NEEDS_STAGE = "needs"
@@ -68,6 +69,8 @@ def train(
     """
     directory = Path(directory)
     source = Source(settings, catalog)
+    for variation in source.variations:
+        kind_of(variation, settings)  # says at once what can't be had
     mark = fingerprint(settings, catalog)
     if Surrogate.exists(directory):
         finished = Surrogate.load(directory)
@@ -79,10 +82,20 @@ def train(
         if checkpoint is not None:
             _check_mark(checkpoint.record["fingerprint"], mark, directory)
         run = _Run(settings, source, directory, mark, progress)
-        surrogate = run.finish(checkpoint)
+        interruption = Interruption()
+        surrogate = run.finish(checkpoint, interruption)
         surrogate.save(directory)
         (directory / CHECKPOINT).unlink(missing_ok=True)
+        interruption.act()  # what was asked for during the last choices
     return surrogate
+
+
+def new_deformation(gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> Deformation:
+    """F_sim before stage 2, by `parameters` many parameters: it moves nothing yet, and never what is to be held still."""
+    deformation: Deformation = KINDS[settings.deformation].create(gaussians, parameters, settings)
+    for name in settings.held_still:
+        deformation = deformation.without(name)
+    return deformation
 
 
 class _Run:
@@ -103,7 +116,7 @@ class _Run:
         self._recent: deque[tuple[float, int]] = deque(maxlen=20)  # (time, step) of the last reports
         self._saved = self._reported = time.perf_counter()
 
-    def finish(self, checkpoint: Checkpoint | None) -> Surrogate:
+    def finish(self, checkpoint: Checkpoint | None, interruption: Interruption) -> Surrogate:
         """Run whatever is left of the stages."""
         self._progress(TrainingProgress("loading", 0, self._steps))
         data = self._source.data()
@@ -111,7 +124,7 @@ class _Run:
             self._curve, self._losses = list(checkpoint.record["curve"]), list(checkpoint.record["losses"])
             self._seconds_before = float(checkpoint.record["seconds"])
             self._choices, self._color_degree = list(checkpoint.record["choices"]), checkpoint.record["color_degree"]
-        with Interruption() as interruption:
+        with interruption:
             if checkpoint is None or checkpoint.record["stage"] in ("canonical", "deformation"):
                 needs = Needs(self._fit(data, checkpoint, interruption))
             else:
@@ -132,9 +145,7 @@ class _Run:
             run = _resumed(canonical_stage(gaussians, settings), settings, data, checkpoint)
             self._run(run, 0, settings.canonical_steps, interruption)
             checkpoint = None
-        deformation = (
-            KINDS[settings.deformation].create(gaussians, len(self._source.catalog.plan.space), settings).to(device)
-        )
+        deformation = new_deformation(gaussians, len(self._source.catalog.plan.space), settings).to(device)
         degree = self._color_degree or gaussians.color_degree
         fitted = Fitted(gaussians.copy().with_color_degree(degree), deformation)
         run = _resumed(simulation_stage(*fitted, settings), settings, data, checkpoint)
@@ -173,7 +184,7 @@ class _Run:
             return needs
         bench = self._bench(data)
         while needs.done < len(choices):
-            self._progress(TrainingProgress(NEEDS_STAGE, needs.done, len(choices), psnr=self._curve[-1]["psnr"]))
+            self._announce(NEEDS_STAGE, needs.done, len(choices))
             self._carry(needs)
             self._saved_state(NEEDS_STAGE, needs.done, {}).save(self._directory)
             interruption.act()
@@ -183,44 +194,45 @@ class _Run:
 
     def _vary(
         self, fitted: Fitted, checkpoint: Checkpoint | None, interruption: Interruption
-    ) -> list[tuple[Visualization, TrainingData]]:
+    ) -> tuple[Visualization, ...]:
         """Stage 3: every variation of the appearance, one after the other."""
-        state = Varying.restored(checkpoint)
-        before = self._settings.canonical_steps + self._settings.deformation_steps
-        learnt = []
+        settings, state = self._settings, Varying.restored(checkpoint)
+        before = settings.canonical_steps + settings.deformation_steps
         for number, variation in enumerate(self._source.variations):
-            data = self._source.varied_data(variation)
-            if number < len(state.finished):
-                learnt.append((state.finished[number], data))
-            else:
+            if number >= len(state.finished):
+                data = self._source.varied_data(variation)
                 if state.color_degree is None:
-                    self._announce(VISUALIZED_COLOR_DEGREE, before)
-                    chosen_degree, choice = choose_visualized_color_degree(fitted, variation, self._source, data)
-                    self._choices += [] if choice is None else [choice.to_json()]
-                    state, checkpoint = replace(state, color_degree=chosen_degree), None
-                settings, degree = self._settings, state.color_degree or 0
-                visualization = new_visualization(*fitted, variation, self._source, degree)
+                    degree = self._shown_degree(fitted, variation, data, before)
+                    state, checkpoint = replace(state, color_degree=degree), None
+                visualization = new_visualization(*fitted, variation, self._source, state.color_degree or 0)
                 stage = visualization_stage(*fitted, visualization, settings)
                 self._carry(Needs(fitted, len(VARIED_NEEDS)), state)
                 run = _resumed(stage, settings, data, checkpoint)
                 self._run(run, before, settings.visualization_steps, interruption)
                 state, checkpoint = Varying((*state.finished, visualization.copy())), None
-                learnt.append((state.finished[-1], data))
-            before += self._settings.visualization_steps
-        return learnt
+            before += settings.visualization_steps
+        return state.finished
+
+    def _shown_degree(self, fitted: Fitted, variation: Variation, data: TrainingData, step: int) -> int:
+        """The colour degree that F_vis goes on with."""
+        self._announce(VISUALIZED_COLOR_DEGREE, step)
+        judged = replace(data, validation=self._source.varied_judges(variation).validation)
+        degree, choice = choose_visualized_color_degree(fitted, variation, self._source, judged)
+        self._choices += [] if choice is None else [choice.to_json()]
+        return degree
 
     def _stored_in_fewer_bits(
-        self, needs: Needs, learnt: Sequence[tuple[Visualization, TrainingData]], data: TrainingData
+        self, needs: Needs, learnt: Sequence[Visualization], data: TrainingData
     ) -> tuple[Needs, tuple[Visualization, ...]]:
         """The last choice, for all parts of the model."""
         found = []
         if self._settings.fit_to_need and data.validation:
             needs, choice = fit_to_need(needs, self._bench(data), (*VARIED_NEEDS, precision))
             self._choices.append(choice.to_json())
-        for number, (visualization, varied) in enumerate(learnt):
+        for number, visualization in enumerate(learnt):
             visualization = visualization.to(torch.device("cpu"))
-            if self._settings.fit_to_need and varied.validation:
-                bench = Bench(self._settings, varied)
+            bench = Bench(self._settings, self._source.varied_judges(visualization.variation))
+            if self._settings.fit_to_need and data.validation and bench.data.validation:
                 visualization, encodings, choice = precision_of_visualization(visualization, needs.fitted, bench)
                 named = {f"visualization{number}.{name}": encoding for name, encoding in encodings.items()}
                 needs = replace(needs, encodings={**needs.encodings, **named})
@@ -240,9 +252,9 @@ class _Run:
             self._carried |= varying.tensors()
             self._carried_record |= {"varying": varying.record()}
 
-    def _announce(self, stage: str, step: int) -> None:
+    def _announce(self, stage: str, step: int, steps: int | None = None) -> None:
         psnr = self._curve[-1]["psnr"] if self._curve else None
-        self._progress(TrainingProgress(stage, step, self._steps, psnr=psnr))
+        self._progress(TrainingProgress(stage, step, self._steps if steps is None else steps, psnr=psnr))
 
     @property
     def _steps(self) -> int:

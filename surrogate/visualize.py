@@ -60,8 +60,7 @@ def new_visualization(
         steps = [parameter.high for parameter in variation.space.parameters]
         function = base.transfer_function
         values = placed_values(settings.value_bins, function.bounds, *source.histogram)
-        applied = ValuesDeformation.create(gaussians, function, values, steps)
-        return Visualization(variation, applied, None, degree)
+        return Visualization(variation, ValuesDeformation.create(gaussians, function, values, steps), None, degree)
     wide = gaussians.with_color_degree(degree)
     deformation = KINDS[kind].create(
         wide,
@@ -72,7 +71,8 @@ def new_visualization(
     )
     for attribute in FROZEN_BY_TRANSFER_FUNCTIONS if edits else ():
         deformation = deformation.without(attribute)
-    return Visualization(variation, deformation, None if edits else simulation.copy(), degree)
+    tuned = None if edits or not settings.simulation_rate_factor else simulation.copy()
+    return Visualization(variation, deformation.to(gaussians.means.device), tuned, degree)
 
 
 def visualization_stage(

@@ -70,9 +70,9 @@ class ValuesDeformation:
         extinctions, emissions = table[:, 0], table[:, 1:]
         colors = emissions / extinctions.clamp(min=1e-9)[:, None]  # [B, 3]
         distances = torch.cdist(gaussians.colors[:, :3].detach().cpu().double(), colors)  # [N, B]
+        distances = distances.masked_fill(extinctions <= 0, torch.inf)  # what can't be seen has no colour
         nearest = distances.amin(dim=1, keepdim=True)  # [N, 1]
-        alike = torch.exp(-0.5 * ((distances - nearest) / COLOR_SPREAD) ** 2)  # [N, B]
-        alike = alike * torch.where(extinctions > 0, 1.0, 0.0)
+        alike = torch.exp(-0.5 * ((distances - nearest) / COLOR_SPREAD).nan_to_num(torch.inf) ** 2)  # [N, B]
         depths = torch.nn.functional.softplus(gaussians.opacity_logits.detach().cpu().double())  # [N]
         scale = depths / (alike @ extinctions).clamp(min=1e-9)  # [N]
         weights = (alike * scale[:, None]).float().to(gaussians.means.device)
@@ -104,8 +104,9 @@ class ValuesDeformation:
         return self._offsets(gaussians, function).applied_to(gaussians)
 
     def _offsets(self, gaussians: Gaussians, function: TransferFunction) -> Offsets:
-        change = _table(function, self.values) - _table(self.base, self.values)  # [B, 4]
-        sums = self.weights.abs() @ torch.from_numpy(change).to(self.weights)  # [N, 4]
+        table, units = _table(function, self.values), self.base.opacity_unit_distance / function.opacity_unit_distance
+        change = torch.from_numpy(units * table - _table(self.base, self.values))  # [B, 4]
+        sums = _SizesTimes.apply(self.weights, change.to(self.weights))  # [N, 4]
         depth_change, emission_change = sums[:, 0], sums[:, 1:]  # [N], [N, 3]
         before = torch.nn.functional.softplus(gaussians.opacity_logits)  # [N]
         after = (before + depth_change).clamp(min=LEAST_DEPTH)  # [N]
@@ -176,8 +177,9 @@ def placed_values(
     if histogram is None or edges is None or not histogram.sum():
         return np.linspace(low, high, count)
     fine = np.linspace(low, high, FINE + 1)  # [FINE + 1]
-    frequency = np.interp((fine[1:] + fine[:-1]) / 2.0, (edges[1:] + edges[:-1]) / 2.0, histogram)  # [FINE]
-    density = np.sqrt(np.maximum(frequency, 0.0))
+    places = (fine[1:] + fine[:-1]) / 2.0  # [FINE]
+    frequency = np.interp(places, (edges[1:] + edges[:-1]) / 2.0, histogram)  # [FINE]
+    density = np.sqrt(np.where((places >= edges[0]) & (places <= edges[-1]), frequency, 0.0))  # [FINE]
     density = density / max(density.sum(), 1e-300) + 1.0 / FINE  # [FINE]
     cumulative = np.concatenate([[0.0], np.cumsum(density)])  # [FINE + 1]
     return np.interp(np.linspace(0.0, cumulative[-1], count), cumulative, fine)
@@ -200,6 +202,24 @@ def _table(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[n
     total = np.pad(rising, ((1, 0), (0, 0))) + np.pad(falling, ((0, 1), (0, 0)))  # [B, 4]
     weight = np.pad(lengths, ((1, 0), (0, 0))) / 2.0 + np.pad(lengths, ((0, 1), (0, 0))) / 2.0  # [B, 1]
     return total / weight
+
+
+class _SizesTimes(torch.autograd.Function):
+    """Absolute weights (N, B) times a table (B, 4), with a gradient for the weights alone.
+
+    The gradient at zero is not zero as that of torch's absolute value is: a weight of zero could never grow.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
+        weights, table = inputs
+        ctx.save_for_backward(weights, table)
+        return weights.abs() @ table
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        weights, table = ctx.saved_tensors
+        return torch.copysign(torch.ones((), dtype=weights.dtype), weights).mul_(gradients[0] @ table.T), None
 
 
 def _logit_of_depth(depths: Tensor) -> Tensor:

@@ -1,10 +1,14 @@
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
+from catalogs.catalog import Catalog
 from surrogate.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.settings import TrainingSettings
+from tests.surrogate.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
 
 
 def test_a_checkpoint_survives_bit_for_bit(tmp_path: Path) -> None:
@@ -51,3 +55,46 @@ def test_the_fingerprint_sees_every_setting_and_member_but_not_the_clock(make_ca
     }
     assert len({mark, *others.values()}) == 6
     assert fingerprint(TrainingSettings(), make_catalog(name="same.cdb")) == mark
+
+
+def varied(path: Path, **options: Any) -> Catalog:
+    return field_catalog(path, **{"members": (("train", 0.0),), "view_splits": ("train",) * 2, **options})
+
+
+def test_the_fingerprint_sees_the_variations_of_the_appearance_that_is_learnt(tmp_path: Path) -> None:
+    settings, catalog = TrainingSettings(), varied(tmp_path / "a.cdb")
+    mark = fingerprint(settings, catalog)
+    assert fingerprint(settings, varied(tmp_path / "same.cdb")) == mark
+    fewer = replace(ISOVALUE, settings=ISOVALUE.settings[:-1])
+    others = [
+        varied(tmp_path / "b.cdb", variations=(ISOVALUE,)),
+        varied(tmp_path / "c.cdb", variations=(fewer, FUNCTIONS)),
+        varied(tmp_path / "d.cdb", blobs=replace(BLOBS, count=13)),
+    ]
+    marks = {mark, *(fingerprint(settings, other) for other in others)}
+    assert len(marks) == 4
+
+
+@pytest.mark.parametrize(("appearance", "seen"), [("iso=0.1", True), ("tf-test-0", True), ("unrelated", False)])
+def test_the_fingerprint_sees_images_of_variations_but_not_of_other_appearances(
+    tmp_path: Path, appearance: str, seen: bool
+) -> None:
+    settings, catalog = TrainingSettings(), varied(tmp_path / "a.cdb", unrelated=True)
+    mark = fingerprint(settings, catalog)
+    path = catalog.image_path(catalog.members[0], appearance, 1)
+    path.write_bytes(path.read_bytes() + b"longer")
+    assert (fingerprint(settings, Catalog.open(catalog.path)) != mark) == seen
+
+
+def test_the_fingerprint_of_a_plain_run_does_not_see_variations_or_what_else_is_shown(tmp_path: Path) -> None:
+    plain = TrainingSettings(visualization_steps=0)
+    catalogs = (
+        varied(tmp_path / "a.cdb"),
+        varied(tmp_path / "b.cdb", variations=()),
+        varied(tmp_path / "c.cdb", variations=(ISOVALUE,), unrelated=True),
+    )
+    assert len({fingerprint(plain, catalog) for catalog in catalogs}) == 1
+    with_steps = TrainingSettings()
+    assert fingerprint(with_steps, catalogs[1]) != fingerprint(with_steps, catalogs[0])
+    unrelated = varied(tmp_path / "d.cdb", unrelated=True)
+    assert fingerprint(with_steps, unrelated) == fingerprint(with_steps, catalogs[0])

@@ -76,3 +76,35 @@ def test_relocation_copies_rows_and_forgets_moments() -> None:
         assert all(torch.equal(tensor[moved], tensor[source]) for tensor in rows.values())
         assert torch.equal(rows["latents"][moved], before["latents"][source])
         assert rows["opacity_logits"][moved] < before["opacity_logits"][source]
+
+
+def test_the_dead_move_to_where_they_are_wanted_in_proportion() -> None:
+    peaks = torch.cat([torch.full((1000,), 0.9), torch.full((1000,), 0.5), torch.full((2000,), 0.001)])
+    wanted = torch.zeros(4000)
+    wanted[:500], wanted[1000:1500], wanted[2000:2100] = 1.0, 3.0, 9.0  # the last are dead themselves
+    relocation = plan_relocation(peaks, 0.01, np.random.default_rng(0), wanted)
+    assert relocation is not None
+    sources = relocation.sources
+    assert bool(((sources < 500) | ((sources >= 1000) & (sources < 1500))).all())
+    assert abs(float((sources < 500).double().mean()) - 0.25) < 0.03
+
+
+@pytest.mark.parametrize(
+    "wanted", [torch.zeros(40), torch.cat([torch.zeros(20), torch.ones(20)])], ids=["none", "dead"]
+)
+def test_where_nothing_alive_is_wanted_opacity_decides(wanted: torch.Tensor) -> None:
+    peaks = torch.cat([torch.full((20,), 0.6), torch.zeros(20)])
+    found, expected = (plan_relocation(peaks, 0.01, np.random.default_rng(1), w) for w in (wanted, None))
+    assert found is not None
+    assert expected is not None
+    assert torch.equal(found.sources, expected.sources)
+    assert torch.equal(found.moved, expected.moved)
+
+
+def test_one_that_is_wanted_is_not_crowded_and_the_others_stay() -> None:
+    peaks, wanted = torch.cat([torch.full((10,), 0.9), torch.zeros(300)]), torch.zeros(310)
+    wanted[4] = 1e-4
+    relocation = plan_relocation(peaks, 0.01, np.random.default_rng(1), wanted)
+    assert relocation is not None
+    assert relocation.sources.tolist() == [4] * 15
+    assert relocation.sharing.tolist() == [16] * 15

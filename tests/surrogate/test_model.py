@@ -9,6 +9,7 @@ import torch
 
 from catalogs.cameras import Camera
 from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.variations import displaced
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation
 from surrogate.encoding import encode
@@ -16,6 +17,9 @@ from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import render
+from tests.surrogate.field_blobs import FUNCTION, FUNCTIONS, ISOVALUE
+from tests.surrogate.needs.conftest import same
+from tests.surrogate.test_visualization import base, of_isovalue, surrogate, visualization
 
 CENTER, EXTENT = np.array([1e6, -2e6, 5.0]), 40.0
 CAMERA = Camera.look_at(CENTER + np.array([90.0, 120.0, 60.0]), CENTER, vertical_fov_degrees=35, width=24, height=20)
@@ -99,7 +103,7 @@ def test_a_model_of_the_first_schema_is_read(tmp_path: Path) -> None:
     [
         ({"gaussians.means": "uint8"}, "a tensor in 'uint8' must consist of"),
         ({"gaussians.means": "pickle"}, "a tensor in 'pickle' must consist of"),
-        ({}, "lacks 'gaussians."),
+        ({}, r"lacks '(gaussians|deformation)\."),
     ],
 )
 def test_encodings_that_are_not_those_of_the_tensors_are_refused(
@@ -205,3 +209,116 @@ def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text("{")
     with pytest.raises(ValueError, match=r"model\.json can't be read"):
         Surrogate.load(tmp_path)
+
+
+def varied() -> Surrogate:
+    """It follows p, an isovalue and transfer functions, which are applied."""
+    fitted = base()
+    return surrogate(fitted, of_isovalue(fitted, 1), visualization("values", fitted))
+
+
+def test_visualization_parameters_are_those_of_its_variations() -> None:
+    model = varied()
+    assert model.visualization_names == ("isovalue", "c1_value", "c1_opacity", "c2_value", "c2_opacity")
+    assert some_surrogate().visualization_names == ()
+    functions, isovalue = model.visualizations[1], model.visualizations[0]
+    place = torch.tensor([2.0 * 0.3 - 1.0, *FUNCTIONS.normalize([0.1, 0.0, 0.0, -0.2])], dtype=torch.float32)
+    expected = functions.gaussians_at(model.gaussians, model.deformation, place)
+    assert same(model.at(p=0.3, c2_opacity=-0.2, c1_value=0.1).gaussians, expected)  # those left out are zero
+    place = torch.tensor([2.0 * 0.3 - 1.0, *ISOVALUE.normalize([0.4])], dtype=torch.float32)
+    expected = isovalue.gaussians_at(model.gaussians, model.deformation, place)
+    assert same(model.at(isovalue=0.4, p=0.3).gaussians, expected)
+
+
+def test_without_visualization_parameters_it_looks_as_the_base() -> None:
+    model = varied()
+    plain = replace(model, visualizations=())
+    assert same(model.at(p=0.3).gaussians, plain.at(p=0.3).gaussians)
+    assert dict(model.at(p=0.3).parameters) == {"p": 0.3}
+    shown = model.at(p=0.3, c1_value=0.1).parameters
+    assert dict(shown) == {"p": 0.3, "c1_value": 0.1, "c1_opacity": 0.0, "c2_value": 0.0, "c2_opacity": 0.0}
+    assert repr(model.at(p=0.3, isovalue=0.4)).startswith("<DeformedGaussians at p=0.3, isovalue=0.4: ")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({"p": 0.3, "isovalue": 0.3, "c1_value": 0.1}, r"\['c1_value', 'isovalue'\] belong to different variations"),
+        ({"isovalue": 0.3}, r"missing \['p'\]"),
+        ({"p": 0.3, "isovalu": 0.3}, r"unknown \['isovalu'\]"),
+        ({"p": 0.3, "isovalue": math.nan}, "isovalue must be finite"),
+        ({"p": 0.3, "c1_opacity": math.inf}, "c1_opacity must be finite"),
+    ],
+)
+def test_wrong_visualization_parameters_are_named(parameters: dict[str, float], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        varied().at(**parameters)
+
+
+@pytest.mark.parametrize("more", [{"isovalue": 0.9}, {"c2_value": 0.5}], ids=str)
+def test_visualization_parameters_out_of_bounds_warn(more: dict[str, float]) -> None:
+    with pytest.warns(UserWarning, match="lies outside its bounds"):
+        shown = varied().at(p=0.3, **more)
+    assert np.isfinite(shown.means).all()
+
+
+def test_any_transfer_function_may_be_given() -> None:
+    model = varied()
+    moved = displaced(FUNCTION, [0.1, -0.1, 0.2, 0.3])
+    named = model.at(p=0.3, c1_value=0.1, c1_opacity=-0.1, c2_value=0.2, c2_opacity=0.3)
+    given = model.under(moved, p=0.3)
+    np.testing.assert_allclose(given.opacities, named.opacities, atol=1e-6)
+    np.testing.assert_allclose(given.gaussians.colors.numpy(), named.gaussians.colors.numpy(), atol=1e-4)
+    assert same(model.under(FUNCTION, p=0.3).gaussians, model.at(p=0.3).gaussians)
+    swapped = replace(FUNCTION, color_points=tuple((v, b, g, r) for v, r, g, b in FUNCTION.color_points))
+    assert not np.allclose(model.under(swapped, p=0.3).gaussians.colors, model.at(p=0.3).gaussians.colors)
+    with pytest.raises(ValueError, match=r"missing \['p'\]"):
+        model.under(moved)
+
+
+def test_what_has_learnt_no_transfer_functions_says_so() -> None:
+    fitted = base()
+    for model in (surrogate(fitted), surrogate(fitted, of_isovalue(fitted))):
+        with pytest.raises(ValueError, match="has learnt no transfer functions"):
+            model.under(FUNCTION, p=0.3)
+
+
+def test_printing_says_what_it_follows() -> None:
+    assert "bilinear deformation, any isovalue and transfer function, " in repr(varied())
+
+
+def test_a_model_of_the_second_schema_is_read(tmp_path: Path) -> None:
+    surrogate = encoded(some_surrogate())
+    surrogate.save(tmp_path)
+    record = json.loads((tmp_path / "model.json").read_text())
+    assert record["schema"] == 3
+    del record["visualizations"]
+    (tmp_path / "model.json").write_text(json.dumps(record | {"schema": 2}))
+    loaded, at = Surrogate.load(tmp_path), {"Re": 1830.0, "time": 0.4}
+    np.testing.assert_array_equal(loaded.at(**at).render(CAMERA), surrogate.at(**at).render(CAMERA))
+    assert loaded.visualizations == ()
+    assert loaded.encodings.keys() == surrogate.encodings.keys()
+
+
+@pytest.mark.parametrize(
+    ("damage", "complaint"),
+    [
+        (lambda record: record["visualizations"].pop(), "lacks 'visualization1'"),
+        (lambda record: record["visualizations"][0]["deformation"].update(kind="warp"), "unknown deformation 'warp'"),
+        (lambda record: record["visualizations"][1]["variation"].pop("base"), "lacks 'base'"),
+        (lambda record: record["visualizations"][1]["deformation"].update(values=[0, 1]), "2 increasing values"),
+    ],
+)
+def test_damaged_visualizations_are_named(tmp_path: Path, damage: object, complaint: str) -> None:
+    varied().save(tmp_path)
+    record = json.loads((tmp_path / "model.json").read_text())
+    damage(record)  # type: ignore[operator]
+    (tmp_path / "model.json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=complaint):
+        Surrogate.load(tmp_path)
+
+
+def test_it_all_moves_to_another_device() -> None:
+    moved = varied().to("cpu")
+    assert same(moved.at(p=0.2, isovalue=0.3).gaussians, varied().at(p=0.2, isovalue=0.3).gaussians)
+    assert moved.visualization_names == varied().visualization_names

@@ -32,13 +32,48 @@ def test_a_whole_number_will_do_for_a_float() -> None:
         ({"ssim_weight": 1.5}, r"training.ssim_weight must be in \[0, 1\], got 1.5"),
         ({"dead_opacity": 1.0}, "training.dead_opacity must be between 0 and 1"),
         ({"color_degree": 2}, r"training.color_degree must be one of \['auto', 0, 1\], got 2"),
-        ({"initialization": 3}, r"training.initialization must be one of \['auto', 'in-situ', 'random'\], got 3"),
+        (
+            {"initialization": 3},
+            r"training.initialization must be one of \['auto', 'in-situ', 'hull', 'sfm', 'random'\], got 3",
+        ),
+        (
+            {"relocation_target": "gradent"},
+            r"relocation_target must be one of \['opacity', 'gradient'\], got 'gradent'",
+        ),
+        ({"deformation": "values"}, r"training.deformation must be one of \['bilinear', 'paper'\], got 'values'"),
+        ({"visualization_deformation": "warp"}, "training.visualization_deformation must be one of"),
+        ({"hard_example_power": -0.5}, "training.hard_example_power must be at least 0, got -0.5"),
+        ({"deformation_penalty": float("inf")}, "training.deformation_penalty must be finite"),
+        ({"simulation_rate_factor": -0.1}, "training.simulation_rate_factor must be at least 0"),
+        ({"gradient_threshold": -1}, "training.gradient_threshold must be at least 0"),
+        ({"canonical_steps": -1}, "training.canonical_steps must be at least 0"),
+        ({"value_bins": 1}, "training.value_bins must be at least 2, got 1"),
+        ({"value_rate": 0.0}, "training.value_rate must be positive"),
+        ({"visualization_latent_size": 0}, "training.visualization_latent_size must be at least 1"),
         ({"checkpoint_seconds": 0}, "training.checkpoint_seconds must be positive"),
     ],
 )
 def test_bad_tables_are_named(table: dict[str, object], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         TrainingSettings.from_table(table)
+
+
+def test_options_are_also_checked_without_a_table() -> None:
+    with pytest.raises(ValueError, match=r"relocation_target must be one of \['opacity', 'gradient'\], got 'gradent'"):
+        TrainingSettings(relocation_target="gradent")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "table", [{"simulation_rate_factor": 0.0}, {"canonical_steps": 0}, {"visualization_steps": 0}, {"value_bins": 2}]
+)
+def test_zero_is_a_choice_where_it_turns_something_off(table: dict[str, object]) -> None:
+    assert TrainingSettings.from_table(table).to_json().items() >= table.items()
+
+
+def test_f_vis_has_sizes_of_its_own() -> None:
+    settings = TrainingSettings(visualization_latent_size=3, visualization_hidden_width=5, seed=4)
+    adjusted = settings.for_visualization()
+    assert (adjusted.latent_size, adjusted.hidden_width, adjusted.seed) == (3, 5, 4)
 
 
 @given(st.dictionaries(st.text(max_size=8), st.one_of(st.none(), st.lists(st.integers(), max_size=2)), min_size=1))

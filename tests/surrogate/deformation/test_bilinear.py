@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from surrogate.deformation import BilinearDeformation, Offsets, load_deformation
+from surrogate.encoding import encode
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
@@ -173,3 +174,73 @@ def test_fewer_modes_change_offsets_as_little_as_any_of_that_rank_can(size: int)
     error = (all_offsets(reduced) - whole).norm()
     assert float(error) == pytest.approx(float(lost), rel=1e-3)
     assert deformation.reduced(5, places) is deformation
+
+
+def anchored_deformation(
+    gaussians: Gaussians, dtype: torch.dtype = torch.float32, color_columns: int = 3
+) -> BilinearDeformation:
+    """Of one simulation parameter and two that it is anchored in."""
+    settings = TrainingSettings(latent_size=5, hidden_width=7)
+    made = BilinearDeformation.create(gaussians, 3, settings, anchored=2, color_columns=color_columns)
+    random = torch.Generator().manual_seed(2)
+    tensors = {n: torch.randn(t.shape, generator=random, dtype=dtype) for n, t in made.tensors().items()}
+    return BilinearDeformation(**tensors, units=made.units.to(dtype), anchored=2)
+
+
+@pytest.mark.parametrize("changed", ["as it is", "saved", "without means", "reduced", "encoded"])
+def test_an_anchored_deformation_never_moves_anything_at_its_anchor(changed: str) -> None:
+    gaussians = canonical(9, 12)
+    deformation = anchored_deformation(gaussians)
+    places = [torch.tensor([p, v, w]) for p in (-1.0, 0.3) for v, w in ((0.0, 0.0), (1.0, 0.5), (-0.2, 1.0))]
+    if changed == "without means":
+        deformation = deformation.without("means")
+    elif changed == "reduced":
+        deformation = deformation.reduced(3, places)
+    elif changed == "encoded":
+        coarse = {name: encode(t, "uint8").decoded() for name, t in deformation.stored().items()}
+        deformation = BilinearDeformation.load(coarse, deformation.record())
+    if changed != "as it is":
+        deformation = BilinearDeformation.load(deformation.stored(), deformation.record())
+    for place in places:
+        moved = deformation.deformed(gaussians, place)
+        still = [torch.equal(a, b) for a, b in zip(moved.tensors().values(), gaussians.tensors().values(), strict=True)]
+        assert all(still) == (not place[1:].any())
+        table = flat(deformation.offsets(gaussians, place))
+        assert bool(table.any()) == bool(place[1:].any())
+
+
+def test_anchored_offsets_are_differences_to_the_anchor() -> None:
+    gaussians = canonical(6, 3, torch.float64)
+    anchored = anchored_deformation(gaussians, torch.float64)
+    free = BilinearDeformation(**anchored.tensors(), units=anchored.units)
+    place, anchor = (torch.tensor([0.4, *rest], dtype=torch.float64) for rest in ((0.7, -0.9), (0.0, 0.0)))
+    expected = flat(free.offsets(gaussians, place)) - flat(free.offsets(gaussians, anchor))
+    torch.testing.assert_close(flat(anchored.offsets(gaussians, place)), expected, rtol=0, atol=1e-12)
+
+
+def test_gradients_of_an_anchored_deformation_agree_with_finite_differences() -> None:
+    gaussians = canonical(3, 3, torch.float64)
+    deformation = anchored_deformation(gaussians, torch.float64)
+    names = list(deformation.tensors())
+
+    def offsets(parameters: torch.Tensor, *tensors: torch.Tensor) -> torch.Tensor:
+        moved = BilinearDeformation(**dict(zip(names, tensors, strict=True)), units=deformation.units, anchored=2)
+        return flat(moved.offsets(gaussians, parameters))
+
+    inputs = [torch.tensor([0.1, -0.5, 0.9], dtype=torch.float64), *deformation.tensors().values()]
+    assert torch.autograd.gradcheck(offsets, [tensor.requires_grad_() for tensor in inputs])
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_as_many_colour_columns_move_as_are_asked_for(dtype: torch.dtype) -> None:
+    gaussians = canonical(7, 12, dtype)
+    deformation, place = (
+        anchored_deformation(gaussians, dtype, color_columns=12),
+        torch.tensor([0.1, 0.8, 0.3], dtype=dtype),
+    )
+    moved = deformation.deformed(gaussians, place)
+    assert (moved.colors != gaussians.colors).all()
+    expected = deformation.offsets(gaussians, place).applied_to(gaussians)
+    torch.testing.assert_close(moved.colors, expected.colors, rtol=0, atol=1e-5)
+    loaded = BilinearDeformation.load(deformation.stored(), deformation.record())
+    assert loaded.units.shape == (23,)

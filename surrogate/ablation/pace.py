@@ -1,0 +1,132 @@
+"""How fast a variant trains here and now, and the steps that fit into a time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from catalogs.catalog import Catalog
+from surrogate.canonical import canonical_stage
+from surrogate.data import Example, ImageRow, load_examples, training_rows
+from surrogate.device import chosen
+from surrogate.gaussians import Gaussians
+from surrogate.settings import TrainingSettings
+from surrogate.simulate import simulation_stage
+from surrogate.source import Source
+from surrogate.stage_run import StageRun, TrainingData
+from surrogate.threads import one_torch_thread
+from surrogate.training import new_deformation
+
+IMAGES = 96  # that the probe learns from, and by which the time to load all is judged
+WARM_STEPS, FEWEST_TIMED = 2, 3
+ROUGHLY = 0.15  # of the probe, for a first guess of how many steps it can take
+SETTLED = 0.5  # of a stage's steps, after which they are timed
+FEWEST_STEPS = 4
+
+
+class Pace(NamedTuple):
+    """Seconds before the first step, and of a step in either stage."""
+
+    start: float
+    canonical: float
+    deformation: float
+
+    def seconds(self, settings: TrainingSettings) -> float:
+        """How long stages 1 and 2 of `settings` will take."""
+        return self.start + settings.canonical_steps * self.canonical + settings.deformation_steps * self.deformation
+
+
+@one_torch_thread()
+def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pace:
+    """The pace of `settings`, from a training of about `seconds` that goes through all stages as the real one will.
+
+    A step takes longer or shorter as Gaussians grow, fade and are relocated (one from a random start twice as long in the end),
+    so that the first steps of a stage say little.
+    """
+    source = Source(settings, catalog)
+    data, loading = _some_data(source)
+    begun = time.perf_counter()
+    gaussians = source.initial_gaussians(data)
+    start = loading + time.perf_counter() - begun
+    roughly = _timed(settings, gaussians, data, lambda run: _first_steps(run, ROUGHLY * seconds / 2.0))
+    short = scheduled(settings, (1.0 - ROUGHLY) * seconds, Pace(0.0, *roughly))
+    return Pace(start, *_timed(short, gaussians, data, _last_steps))
+
+
+def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
+    """`settings` with as many steps as fit into `seconds`, shared out between the stages as before.
+
+    Raises ValueError where the time is over before the first step.
+    """
+    share = _share(settings)
+    per_step = share * pace.canonical + (1.0 - share) * pace.deformation
+    if pace.start >= seconds:
+        raise ValueError(f"it takes {pace.start:.0f} s before the first step, and the budget is {seconds:g} s")
+    return with_steps(settings, round((seconds - pace.start) / per_step))
+
+
+def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
+    """`settings` with so many steps, shared out between the stages as before."""
+    steps = max(steps, FEWEST_STEPS)
+    canonical = round(_share(settings) * steps)
+    if settings.canonical_steps and settings.deformation_steps:
+        canonical = min(max(canonical, 1), steps - 1)
+    return replace(settings, canonical_steps=canonical, deformation_steps=steps - canonical)
+
+
+def _share(settings: TrainingSettings) -> float:
+    return settings.canonical_steps / (settings.canonical_steps + settings.deformation_steps)
+
+
+def _some_data(source: Source) -> tuple[TrainingData, float]:
+    """Some training images, evenly spread, and how long it would have taken to load all."""
+    rows = training_rows(source.catalog, [source.appearance])
+    some = rows[:: -(-len(rows) // IMAGES)]
+    _load(source, some[:2])  # what only the first image costs
+    begun = time.perf_counter()
+    examples = _load(source, some)
+    seconds = (time.perf_counter() - begun) * len(rows) / len(some)
+    return TrainingData(examples, (), source.catalog.plan.background), seconds
+
+
+def _load(source: Source, rows: Sequence[ImageRow]) -> list[Example]:
+    return load_examples(source.catalog, rows, source.normalization)
+
+
+def _timed(
+    settings: TrainingSettings, gaussians: Gaussians, data: TrainingData, timed: Callable[[StageRun], float]
+) -> tuple[float, float]:
+    """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
+    device, canonical, deformation = chosen(settings.device), 0.0, 0.0
+    gaussians = gaussians.copy().to(device)
+    if settings.canonical_steps:
+        canonical = timed(StageRun(canonical_stage(gaussians, settings), settings, data))
+    if settings.deformation_steps:
+        gaussians, parameters = gaussians.copy(), len(data.examples[0].parameters)
+        moving = new_deformation(gaussians, parameters, settings).to(device)
+        deformation = timed(StageRun(simulation_stage(gaussians, moving, settings), settings, data))
+    return canonical, deformation
+
+
+def _first_steps(run: StageRun, seconds: float) -> float:
+    """Seconds of a step, over some of the first."""
+    for _ in range(WARM_STEPS):
+        run.advance()
+    begun, taken = time.perf_counter(), 0.0
+    while run.step < WARM_STEPS + FEWEST_TIMED or taken < seconds:
+        run.advance()
+        taken = time.perf_counter() - begun
+    return taken / (run.step - WARM_STEPS)
+
+
+def _last_steps(run: StageRun) -> float:
+    """Seconds of a step once the stage has settled, taking all its steps."""
+    first = int(SETTLED * run.stage.steps)
+    while run.step < first:
+        run.advance()
+    begun = time.perf_counter()
+    while run.step < run.stage.steps:
+        run.advance()
+    return (time.perf_counter() - begun) / (run.stage.steps - first)

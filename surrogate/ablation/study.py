@@ -1,0 +1,254 @@
+"""The fits of one study, one after the other: those that have no result yet, each kept as soon as it has one."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from catalogs import durable
+from catalogs.catalog import Catalog
+from surrogate.ablation.pace import Pace, measured, scheduled, with_steps
+from surrogate.ablation.records import Records, Result
+from surrogate.ablation.variants import VARIANTS, Variant, selected
+from surrogate.checkpoints import fingerprint, locked
+from surrogate.data import ImageRow, validation_rows
+from surrogate.model import Surrogate
+from surrogate.progress import TrainingProgress
+from surrogate.provenance import commit, machine
+from surrogate.scoring import Case, Scored, Scorer, mean
+from surrogate.settings import TrainingSettings
+from surrogate.source import JUDGES, Source
+from surrogate.threads import one_torch_thread
+from surrogate.training import train
+
+PROBE = 0.1  # of the budget, spent on measuring the pace first
+LONGEST = 10.0  # budgets, that a fit may take whose steps are given
+WORK = "fit"  # where the current fit is trained
+DAY = 86400.0
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a study stands.
+
+    Attributes
+    ----------
+    fit, fits : the number of the current one, and of all that had to be done.
+    training : where that stands; None while its pace is measured.
+    seconds_left : for all of them; fits whose steps are given count like the others, though they may take longer.
+    """
+
+    fit: int
+    fits: int
+    variant: str
+    seed: int
+    training: TrainingProgress | None
+    seconds_left: float
+
+    def __str__(self) -> str:
+        minutes = int(self.seconds_left) // 60
+        parts = [f"fit {self.fit} / {self.fits}", f"{self.variant}, seed {self.seed}"]
+        if self.training is None:
+            parts.append("measuring the pace")
+        else:
+            parts.append(f"{self.training.stage} {self.training.step} / {self.training.steps}")
+            parts += [f"{self.training.rate:.1f} steps/s"] if self.training.rate else []
+        return "  ".join([*parts, f"{minutes // 60}:{minutes % 60:02d}:{int(self.seconds_left) % 60:02d} left"])
+
+
+class Study:
+    """One scene's variants, each trained for `seconds` with each of so many `seeds`, in `folder`.
+
+    `only` names variants, none meaning all; `longest` is how many seconds a fit may take whose steps another one gives.  With
+    `again`, a result that took noticeably more or less time than it should is not taken for one.
+    Raises ValueError for an unknown variant, for a catalog without validation images, and for times or seeds that are not positive.
+    """
+
+    def __init__(
+        self,
+        settings: TrainingSettings,
+        catalog: Catalog,
+        folder: Path,
+        *,
+        seconds: float = 180.0,
+        seeds: int = 3,
+        only: Iterable[str] = (),
+        longest: float | None = None,
+        again: bool = False,
+    ) -> None:
+        for name, value in (("seconds", seconds), ("seeds", seeds), ("longest", longest or 1.0)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive, got {value}")
+        self.variants, self.seeds = selected(only), seeds
+        self.longest, self._again = longest or LONGEST * seconds, again
+        base = base_settings(settings, catalog)
+        self.records = Records(folder, fingerprint(base, catalog), base, seconds)
+        self._catalog, self._judges = catalog, judges(base, catalog)
+
+    def missing(self) -> list[tuple[Variant, int]]:
+        """What has no result yet, in the order in which it is fitted: every variant once before any has its second seed."""
+        every = [(variant, seed) for seed in range(self.seeds) for variant in self.variants]
+        return [one for one in every if not self._is_finished(*one)]
+
+    def run(
+        self,
+        *,
+        progress: Callable[[Standing], None] = lambda _: None,
+        tell: Callable[[Result], None] = lambda _: None,
+    ) -> None:
+        """Fit what is missing; `tell` is given each result once it is kept, failures included.
+
+        An interruption loses the current fit only.  Raises RuntimeError where another process is at this study.
+        """
+        durable.make_folder(self.records.folder)
+        with locked(self.records.folder):
+            missing = self.missing()
+            clock = _Clock(len(missing), self.records.budget, progress)
+            for variant, seed in missing:
+                clock.begin(variant.name, seed)
+                result = self._attempted(variant, seed, clock)
+                self.records.save(result)
+                clock.end()
+                tell(result)
+
+    def _is_finished(self, variant: Variant, seed: int) -> bool:
+        result = self.records.find(variant, seed)
+        if result is None or result.error:  # what failed is tried again: the reason may be gone
+            return False
+        if not variant.steps_of:
+            return result.is_timely or not self._again
+        like = self._like(variant, seed)
+        return like is not None and like.steps == result.steps
+
+    def _like(self, variant: Variant, seed: int) -> Result | None:
+        """The result whose steps a variant takes, if there is one."""
+        found = self.records.find(next(v for v in VARIANTS if v.name == variant.steps_of), seed)
+        return None if found is None or found.error else found
+
+    def _attempted(self, variant: Variant, seed: int, clock: _Clock) -> Result:
+        made: dict[str, Any] = {"machine": machine(), "commit": commit()}
+        work = self.records.folder / WORK
+        try:
+            shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+            return self.records.result(variant, seed, **made, **self._fit(variant, seed, work, clock))
+        except Exception as error:  # whatever it is, the other variants may do without
+            return self.records.result(variant, seed, **made, error=_sentence(error))
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+
+    def _fit(self, variant: Variant, seed: int, work: Path, clock: _Clock) -> dict[str, Any]:
+        settings = self.records.settings(variant, seed)
+        if settings == self.records.settings(VARIANTS[0], seed) and variant is not VARIANTS[0] and not variant.steps_of:
+            raise ValueError("the scene's settings say the same, so this is the default")
+        clock.report(None)
+        pace = measured(settings, self._catalog, PROBE * self.records.budget)
+        planned = self._planned(variant, seed, settings, pace)
+        clock.expect(pace.seconds(planned))
+        surrogate = train(planned, self._catalog, work, progress=clock.report)
+        scored = score(surrogate, self._catalog, self._judges)
+        psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
+        if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
+            raise ValueError(f"training diverged: PSNR {psnr} dB, SSIM {ssim}")
+        return {
+            "canonical_steps": planned.canonical_steps,
+            "deformation_steps": planned.deformation_steps,
+            "seconds": float(surrogate.training["seconds"]),
+            "psnr": psnr,
+            "ssim": ssim,
+            "images": len(scored),
+            "gaussians": len(surrogate.gaussians),
+            "pace": list(pace),
+        }
+
+    def _planned(self, variant: Variant, seed: int, settings: TrainingSettings, pace: Pace) -> TrainingSettings:
+        if not variant.steps_of:
+            return scheduled(settings, self.records.budget, pace)
+        like = self._like(variant, seed)
+        if like is None:
+            raise ValueError(f"{variant.steps_of} has no result of this seed whose steps could be taken")
+        planned = with_steps(settings, like.steps)
+        if pace.seconds(planned) > self.longest:
+            raise ValueError(
+                f"{like.steps:,} steps would take {pace.seconds(planned):,.0f} s, more than the {self.longest:,.0f} s that "
+                "a fit may take: --longest allows more"
+            )
+        return planned
+
+
+def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
+    """What all variants depart from: a scene's settings for its base appearance, with all time given to training itself.
+
+    Nothing is chosen on the way, since each choice would take its time and fall differently from run to run: colours are of
+    degree 0 where they are left to be chosen, and "auto" is what it stands for.
+    """
+    start = settings.initialization
+    if start == "auto":
+        start = "random" if Source(settings, catalog).points is None else "in-situ"
+    return replace(
+        settings,
+        initialization=start,
+        color_degree=0 if settings.color_degree == "auto" else settings.color_degree,
+        visualization_steps=0,
+        fit_to_need=False,
+        validation_interval=0,
+        validation_images=0,
+        checkpoint_seconds=DAY,
+    )
+
+
+def judges(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
+    """The validation images that variants are judged on; raises ValueError where there are none."""
+    found = validation_rows(catalog, [Source(settings, catalog).appearance], JUDGES)
+    if not found:
+        raise ValueError(
+            f"catalog {catalog.path} has no validation images, and an ablation must not be judged on test images: at least one "
+            "member or view of split validation is needed"
+        )
+    return found
+
+
+@one_torch_thread()
+def score(surrogate: Surrogate, catalog: Catalog, rows: Sequence[ImageRow]) -> list[Scored]:
+    """How well a surrogate shows these images."""
+    return Scorer(surrogate, catalog).score([Case(row.member, row.view, row.appearance) for row in rows])
+
+
+class _Clock:
+    """How long a study still takes."""
+
+    def __init__(self, fits: int, budget: float, progress: Callable[[Standing], None]) -> None:
+        self._fits, self._usual, self._progress = fits, (1.0 + PROBE) * budget, progress
+        self._fit, self._taken = 0, 0.0
+        self._variant, self._seed = "", 0
+        self._begun, self._expected = time.perf_counter(), self._usual
+
+    def begin(self, variant: str, seed: int) -> None:
+        """A fit begins."""
+        self._fit, self._variant, self._seed = self._fit + 1, variant, seed
+        self._begun, self._expected = time.perf_counter(), self._usual
+
+    def expect(self, seconds: float) -> None:
+        """The current fit will take so long from now on."""
+        self._expected = time.perf_counter() - self._begun + seconds
+
+    def end(self) -> None:
+        """The current fit is over."""
+        self._taken += time.perf_counter() - self._begun
+        self._usual = self._taken / self._fit
+
+    def report(self, training: TrainingProgress | None) -> None:
+        """Tell where the study stands."""
+        current = max(self._expected - (time.perf_counter() - self._begun), 0.0)
+        left = current + (self._fits - self._fit) * self._usual
+        self._progress(Standing(self._fit, self._fits, self._variant, self._seed, training, left))
+
+
+def _sentence(error: Exception) -> str:
+    """What went wrong, in one line."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"

@@ -1,0 +1,148 @@
+"""What is changed, one thing at a time: settings as data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from surrogate.settings import TrainingSettings
+
+DEFAULT = "default"
+PAPER = "paper"
+GEOMETRY = ("means", "log_scales", "quats")
+LOOKS = ("opacity_logits", "colors")
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One departure from a scene's settings.
+
+    Attributes
+    ----------
+    name : what it is called, on the command line and in file names.
+    why : what it is meant to tell, in one sentence.
+    changes : values of `TrainingSettings`.
+    factors : what numbers of `TrainingSettings` are multiplied by.
+    steps_of : name of the variant whose number of steps it takes, whatever time that needs; "" for as many as fit into the budget.
+    """
+
+    name: str
+    why: str
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=dict)
+    steps_of: str = ""
+
+    def settings(self, base: TrainingSettings) -> TrainingSettings:
+        """`base` with the changes; raises ValueError for values that can't be."""
+        scaled: dict[str, Any] = {name: _scaled(getattr(base, name), factor) for name, factor in self.factors.items()}
+        moved: dict[str, Any] = {}
+        if self.changes.get("canonical_steps") == 0:  # learnt jointly, in as many steps
+            moved = {"deformation_steps": base.canonical_steps + base.deformation_steps}
+        return replace(base, **scaled, **self.changes, **moved)
+
+    @property
+    def what(self) -> str:
+        """The changes in a few words, for a table."""
+        parts = [f"{name} = {_shown(value)}" for name, value in self.changes.items()]
+        parts += [f"{name} × {factor:g}" for name, factor in self.factors.items()]
+        return ", ".join([*parts, *([f"steps of {self.steps_of}"] if self.steps_of else [])]) or "nothing"
+
+
+def selected(names: Iterable[str]) -> list[Variant]:
+    """The variants of these names, all for none, in the table's order, with what they are compared with and depend on.
+
+    Raises ValueError for an unknown name.
+    """
+    known = {variant.name: variant for variant in VARIANTS}
+    wanted = set(names) or set(known)
+    unknown = sorted(wanted - set(known))
+    if unknown:
+        raise ValueError(f"unknown variants {unknown}; known are {list(known)}")
+    needed = {DEFAULT} | {known[name].steps_of for name in wanted}
+    return [variant for variant in VARIANTS if variant.name in wanted | needed]
+
+
+def _scaled(value: float, factor: float) -> float:
+    return max(1, round(value * factor)) if isinstance(value, int) else value * factor
+
+
+def _shown(value: Any) -> str:
+    return " and ".join(value) if isinstance(value, tuple) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _variants() -> tuple[Variant, ...]:
+    rates = "whether the deformation learns better where the canonical Gaussians hardly move in stage 2"
+    return (
+        Variant(DEFAULT, "what the scene's settings give; all others are compared with it"),
+        Variant(PAPER, "the deformation field of GS-Surrogate instead of the bilinear one", {"deformation": PAPER}),
+        *(Variant(f"canonical-rate-{f:g}", rates, factors={"canonical_rate_factor": f}) for f in (0.1, 0.01, 0.001)),
+        Variant("geometry-only", "whether places and shapes alone can follow the parameters", {"held_still": LOOKS}),
+        Variant(
+            "looks-only", "whether opacities and colours alone can follow the parameters", {"held_still": GEOMETRY}
+        ),
+        *(
+            Variant(
+                f"hard-examples-{power:g}",
+                "images that are badly reproduced are shown more often",
+                {"hard_example_power": power},
+            )
+            for power in (1.0, 1.5)
+        ),
+        *(
+            Variant(
+                f"deformation-penalty-{weight}",
+                "small offsets are preferred, as L_deform of GS-Surrogate does",
+                {"deformation_penalty": float(weight)},
+            )
+            for weight in ("1e-4", "1e-3", "1e-2")
+        ),
+        Variant("no-decay", "what the exponential decay of all rates is worth", {"final_rate_factor": 1.0}),
+        Variant(
+            "gradient-relocation",
+            "dead Gaussians go where pictures pull, as densification chooses, not where opacity is",
+            {"relocation_target": "gradient"},
+        ),
+        Variant("no-relocation", "what moving dead Gaussians is worth", {"relocation_interval": 0}),
+        Variant("joint", "whether a stage of its own for the canonical Gaussians is needed", {"canonical_steps": 0}),
+        *(
+            Variant(
+                f"start-{start}",
+                "where the Gaussians start, which training may or may not forget",
+                {"initialization": start},
+            )
+            for start in ("random", "hull", "sfm", "in-situ")
+        ),
+        *(
+            Variant(
+                f"gaussians-x{factor:g}",
+                "detail against steps: more Gaussians show more, and take longer",
+                factors={"gaussians": factor},
+            )
+            for factor in (0.5, 2.0)
+        ),
+        *(
+            Variant(f"latent-{size}", "how many modes of deformation the Gaussians share", {"latent_size": size})
+            for size in (8, 32)
+        ),
+        *(
+            Variant(
+                f"ssim-{weight:g}", "how much structure weighs beside absolute differences", {"ssim_weight": weight}
+            )
+            for weight in (0.0, 0.5)
+        ),
+        Variant(
+            "default-in-paper-steps",
+            "both deformations after equally many steps, as few as the paper's takes in the budget",
+            steps_of=PAPER,
+        ),
+        Variant(
+            "paper-in-default-steps",
+            "both deformations after equally many steps, as many as the default takes in the budget",
+            {"deformation": PAPER},
+            steps_of=DEFAULT,
+        ),
+    )
+
+
+VARIANTS = _variants()  # the first is what the others are compared with; one that takes another's steps stands after it

@@ -1,0 +1,212 @@
+"""Studies on an ensemble of blobs, with budgets of a fraction of a second."""
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.catalog import Catalog
+from surrogate.ablation import study as module
+from surrogate.ablation.records import Result
+from surrogate.ablation.run import ablate
+from surrogate.ablation.study import Study, base_settings
+from surrogate.checkpoints import locked
+from surrogate.settings import TrainingSettings
+from surrogate.training import train
+from tests.surrogate.blobs import Blobs
+
+SCENE = TrainingSettings(gaussians=40, canonical_steps=20, deformation_steps=60)
+MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.5), ("test", 0.25))
+VIEW_SPLITS = ("train", "train", "train", "validation", "test")
+SMALL = Blobs(count=4, size=16)
+BUDGET = 0.15
+
+
+@pytest.fixture
+def catalog(make_catalog) -> Catalog:
+    return make_catalog(SMALL, members=MEMBERS, view_splits=VIEW_SPLITS)
+
+
+@pytest.fixture
+def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
+    """Runs a study in `tmp_path`; returns what was fitted now."""
+
+    def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[Result]:
+        fitted: list[Result] = []
+        ablate("blobs", settings, data, tmp_path, tell=fitted.append, **{"seconds": BUDGET, "seeds": 1} | options)
+        return fitted
+
+    return run
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fits take no time: for what is about which of them are done."""
+    monkeypatch.setattr(module.Study, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1})
+    monkeypatch.setattr("surrogate.ablation.table.plot", lambda _: None)
+
+
+def names(results: list[Result]) -> list[tuple[str, int]]:
+    return [(result.variant, result.seed) for result in results]
+
+
+def test_every_variant_is_fitted_once_per_seed_and_kept(conduct, tmp_path: Path) -> None:
+    fitted = conduct(seeds=2, only=["joint"])
+    assert names(fitted) == [("default", 0), ("joint", 0), ("default", 1), ("joint", 1)]
+    for result in fitted:
+        assert result.error == ""
+        assert result.steps > 0
+        assert result.images == 1  # the validation view of the validation member
+        assert result.gaussians == 40
+        assert 5.0 < result.psnr < 60.0
+        assert result.machine
+        assert result.commit
+    assert {r.settings["seed"] for r in fitted} == {0, 1}
+    assert (tmp_path / "ablation.png").read_bytes().startswith(b"\x89PNG")
+    assert "| **default** |" in (tmp_path / "ablation.md").read_text()
+    assert not (tmp_path / "fit").exists()
+
+
+def test_scores_are_those_of_the_model_on_validation_images(conduct, catalog: Catalog, tmp_path: Path) -> None:
+    (fitted,) = conduct(only=["default"])
+    settings = replace(
+        base_settings(SCENE, catalog),
+        canonical_steps=fitted.canonical_steps,
+        deformation_steps=fitted.deformation_steps,
+    )
+    surrogate = train(settings, catalog, tmp_path / "again")
+    member, view = catalog.member("member-2"), 3
+    truth = catalog.image(member, "drawn", view).astype(np.float64)
+    picture = surrogate.at(p=0.5).render(member.cameras[view]).astype(np.float64)
+    truth = truth / 255.0 if truth.max() > 1.0 else truth
+    difference = (truth[..., :3] + 1 - truth[..., 3:]) - (picture[..., :3] + 1 - picture[..., 3:]).clip(0, 1)
+    assert fitted.psnr == pytest.approx(-10.0 * np.log10(np.mean(difference**2)), abs=1e-3)
+
+
+def test_a_finished_study_has_nothing_to_do_and_a_wider_one_only_what_is_missing(conduct, at_once) -> None:
+    conduct(only=["joint"])
+    assert conduct(only=["joint"]) == []
+    assert names(conduct(seeds=2, only=["joint", "no-decay"])) == [
+        ("no-decay", 0),
+        ("default", 1),
+        ("no-decay", 1),
+        ("joint", 1),
+    ]
+
+
+def test_results_of_other_settings_budgets_or_data_are_not_taken(conduct, make_catalog, at_once) -> None:
+    conduct(only=["default"])
+    assert names(conduct(replace(SCENE, gaussians=41), only=["default"])) == [("default", 0)]
+    assert names(conduct(replace(SCENE, gaussians=41), only=["default"], seconds=0.3)) == [("default", 0)]
+    other = make_catalog(SMALL, members=(("train", 0.1), *MEMBERS[1:]), view_splits=VIEW_SPLITS, name="other.cdb")
+    assert names(conduct(replace(SCENE, gaussians=41), data=other, only=["default"], seconds=0.3)) == [("default", 0)]
+    assert conduct(replace(SCENE, gaussians=41), data=other, only=["default"], seconds=0.3) == []
+
+
+def test_what_took_another_time_is_repeated_only_when_that_is_asked_for(conduct, at_once, tmp_path: Path) -> None:
+    conduct(only=["joint"])
+    path = tmp_path / "joint.seed0.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"seconds": BUDGET}))
+    assert conduct(only=["joint"]) == []
+    assert names(conduct(only=["joint"], again=True)) == [("default", 0)]
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"variant": "default"}', "null"])
+def test_a_damaged_result_is_made_again(conduct, at_once, tmp_path: Path, content: str) -> None:
+    (tmp_path / "default.seed0.json").write_text(content)
+    assert names(conduct(only=["default"])) == [("default", 0)]
+    assert json.loads((tmp_path / "default.seed0.json").read_text())["psnr"] == 20.0
+
+
+def test_what_is_not_asked_for_now_stays_in_the_table(conduct, at_once, tmp_path: Path) -> None:
+    conduct(only=["joint"])
+    conduct(only=["no-decay"])
+    page = (tmp_path / "ablation.md").read_text()
+    assert all(f"| {name} |" in page for name in ("joint", "no-decay"))
+
+
+def test_a_failing_variant_says_why_stops_no_other_and_is_tried_again(conduct, tmp_path: Path) -> None:
+    fitted = conduct(only=["start-in-situ", "start-random", "no-decay"])
+    errors = {result.variant: result.error for result in fitted}
+    assert errors["default"] == errors["no-decay"] == ""
+    assert "no training member of this catalog has sampled points" in errors["start-in-situ"]
+    assert errors["start-random"] == "the scene's settings say the same, so this is the default"
+    page = (tmp_path / "ablation.md").read_text()
+    assert "| start-in-situ | 0 | training.initialization is" in page
+    assert names(conduct(only=["start-in-situ", "no-decay"])) == [("start-in-situ", 0)]
+
+
+def test_any_exception_is_a_row(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise MemoryError("no\n room")
+
+    monkeypatch.setattr(module, "train", fail)
+    assert conduct(only=["default"])[0].error == "MemoryError: no room"
+
+
+def test_a_model_that_shows_no_numbers_is_a_failure(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "mean", lambda *_: float("nan"))
+    assert "training diverged" in conduct(only=["default"])[0].error
+
+
+def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> None:
+    fitted = {r.variant: r for r in conduct(only=["default-in-paper-steps", "paper-in-default-steps"], longest=1e-3)}
+    assert fitted["default-in-paper-steps"].error.endswith("--longest allows more")
+    again = {r.variant: r for r in conduct(only=["default-in-paper-steps"], longest=60.0)}
+    assert again["default-in-paper-steps"].steps == fitted["paper"].steps
+    path = tmp_path / "paper.seed0.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"deformation_steps": fitted["paper"].steps + 7}))
+    assert names(conduct(only=["default-in-paper-steps"], longest=60.0)) == [("default-in-paper-steps", 0)]
+
+
+def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog, tmp_path: Path) -> None:
+    pressed = []
+
+    def press(standing: module.Standing) -> None:
+        if standing.variant == "no-decay" and standing.training is not None and not pressed:
+            pressed.append(str(standing))
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        conduct(only=["joint", "no-decay"], progress=press)
+    assert "fit 2 / 3  no-decay, seed 0" in pressed[0]
+    assert pressed[0].endswith("left")
+    assert sorted(path.name for path in tmp_path.glob("*.json")) == ["default.seed0.json"]
+    assert not (tmp_path / "fit").exists()
+    assert names(conduct(only=["joint", "no-decay"])) == [("no-decay", 0), ("joint", 0)]
+
+
+def test_two_studies_of_one_scene_do_not_meet(conduct, tmp_path: Path) -> None:
+    with locked(tmp_path), pytest.raises(RuntimeError, match="another process"):
+        conduct(only=["default"])
+
+
+def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
+    base = base_settings(SCENE, catalog)
+    assert (base.initialization, base.color_degree, base.fit_to_need) == ("random", 0, False)
+    assert (base.validation_images, base.visualization_steps) == (0, 0)
+    assert base_settings(replace(SCENE, color_degree=1), catalog).color_degree == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"seconds": 0.0}, "seconds must be positive, got 0.0"),
+        ({"seeds": 0}, "seeds must be positive"),
+        ({"only": ["nonsense"]}, "unknown variants"),
+    ],
+)
+def test_impossible_studies_are_refused(catalog: Catalog, tmp_path: Path, options: dict, complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        Study(SCENE, catalog, tmp_path, **options)
+
+
+def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: Path) -> None:
+    bare = make_catalog(members=(("train", 0.0), ("test", 1.0)), view_splits=("train", "test"))
+    with pytest.raises(ValueError, match="has no validation images"):
+        Study(SCENE, bare, tmp_path)
