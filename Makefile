@@ -35,7 +35,7 @@ train: dataset
 
 evaluate: train
 
-# About four hours for the standard scene on two cores; an interrupted study goes on with what is missing.
+# About five hours on two cores that have nothing else to do; an interrupted study goes on with what is missing.
 ablate: dataset
 	$(BIN)/surrogate ablate scenes/$(SCENE).toml --runs $(RUNS)
 

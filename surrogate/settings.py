@@ -38,8 +38,8 @@ class TrainingSettings:
         distance between Gaussians spread evenly through the box.
     color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading); "auto" lets
         held-out views of one member decide.
-    canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members; 0: both are learnt jointly from the
-        start) and of stage 2 (the same, deformed by the simulation parameters).
+    canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members; 0: both are learnt jointly
+        from the start) and of stage 2 (the same, deformed by the simulation parameters).
     latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
         that embeds the parameters.
     latent_spread : standard deviation of the latent vectors at the start of stage 2.
@@ -49,15 +49,16 @@ class TrainingSettings:
     visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns isovalues ("bilinear").
     visualization_latent_size, visualization_hidden_width : as those above, of F_vis.
     visualization_color_degree : as `color_degree`, of the Gaussians that F_vis shows; "auto" lets validation images decide.
-    simulation_rate_factor : what F_sim's rates are multiplied by where it is tuned along with F_vis.
+    simulation_rate_factor : what F_sim's rates are multiplied by where it is tuned along with F_vis; 0 freezes it.
     value_bins, value_rate : how many field values every Gaussian has weights of ("values"), and Adam's rate for those.
     mean_rate ... color_rate : of the canonical Gaussians.  latent_rate, embedding_rate : of the deformation.
     canonical_rate_factor : what stage 2 multiplies the canonical rates by.
     final_rate_factor : what all rates have decayed to, exponentially, at the end of a stage.
     mean_offset ... color_offset : how far one unit of the deformation's output moves each quantity.
     ssim_weight : of 1 - SSIM in the loss, beside the mean absolute error.
-    deformation_penalty : weight in the loss of L_deform, the mean squared size of the deformation's offsets; 0 for none.
-    hard_example_power : images are drawn in proportion to this power of their running error; 0 draws all as often.
+    deformation_penalty : weight in the loss of L_deform, the mean squared size of a learnt deformation's offsets; 0 for none.
+    hard_example_power : images are drawn in proportion to this power of their running error, but none is forgotten; 0 draws all
+        as often.
     relocation_interval : steps between relocations of dead Gaussians; 0 turns them off.
     relocation_stop : fraction of a stage after which no Gaussian is relocated.
     relocation_target : where dead Gaussians go: "opacity", onto living ones in proportion to that; "gradient", onto those at which

@@ -88,6 +88,7 @@ def visualization_stage(
         rates |= {
             SIMULATION + name: settings.simulation_rate_factor * rate for name, rate in tuned.rates(settings).items()
         }
+    applied = isinstance(of_vis, ValuesDeformation)  # its offsets are as large as the transfer functions say
     known: dict[tuple[float, ...], Gaussians] = {}
 
     def rest_at(parameters: Tensor) -> Gaussians:
@@ -110,5 +111,5 @@ def visualization_stage(
         per_gaussian=frozenset(NAMES),
         gaussians_at=gaussians_at,
         relocates=False,
-        rest_at=rest_at,
+        rest_at=None if applied else rest_at,
     )

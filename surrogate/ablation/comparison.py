@@ -24,7 +24,8 @@ class Row:
     psnr : mean over the seeds, dB; None without any.
     spread : standard deviation of a seed's PSNR; None for fewer than two.
     reference : name of what it is compared with: the default, or the variant whose steps it takes.
-    difference : of the mean from the reference's, dB; None where one of them is missing.
+    difference : of the mean from the reference's, dB; None where one of them is missing.  Where steps are taken from the reference,
+        as many as it had with the same seed, of the seeds that both have.
     error : standard error of that difference; None where either has fewer than two seeds.
     """
 
@@ -55,24 +56,42 @@ def compared(records: Records) -> list[Row]:
 
 def rows_of(known: Mapping[Variant, Sequence[Result]]) -> list[Row]:
     """The rows in the order of `known`."""
-    scores = {variant.name: [r.psnr for r in results if not r.error] for variant, results in known.items()}
+    scores = {variant.name: {r.seed: r.psnr for r in results if not r.error} for variant, results in known.items()}
     rows = []
     for variant, results in known.items():
         reference = variant.steps_of or DEFAULT
-        own, others = scores[variant.name], [] if variant.name == reference else scores.get(reference, [])
+        own, others = scores[variant.name], {} if variant.name == reference else scores.get(reference, {})
+        difference, error = (_paired if variant.steps_of else _unpaired)(own, others)
         rows.append(
             Row(
                 variant,
                 [r for r in results if not r.error],
                 [r for r in results if r.error],
-                psnr=statistics.fmean(own) if own else None,
-                spread=statistics.stdev(own) if len(own) > 1 else None,
+                psnr=statistics.fmean(own.values()) if own else None,
+                spread=statistics.stdev(own.values()) if len(own) > 1 else None,
                 reference=reference,
-                difference=statistics.fmean(own) - statistics.fmean(others) if own and others else None,
-                error=standard_error(own, others),
+                difference=difference,
+                error=error,
             )
         )
     return rows
+
+
+def _unpaired(own: Mapping[int, float], others: Mapping[int, float]) -> tuple[float | None, float | None]:
+    """Difference and standard error of two means over seeds; a seed says nothing that two variants would have in common."""
+    if not own or not others:
+        return None, None
+    difference = statistics.fmean(own.values()) - statistics.fmean(others.values())
+    return difference, standard_error(list(own.values()), list(others.values()))
+
+
+def _paired(own: Mapping[int, float], others: Mapping[int, float]) -> tuple[float | None, float | None]:
+    """Mean difference of the seeds that both have, and its standard error."""
+    differences = [own[seed] - others[seed] for seed in own if seed in others]
+    if not differences:
+        return None, None
+    error = statistics.stdev(differences) / math.sqrt(len(differences)) if len(differences) > 1 else None
+    return statistics.fmean(differences), error
 
 
 def standard_error(some: Sequence[float], others: Sequence[float]) -> float | None:

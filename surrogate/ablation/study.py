@@ -90,11 +90,6 @@ class Study:
         self.records = Records(folder, fingerprint(base, catalog), base, seconds)
         self._catalog, self._judges = catalog, judges(base, catalog)
 
-    def missing(self) -> list[tuple[Variant, int]]:
-        """What has no result yet, in the order in which it is fitted: every variant once before any has its second seed."""
-        every = [(variant, seed) for seed in range(self.seeds) for variant in self.variants]
-        return [one for one in every if not self._is_finished(*one)]
-
     def run(
         self,
         *,
@@ -107,10 +102,12 @@ class Study:
         """
         durable.make_folder(self.records.folder)
         with locked(self.records.folder):
-            missing = self.missing()
-            clock = _Clock(len(missing), self.records.budget, progress)
-            for variant, seed in missing:
-                clock.begin(variant.name, seed)
+            clock = _Clock(self.records.budget, progress)
+            # Every variant once before any has its second seed.  Asked anew each time: one may take the steps of one before it.
+            left = [(variant, seed) for seed in range(self.seeds) for variant in self.variants]
+            while left := [one for one in left if not self._is_finished(*one)]:
+                variant, seed = left.pop(0)
+                clock.begin(variant.name, seed, len(left))
                 result = self._attempted(variant, seed, clock)
                 self.records.save(result)
                 clock.end()
@@ -221,15 +218,15 @@ def score(surrogate: Surrogate, catalog: Catalog, rows: Sequence[ImageRow]) -> l
 class _Clock:
     """How long a study still takes."""
 
-    def __init__(self, fits: int, budget: float, progress: Callable[[Standing], None]) -> None:
-        self._fits, self._usual, self._progress = fits, (1.0 + PROBE) * budget, progress
-        self._fit, self._taken = 0, 0.0
+    def __init__(self, budget: float, progress: Callable[[Standing], None]) -> None:
+        self._usual, self._progress = (1.0 + PROBE) * budget, progress
+        self._fit, self._left, self._taken = 0, 0, 0.0
         self._variant, self._seed = "", 0
         self._begun, self._expected = time.perf_counter(), self._usual
 
-    def begin(self, variant: str, seed: int) -> None:
-        """A fit begins."""
-        self._fit, self._variant, self._seed = self._fit + 1, variant, seed
+    def begin(self, variant: str, seed: int, left: int) -> None:
+        """A fit begins, before so many others."""
+        self._fit, self._left, self._variant, self._seed = self._fit + 1, left, variant, seed
         self._begun, self._expected = time.perf_counter(), self._usual
 
     def expect(self, seconds: float) -> None:
@@ -244,8 +241,8 @@ class _Clock:
     def report(self, training: TrainingProgress | None) -> None:
         """Tell where the study stands."""
         current = max(self._expected - (time.perf_counter() - self._begun), 0.0)
-        left = current + (self._fits - self._fit) * self._usual
-        self._progress(Standing(self._fit, self._fits, self._variant, self._seed, training, left))
+        left, fits = current + self._left * self._usual, self._fit + self._left
+        self._progress(Standing(self._fit, fits, self._variant, self._seed, training, left))
 
 
 def _sentence(error: Exception) -> str:

@@ -100,8 +100,13 @@ class ValuesDeformation:
         return self.offsets(gaussians, parameters).applied_to(gaussians)
 
     def under(self, gaussians: Gaussians, function: TransferFunction) -> Gaussians:
-        """The member's Gaussians under any transfer function."""
-        return self._offsets(gaussians, function).applied_to(gaussians)
+        """The member's Gaussians under any transfer function, in colours between those that it has and those that they had."""
+        shown = self._offsets(gaussians, function).applied_to(gaussians)
+        palette = torch.tensor([point[1:] for point in function.color_points]).to(shown.colors)  # [P, 3]
+        own = gaussians.colors[:, :3]  # [N, 3]
+        low, high = torch.minimum(own, palette.amin(0)), torch.maximum(own, palette.amax(0))  # [N, 3] each
+        plain = torch.clamp(shown.colors[:, :3], low, high)  # [N, 3]
+        return replace(shown, colors=torch.cat([plain, shown.colors[:, 3:]], dim=1))
 
     def _offsets(self, gaussians: Gaussians, function: TransferFunction) -> Offsets:
         table, units = _table(function, self.values), self.base.opacity_unit_distance / function.opacity_unit_distance

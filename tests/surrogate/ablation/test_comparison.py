@@ -51,12 +51,13 @@ def test_one_seed_has_no_spread_and_no_error() -> None:
 
 
 def test_what_takes_another_ones_steps_is_compared_with_that() -> None:
-    found = rows(default=[30.0, 30.2], paper=[28.0, 28.2], default_in_paper_steps=[29.0, 29.2])
+    found = rows(default=[30.0, 30.2], paper=[28.0, 28.2], default_in_paper_steps=[29.0, 29.4, 35.0])
     row = found["default-in-paper-steps"]
     assert row.reference == "paper"
-    assert row.difference == pytest.approx(1.0)
+    assert row.difference == pytest.approx(1.1)  # of the two seeds that both have
+    assert row.error == pytest.approx(np.std([1.0, 1.2], ddof=1) / np.sqrt(2))
     assert equal_steps(list(found.values())) == [
-        "After equally many steps (40), default-in-paper-steps differs from paper by +1.00 ± 0.14 dB."
+        "After equally many steps (40), default-in-paper-steps differs from paper by +1.10 ± 0.10 dB."
     ]
     assert "default-in-paper-steps" not in verdict(list(found.values()))
 

@@ -12,6 +12,7 @@ import pytest
 
 from catalogs.catalog import Catalog
 from surrogate.ablation import study as module
+from surrogate.ablation.pace import measured
 from surrogate.ablation.records import Result
 from surrogate.ablation.run import ablate
 from surrogate.ablation.study import Study, base_settings
@@ -42,6 +43,12 @@ def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
         return fitted
 
     return run
+
+
+@pytest.fixture(autouse=True)
+def no_loading_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine, loading the images may take longer than so small a budget."""
+    monkeypatch.setattr(module, "measured", lambda *arguments: measured(*arguments)._replace(start=0.0))
 
 
 @pytest.fixture
@@ -114,6 +121,21 @@ def test_what_took_another_time_is_repeated_only_when_that_is_asked_for(conduct,
     path.write_text(json.dumps(json.loads(path.read_text()) | {"seconds": BUDGET}))
     assert conduct(only=["joint"]) == []
     assert names(conduct(only=["joint"], again=True)) == [("default", 0)]
+
+
+def test_what_took_the_steps_of_a_repeated_fit_is_repeated_in_the_same_run(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = {"default": 10, "paper": 1, "default-in-paper-steps": 1}
+    monkeypatch.setattr(
+        module.Study,
+        "_fit",
+        lambda _, variant, *__: {"deformation_steps": steps[variant.name], "psnr": 20.0, "seconds": BUDGET},
+    )
+    conduct(only=["default-in-paper-steps"])
+    (tmp_path / "paper.seed0.json").unlink()
+    steps |= {"paper": 2, "default-in-paper-steps": 2}
+    assert names(conduct(only=["default-in-paper-steps"])) == [("paper", 0), ("default-in-paper-steps", 0)]
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"variant": "default"}', "null"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -41,7 +42,7 @@ def integral(function: TransferFunction, column: int | None, weight=lambda value
         return extinction(function, value) * color * weight(value)
 
     kinks = sorted({p[0] for p in (*function.color_points, *function.opacity_points)} | {0.3, 0.35, 1.4, 2.6, -0.9})
-    return sum(quad(integrand, a, b, limit=200)[0] for a, b in zip(kinks, kinks[1:], strict=False))
+    return sum(quad(integrand, a, b, limit=200)[0] for a, b in itertools.pairwise(kinks))
 
 
 def slab(function: TransferFunction, length: float) -> tuple[float, NDArray[np.float64]]:
