@@ -100,13 +100,8 @@ class ValuesDeformation:
         return self.offsets(gaussians, parameters).applied_to(gaussians)
 
     def under(self, gaussians: Gaussians, function: TransferFunction) -> Gaussians:
-        """The member's Gaussians under any transfer function, in colours between those that it has and those that they had."""
-        shown = self._offsets(gaussians, function).applied_to(gaussians)
-        palette = torch.tensor([point[1:] for point in function.color_points]).to(shown.colors)  # [P, 3]
-        own = gaussians.colors[:, :3]  # [N, 3]
-        low, high = torch.minimum(own, palette.amin(0)), torch.maximum(own, palette.amax(0))  # [N, 3] each
-        plain = torch.clamp(shown.colors[:, :3], low, high)  # [N, 3]
-        return replace(shown, colors=torch.cat([plain, shown.colors[:, 3:]], dim=1))
+        """The member's Gaussians under any transfer function."""
+        return self._offsets(gaussians, function).applied_to(gaussians)
 
     def _offsets(self, gaussians: Gaussians, function: TransferFunction) -> Offsets:
         table, units = _table(function, self.values), self.base.opacity_unit_distance / function.opacity_unit_distance
@@ -118,7 +113,8 @@ class ValuesDeformation:
         kept = before.clamp(min=LEAST_DEPTH)  # so that no change is none, bit for bit
         logits = _logit_of_depth(after) - _logit_of_depth(kept)  # [N]
         base_colors = gaussians.colors[:, :3]  # [N, 3]
-        colors = (emission_change - base_colors * depth_change[:, None]) / after[:, None]  # [N, 3]
+        free = base_colors + (emission_change - base_colors * depth_change[:, None]) / after[:, None]  # [N, 3]
+        colors = _between(free, base_colors, function) - base_colors  # [N, 3]
         still = torch.zeros_like
         return Offsets(still(gaussians.means), still(gaussians.log_scales), still(gaussians.quats), logits, colors)
 
@@ -168,6 +164,12 @@ class ValuesDeformation:
     def record(self) -> dict[str, Any]:
         """The base transfer function, the values and the steps."""
         return {"base": asdict(self.base), "values": self.values.tolist(), "steps": list(self.steps)}
+
+
+def _between(colors: Tensor, own: Tensor, function: TransferFunction) -> Tensor:
+    """Colours (N, 3) cut to the range of the function's and of the Gaussians' own: thin Gaussians would take on any."""
+    palette = torch.tensor([point[1:] for point in function.color_points]).to(colors)  # [P, 3]
+    return torch.clamp(colors, torch.minimum(own, palette.amin(0)), torch.maximum(own, palette.amax(0)))
 
 
 def placed_values(

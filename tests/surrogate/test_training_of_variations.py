@@ -319,8 +319,8 @@ def nearest(variation: Variation, unseen: Setting) -> Setting:
 @pytest.mark.parametrize(
     ("variation", "kind", "better"),
     [
-        (FUNCTIONS, "auto", 4.0),
-        (ISOVALUE, "auto", 4.0),
+        (FUNCTIONS, "auto", 3.0),
+        (ISOVALUE, "auto", 3.0),
         pytest.param(FUNCTIONS, "bilinear", 1.0, marks=pytest.mark.slow),
     ],
     ids=["functions", "isovalue", "learnt functions"],

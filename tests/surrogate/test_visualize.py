@@ -139,7 +139,7 @@ def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
     data = given.varied_data(variation)
     run = StageRun(stage, given.settings, replace(data, validation=data.examples[::3]))
     psnr = run.validate()
-    for _ in range(10 if kind == "paper" else 30):
+    for _ in range(5 if kind == "paper" else 30):
         run.advance()
     assert bits(fitted) == before
     assert all(tensor.grad is None and not tensor.requires_grad for tensor in fitted.tensors().values())

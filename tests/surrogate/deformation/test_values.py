@@ -145,7 +145,24 @@ def test_normalized_parameters_displace_the_inner_control_points_by_their_steps(
     expected = deformation.under(shown, replace(BASE, opacity_points=points))
     found = deformation.deformed(shown, torch.tensor([0.7, 1.0, -1.0, -0.5, 1.0]))
     torch.testing.assert_close(found.opacity_logits, expected.opacity_logits)
-    torch.testing.assert_close(found.colors, expected.colors)
+    torch.testing.assert_close(torch.clamp(found.colors, *palette(BASE, shown)), expected.colors)
+
+
+def palette(function: TransferFunction, shown: Gaussians) -> tuple[torch.Tensor, torch.Tensor]:
+    """The lowest and highest colours (N, 3) among a function's and a Gaussian's own."""
+    colors = function.colors(np.linspace(*function.bounds, 1001))  # [1001, 3]
+    own = shown.colors[:, :3].numpy()
+    low, high = np.minimum(own, colors.min(axis=0)), np.maximum(own, colors.max(axis=0))
+    return torch.from_numpy(low).to(shown.colors), torch.from_numpy(high).to(shown.colors)
+
+
+@pytest.mark.parametrize("function", [OTHER, RECOLORED, CLEAR, OPAQUE], ids=["other", "recolored", "clear", "opaque"])
+def test_any_function_shows_only_colours_that_it_has_or_that_were_there(function: TransferFunction) -> None:
+    shown = some(60)
+    low, high = palette(function, shown)
+    colors = weighted(60, dtype=torch.float32).under(shown, function).colors
+    assert (colors >= low - 1e-6).all()
+    assert (colors <= high + 1e-6).all()
 
 
 @pytest.mark.parametrize("base", [BASE, replace(BASE, opacity_points=((-1, 0), (1.2, 0), (2, 0.6), (3, 1)))])
