@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from typing import Any
 from catalogs import durable
 from catalogs.catalog import Catalog
 from surrogate import metrics, perceptual, report_pictures, scoring, varied_evaluation
+from surrogate.ceiling import FILE as CEILING
+from surrogate.ceiling import load_ceiling
 from surrogate.evaluate import VERSION, Evaluation
 from surrogate.model import Surrogate
 from surrogate.perceptual import PerceptualMetrics
@@ -23,10 +25,17 @@ from surrogate.scoring import METRICS, VIEWS, Scored, mean
 RECORD = "report.json"
 
 
-def fingerprint(surrogate: Surrogate, unavailable: Iterable[str]) -> str:
-    """Changes when the model, its catalog, the evaluation's code version or the metrics that can't be had do."""
-    training = surrogate.training
-    return ":".join([str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable)])
+def fingerprint(surrogate: Surrogate, unavailable: Iterable[str], ceilings: Sequence[Mapping[str, Any]] = ()) -> str:
+    """Changes when the model, its catalog, the evaluation's code version, the ceilings or the metrics that can't be had do."""
+    training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in ceilings]
+    return ":".join([str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable), *limits])
+
+
+def ceilings_of(run: Path, surrogate: Surrogate) -> list[dict[str, Any]]:
+    """What `surrogate ceiling` measured in the folder `run` beside exactly this surrogate; nothing where it did not."""
+    entries = (load_ceiling(run / CEILING) or {"entries": []})["entries"]
+    mark = surrogate.training["fingerprint"]
+    return [e for e in entries if e["surrogate"] is not None and e["surrogate"]["fingerprint"] == mark]
 
 
 def is_current(directory: Path, surrogate: Surrogate) -> bool:
@@ -35,7 +44,8 @@ def is_current(directory: Path, surrogate: Surrogate) -> bool:
         record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return bool(record.get("fingerprint") == fingerprint(surrogate, PerceptualMetrics.load().unavailable))
+    current = fingerprint(surrogate, PerceptualMetrics.load().unavailable, ceilings_of(directory.parent, surrogate))
+    return bool(record.get("fingerprint") == current)
 
 
 def write_report(
@@ -48,7 +58,8 @@ def write_report(
     dataset_seconds: float | None = None,
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents."""
-    record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds)
+    ceilings = ceilings_of(directory.parent, surrogate)
+    record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds, ceilings=ceilings)
     directory.parent.mkdir(parents=True, exist_ok=True)
     durable.remove_abandoned(directory.parent)
     partial = durable.partial_name(directory)
@@ -70,7 +81,12 @@ def write_report(
 
 
 def summarize(
-    scene: str, surrogate: Surrogate, evaluation: Evaluation, *, dataset_seconds: float | None
+    scene: str,
+    surrogate: Surrogate,
+    evaluation: Evaluation,
+    *,
+    dataset_seconds: float | None,
+    ceilings: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """The contents of `report.json`; null where the data set has no such images."""
     unseen = {v: {"unseen_parameters": evaluation.cells[v]["unseen_parameters"]} for v in VIEWS}
@@ -79,7 +95,7 @@ def summarize(
         "commit": commit(),
         "machine": machine(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "fingerprint": fingerprint(surrogate, evaluation.unavailable),
+        "fingerprint": fingerprint(surrogate, evaluation.unavailable, ceilings),
         "seed": surrogate.training["settings"]["seed"],
         "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
         "model_megabytes": surrogate.megabytes,
@@ -98,6 +114,7 @@ def summarize(
             }
             for result in evaluation.baselines
         ],
+        "ceilings": [dict(entry) for entry in ceilings],
         "variations": [summarize_variation(v) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),
         "settings": surrogate.training["settings"],
@@ -132,6 +149,7 @@ def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         "",
         *_baseline_table(record),
         "",
+        *_ceiling_section(record),
         "## How fast, how large",
         "",
         *_cost_table(record),
@@ -143,6 +161,33 @@ def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         lines += [f"## {title}", "", f"![{title}]({name})", ""]
     lines += ["## Definitions", "", *(f"- **{name}**: {text}." for name, text in record["definitions"].items()), ""]
     return "\n".join(lines)
+
+
+def _ceiling_section(record: Mapping[str, Any]) -> list[str]:
+    """What limits the figures: the same Gaussians, fitted to one unseen member alone."""
+    if not record["ceilings"]:
+        return []
+    return [
+        "## Beside the ceiling",
+        "",
+        "As many Gaussians, fitted for as many steps to one unseen member alone, on the same test views of that member.",
+        "",
+        *table(
+            ("appearance", "member", "fitted alone (dB)", "surrogate (dB)", "SSIM alone", "SSIM"),
+            [
+                (
+                    entry["appearance"],
+                    entry["member"],
+                    number(entry["psnr"]),
+                    number(entry["surrogate"]["psnr"]),
+                    number(entry["ssim"], 4),
+                    number(entry["surrogate"]["ssim"], 4),
+                )
+                for entry in record["ceilings"]
+            ],
+        ),
+        "",
+    ]
 
 
 def _cost_table(record: Mapping[str, Any]) -> list[str]:

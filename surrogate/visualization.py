@@ -47,8 +47,9 @@ class Visualization:
 
     def simulated(self, gaussians: Gaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
         """What F_vis acts on: the Gaussians at normalized simulation parameters (P,)."""
-        wide = gaussians.with_color_degree(max(self.color_degree, gaussians.color_degree))
-        return (self.simulation or simulation).deformed(wide, parameters)
+        deformed = (self.simulation or simulation).deformed(gaussians, parameters)
+        degree = max(self.color_degree, gaussians.color_degree)
+        return deformed if degree == deformed.color_degree else deformed.with_color_degree(degree)
 
     def under(
         self, gaussians: Gaussians, simulation: Deformation, parameters: Tensor, function: TransferFunction
