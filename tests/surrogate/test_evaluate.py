@@ -14,6 +14,7 @@ from catalogs.appearance import ImportedImages
 from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
+from surrogate import ceiling
 from surrogate.cli import main
 from surrogate.evaluate import METRICS, PARAMETERS, VIEWS, evaluate, mean, targets_of
 from surrogate.metrics import score
@@ -139,6 +140,25 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert sorted(p.name for p in folder.iterdir()) == ["catalog.cdb", "report", "surrogate"]
     changed = replace(surrogate, training={**surrogate.training, "fingerprint": "other"})
     assert not is_current(report, changed)
+
+
+def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
+    run: tuple[Surrogate, Catalog, Path], tmp_path: Path
+) -> None:
+    surrogate, catalog, _ = run
+    evaluation, report = evaluate(surrogate, catalog), tmp_path / "report"
+    assert write_report(report, "disks", surrogate, catalog, evaluation)["ceilings"] == []
+    assert "fitted alone" not in (report / "report.md").read_text()
+    for mark, stands in (("another run", False), (surrogate.training["fingerprint"], True)):
+        reached = {"fingerprint": mark, "gaussians": 3, "psnr": 31.25, "ssim": 0.9125}
+        entry = {"appearance": "disk", "member": "lone", "psnr": 37.75, "ssim": 0.9875, "surrogate": reached}
+        (tmp_path / "ceiling.json").write_text(json.dumps({"version": ceiling.VERSION, "entries": [entry]}))
+        assert is_current(report, surrogate) != stands
+        record = write_report(report, "disks", surrogate, catalog, evaluation)
+        assert record["ceilings"] == ([entry] if stands else [])
+        row = "| disk | lone | 37.75 | 31.25 | 0.9875 | 0.9125 |"
+        assert (row in (report / "report.md").read_text()) == stands
+        assert is_current(report, surrogate)
 
 
 def tables(page: str) -> list[list[int]]:
