@@ -283,7 +283,7 @@ def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(
         "    if not child:\n"
         "        train(settings, Catalog.open(catalog), folder)\n"
         "        os._exit(0)\n"
-        "    time.sleep(random.uniform(0.0, 0.2 + 0.02 * kills))\n"
+        "    time.sleep(random.uniform(0.0, 0.06 + 0.01 * kills))\n"
         "    os.kill(child, signal.SIGKILL)\n"
         "    kills += os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL\n"
         "print(kills)\n"
