@@ -15,15 +15,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from catalogs import durable
 from catalogs.catalog import Catalog, Member
-from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
 from surrogate.canonical import canonical_stage
 from surrogate.checkpoints import fingerprint
-from surrogate.data import ImageRow, foreground_color, load_examples
+from surrogate.data import ImageRow, foreground_color, load_examples, middle
 from surrogate.device import chosen
 from surrogate.gaussians import Gaussians
 from surrogate.initialize import Points, initial_gaussians
@@ -124,14 +121,6 @@ def subjects(source: Source) -> list[Subject]:
         if shown:
             found.append(Subject(middle(shown, source.catalog.plan.space), appearance, variation))
     return found
-
-
-def middle(members: Sequence[Member], space: ParameterSpace) -> Member:
-    """The member whose normalized parameters are nearest to the mean of all, the first by name of equals."""
-    members = sorted(members, key=lambda member: member.name)
-    places = np.array([space.normalize([m.parameters[n] for n in space.names]) for m in members])  # [M, P]
-    distances = np.linalg.norm(places - places.mean(axis=0), axis=1)  # [M]
-    return members[int(distances.round(9).argmin())]  # rounded: equals differ in the last digit
 
 
 def line(entry: Mapping[str, Any]) -> str:

@@ -138,7 +138,7 @@ class Surrogate:
     def under(self, transfer_function: TransferFunction, /, **parameters: float) -> DeformedGaussians:
         """The ensemble at simulation `parameters` under any transfer function, in opacity and colour.
 
-        Values that none of the training functions showed look as the base shows them.  Raises ValueError where the surrogate
+        What the training functions did not show is a guess.  Raises ValueError where the surrogate
         knows no field values (it then learnt transfer functions by their displacements, or none), or as `at` does.
         """
         values = self.space.values(parameters)  # [P]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -103,9 +104,13 @@ class ValuesDeformation:
         """The member's Gaussians under any transfer function."""
         return self._offsets(gaussians, function).applied_to(gaussians)
 
+    @cached_property
+    def _base_table(self) -> NDArray[np.float64]:
+        return _table(self.base, self.values)  # [B, 4]
+
     def _offsets(self, gaussians: Gaussians, function: TransferFunction) -> Offsets:
         table, units = _table(function, self.values), self.base.opacity_unit_distance / function.opacity_unit_distance
-        change = torch.from_numpy(units * table - _table(self.base, self.values))  # [B, 4]
+        change = torch.from_numpy(units * table - self._base_table)  # [B, 4]
         sums = _SizesTimes.apply(self.weights, change.to(self.weights))  # [N, 4]
         depth_change, emission_change = sums[:, 0], sums[:, 1:]  # [N], [N, 3]
         before = torch.nn.functional.softplus(gaussians.opacity_logits)  # [N]

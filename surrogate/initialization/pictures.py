@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
+from surrogate.data import middle
 from surrogate.gaussians import Normalization
 
 VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't reach further
@@ -29,13 +30,10 @@ def representative_member(catalog: Catalog) -> Member:
 
     Raises ValueError where there is no training member.
     """
-    members = sorted((m for m in catalog.members if m.split == "train"), key=lambda m: m.name)
+    members = [m for m in catalog.members if m.split == "train"]
     if not members:
         raise ValueError(f"catalog {catalog.path} holds no training member for Gaussians to start on")
-    names = catalog.plan.space.names
-    places = catalog.plan.space.normalize([[m.parameters[n] for n in names] for m in members])  # [M, P]
-    distances = np.linalg.norm(places - places.mean(0), axis=1)  # [M]
-    return members[int(distances.round(9).argmin())]  # rounded: equals differ in the last digit
+    return middle(members, catalog.plan.space)
 
 
 def training_pictures(catalog: Catalog, member: Member, appearance: str, normalization: Normalization) -> list[Picture]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import torch
 from torch import Tensor
@@ -22,21 +22,14 @@ def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, En
     """
     fitted = fitted.to(torch.device("cpu"))  # where models are stored and read
     before = bench.measure(fitted)
-    options, chosen, current = [Option("all in float32", before.psnr)], dict[str, Encoding](), fitted
-    by_size = sorted(fitted.tensors(), key=lambda name: (-fitted.tensors()[name].numel(), name))
-    for name in by_size:
-        for form in FORMATS:
-            encoding = encode(fitted.tensors()[name], form)
-            trial = with_tensor(current, name, encoding.decoded())
-            psnr = bench.psnr(trial)
-            if psnr >= before.psnr - bench.tolerance:
-                current, chosen[name] = trial, encoding
-                break
-            options.append(Option(f"{name} in {form}", psnr))
+    stored, chosen, tried = _in_fewest_bits(
+        fitted.tensors(), lambda tensors: bench.psnr(fitted_of(fitted, tensors)), before.psnr - bench.tolerance
+    )
+    current = fitted_of(fitted, stored)
     megabytes = current.megabytes - 1e-6 * sum(e.saved_bytes for e in chosen.values())
     after = bench.measure(current, megabytes=megabytes)
-    options.append(Option("as kept", after.psnr))
-    return current, chosen, Choice(NAME, _said(by_size, chosen), options, before, after)
+    options = [Option("all in float32", before.psnr), *tried, Option("as kept", after.psnr)]
+    return current, chosen, Choice(NAME, _said(_by_size(stored), chosen), options, before, after)
 
 
 def precision_of_visualization(
@@ -47,21 +40,38 @@ def precision_of_visualization(
     def psnr(trial: Visualization) -> float:
         return bench.psnr_of(lambda parameters: trial.gaussians_at(*fitted, parameters))
 
+    def loaded(tensors: Mapping[str, Tensor]) -> Visualization:
+        return Visualization.load(tensors, visualization.record())
+
     before = psnr(visualization)
-    options, chosen, current = [Option("all in float32", before)], dict[str, Encoding](), visualization
-    by_size = sorted(visualization.stored(), key=lambda name: (-visualization.stored()[name].numel(), name))
-    for name in by_size:
-        for form in FORMATS:
-            encoding = encode(visualization.stored()[name], form)
-            trial = Visualization.load(current.stored() | {name: encoding.decoded()}, current.record())
-            found = psnr(trial)
-            if found >= before - bench.tolerance:
-                current, chosen[name] = trial, encoding
-                break
-            options.append(Option(f"{name} in {form}", found))
-    options.append(Option("as kept", psnr(current)))
+    stored, chosen, tried = _in_fewest_bits(
+        visualization.stored(), lambda tensors: psnr(loaded(tensors)), before - bench.tolerance
+    )
+    current = loaded(stored)
+    options = [Option("all in float32", before), *tried, Option("as kept", psnr(current))]
     kind = visualization.variation.kind.replace("_", " ")
-    return current, chosen, Choice(f"{NAME}, {kind}", _said(by_size, chosen), options)
+    return current, chosen, Choice(f"{NAME}, {kind}", _said(_by_size(stored), chosen), options)
+
+
+def _in_fewest_bits(
+    tensors: Mapping[str, Tensor], psnr_of: Callable[[Mapping[str, Tensor]], float], enough: float
+) -> tuple[dict[str, Tensor], dict[str, Encoding], list[Option]]:
+    """The tensors as they will be read again, their encodings, and what failed: the largest first, all so far reach `enough` dB."""
+    kept, chosen, failed = dict(tensors), dict[str, Encoding](), []
+    for name in _by_size(tensors):
+        for form in FORMATS:
+            encoding = encode(tensors[name], form)
+            trial = kept | {name: encoding.decoded()}
+            psnr = psnr_of(trial)
+            if psnr >= enough:
+                kept, chosen[name] = trial, encoding
+                break
+            failed.append(Option(f"{name} in {form}", psnr))
+    return kept, chosen, failed
+
+
+def _by_size(tensors: Mapping[str, Tensor]) -> list[str]:
+    return sorted(tensors, key=lambda name: (-tensors[name].numel(), name))
 
 
 def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:
@@ -71,11 +81,6 @@ def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:
         forms.setdefault(chosen[name].form if name in chosen else "float32", []).append(name)
     (usual, _), *others = sorted(forms.items(), key=lambda item: -len(item[1]))
     return "; ".join([usual, *(f"{form} for {', '.join(kept)}" for form, kept in others)])
-
-
-def with_tensor(fitted: Fitted, name: str, tensor: Tensor) -> Fitted:
-    """The model with one of its stored tensors replaced."""
-    return fitted_of(fitted, fitted.tensors() | {name: tensor})
 
 
 def fitted_of(fitted: Fitted, tensors: Mapping[str, Tensor]) -> Fitted:

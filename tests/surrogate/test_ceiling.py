@@ -7,7 +7,8 @@ import pytest
 
 from catalogs.catalog import Catalog
 from surrogate import ceiling as module
-from surrogate.ceiling import Subject, line, load_ceiling, measure_ceiling, middle, subjects
+from surrogate.ceiling import Subject, line, load_ceiling, measure_ceiling, subjects
+from surrogate.data import middle
 from surrogate.model import Surrogate
 from surrogate.progress import TrainingProgress
 from surrogate.settings import TrainingSettings
