@@ -127,7 +127,7 @@ def show(run: Path) -> None:
 @main.command()
 @SCENE
 @RUNS
-@click.option("--seconds", default=180.0, show_default=True, help="Time of each fit.")
+@click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
 @click.option("--seeds", default=3, show_default=True, help="Fits of each variant.")
 @click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
 @click.option(
@@ -137,7 +137,7 @@ def show(run: Path) -> None:
 def ablate(scene: Path, runs: Path, only: tuple[str, ...], **options: Any) -> None:
     """Train SCENE in many ways for the same time each and compare them on validation images; goes on where it was interrupted.
 
-    To be run on a machine that has nothing else to do: what others take from one variant is missing in its steps.
+    Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
     loaded, catalog = _open(scene, runs)
     from surrogate.ablation.records import Result

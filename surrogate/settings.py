@@ -17,6 +17,7 @@ Initialization = Literal["auto", "in-situ", "hull", "sfm", "random"]
 DeformationKind = Literal["bilinear", "paper"]
 RelocationTarget = Literal["opacity", "gradient"]
 VisualizationKind = Literal["auto", "bilinear", "paper", "values"]
+FieldPrecision = Literal["float32", "bfloat16"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class TrainingSettings:
         that embeds the parameters.
     latent_spread : standard deviation of the latent vectors at the start of stage 2.
     deformation : the design of F_sim, of `surrogate.deformation.KINDS`.
+    field_precision : what the "paper" design computes in per Gaussian; "bfloat16" is faster on processors that multiply in it.
     held_still : attributes of the Gaussians, of `surrogate.gaussians.NAMES`, that F_sim does not move.
     visualization_steps : length of stage 3, per variation of the appearance that the catalog has.
     visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns isovalues ("bilinear").
@@ -91,6 +93,7 @@ class TrainingSettings:
     hidden_width: int = 64
     latent_spread: float = 0.25
     deformation: DeformationKind = "bilinear"
+    field_precision: FieldPrecision = "float32"
     held_still: tuple[str, ...] = ()
 
     visualization_steps: int = 10_000
@@ -205,8 +208,9 @@ class TrainingSettings:
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values that `from_table` turns back into the same settings."""
         values = asdict(self)
-        if not self.held_still:  # so that runs from before there was this choice are still recognized
-            del values["held_still"]
+        for name in ("held_still", "field_precision"):  # so that runs from before there were these are still recognized
+            if values[name] == type(self).__dataclass_fields__[name].default:
+                del values[name]
         return values
 
 

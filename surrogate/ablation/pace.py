@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from catalogs.catalog import Catalog
+from surrogate.ablation.clock import clock
 from surrogate.canonical import canonical_stage
 from surrogate.data import Example, ImageRow, load_examples, training_rows
 from surrogate.device import chosen
@@ -45,11 +45,11 @@ def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pa
     A step takes longer or shorter as Gaussians grow, fade and are relocated (one from a random start twice as long in the end),
     so that the first steps of a stage say little.
     """
-    source = Source(settings, catalog)
+    source, now = Source(settings, catalog), clock(settings)
     data, loading = _some_data(source)
-    begun = time.perf_counter()
+    begun = now()
     gaussians = source.initial_gaussians(data)
-    start = loading + time.perf_counter() - begun
+    start = loading + now() - begun
     roughly = _timed(settings, gaussians, data, lambda run: _first_steps(run, ROUGHLY * seconds / 2.0))
     short = scheduled(settings, (1.0 - ROUGHLY) * seconds, Pace(0.0, *roughly))
     return Pace(start, *_timed(short, gaussians, data, _last_steps))
@@ -85,9 +85,10 @@ def _some_data(source: Source) -> tuple[TrainingData, float]:
     rows = training_rows(source.catalog, [source.appearance])
     some = rows[:: -(-len(rows) // IMAGES)]
     _load(source, some[:2])  # what only the first image costs
-    begun = time.perf_counter()
+    now = clock(source.settings)
+    begun = now()
     examples = _load(source, some)
-    seconds = (time.perf_counter() - begun) * len(rows) / len(some)
+    seconds = (now() - begun) * len(rows) / len(some)
     return TrainingData(examples, (), source.catalog.plan.background), seconds
 
 
@@ -114,19 +115,20 @@ def _first_steps(run: StageRun, seconds: float) -> float:
     """Seconds of a step, over some of the first."""
     for _ in range(WARM_STEPS):
         run.advance()
-    begun, taken = time.perf_counter(), 0.0
+    now = clock(run.settings)
+    begun, taken = now(), 0.0
     while run.step < WARM_STEPS + FEWEST_TIMED or taken < seconds:
         run.advance()
-        taken = time.perf_counter() - begun
+        taken = now() - begun
     return taken / (run.step - WARM_STEPS)
 
 
 def _last_steps(run: StageRun) -> float:
     """Seconds of a step once the stage has settled, taking all its steps."""
-    first = int(SETTLED * run.stage.steps)
+    first, now = int(SETTLED * run.stage.steps), clock(run.settings)
     while run.step < first:
         run.advance()
-    begun = time.perf_counter()
+    begun = now()
     while run.step < run.stage.steps:
         run.advance()
-    return (time.perf_counter() - begun) / (run.stage.steps - first)
+    return (now() - begun) / (run.stage.steps - first)

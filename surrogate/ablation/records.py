@@ -25,7 +25,7 @@ class Result:
     mark : the fingerprint of the catalog and of the settings that all variants depart from.
     settings : the variant's, before steps were fitted to the budget, as JSON values.
     canonical_steps, deformation_steps : that were taken.
-    seconds : of training, from its first image to its last step.
+    seconds : of training, from its first image to its last step, by `surrogate.ablation.clock`.
     psnr, ssim : means over the `images` validation images; psnr in dB.
     gaussians : how many there were.
     pace : seconds before the first step, and of a step in either stage, as they were measured before.

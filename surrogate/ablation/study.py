@@ -1,17 +1,19 @@
-"""The fits of one study, one after the other: those that have no result yet, each kept as soon as it has one."""
+"""The fits of one study: those that have no result yet, each kept as soon as it has one; processes may share them out."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import shutil
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from catalogs import durable
 from catalogs.catalog import Catalog
+from surrogate.ablation.clock import clock
 from surrogate.ablation.pace import Pace, measured, scheduled, with_steps
 from surrogate.ablation.records import Records, Result
 from surrogate.ablation.variants import VARIANTS, Variant, selected
@@ -28,7 +30,8 @@ from surrogate.training import train
 
 PROBE = 0.1  # of the budget, spent on measuring the pace first
 LONGEST = 10.0  # budgets, that a fit may take whose steps are given
-WORK = "fit"  # where the current fit is trained
+WORK = "fits"  # where each is trained, and locked by the process that does
+MODEL = "surrogate"
 DAY = 86400.0
 
 
@@ -98,20 +101,33 @@ class Study:
     ) -> None:
         """Fit what is missing; `tell` is given each result once it is kept, failures included.
 
-        An interruption loses the current fit only.  Raises RuntimeError where another process is at this study.
+        An interruption loses the current fit only.  What another process is fitting is left to it.
         """
-        durable.make_folder(self.records.folder)
-        with locked(self.records.folder):
-            clock = _Clock(self.records.budget, progress)
-            # Every variant once before any has its second seed.  Asked anew each time: one may take the steps of one before it.
-            left = [(variant, seed) for seed in range(self.seeds) for variant in self.variants]
-            while left := [one for one in left if not self._is_finished(*one)]:
-                variant, seed = left.pop(0)
-                clock.begin(variant.name, seed, len(left))
-                result = self._attempted(variant, seed, clock)
-                self.records.save(result)
-                clock.end()
-                tell(result)
+        watch = _Watch(self.records.budget, progress)
+        # Every variant once before any has its second seed.  Asked anew each time: one may take the steps of one before it.
+        left = [(variant, seed) for seed in range(self.seeds) for variant in self.variants]
+        while left := [one for one in left if not self._is_finished(*one)]:
+            variant, seed = left.pop(0)
+            with self._claimed(variant, seed) as work:
+                if work is not None:
+                    watch.begin(variant.name, seed, len(left))
+                    result = self._attempted(variant, seed, work, watch)
+                    self.records.save(result)
+                    watch.end()
+                    tell(result)
+
+    @contextlib.contextmanager
+    def _claimed(self, variant: Variant, seed: int) -> Iterator[Path | None]:
+        """Where to train, while no other process does; None where one does or has just done so."""
+        folder = self.records.folder / WORK / f"{variant.name}.seed{seed}"
+        durable.make_folder(folder)
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(locked(folder))
+                free = not self._is_finished(variant, seed)
+            except RuntimeError:
+                free = False
+            yield folder / MODEL if free else None
 
     def _is_finished(self, variant: Variant, seed: int) -> bool:
         result = self.records.find(variant, seed)
@@ -127,26 +143,28 @@ class Study:
         found = self.records.find(next(v for v in VARIANTS if v.name == variant.steps_of), seed)
         return None if found is None or found.error else found
 
-    def _attempted(self, variant: Variant, seed: int, clock: _Clock) -> Result:
+    def _attempted(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> Result:
         made: dict[str, Any] = {"machine": machine(), "commit": commit()}
-        work = self.records.folder / WORK
         try:
             shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
-            return self.records.result(variant, seed, **made, **self._fit(variant, seed, work, clock))
+            return self.records.result(variant, seed, **made, **self._fit(variant, seed, work, watch))
         except Exception as error:  # whatever it is, the other variants may do without
             return self.records.result(variant, seed, **made, error=_sentence(error))
         finally:
             shutil.rmtree(work, ignore_errors=True)
 
-    def _fit(self, variant: Variant, seed: int, work: Path, clock: _Clock) -> dict[str, Any]:
+    def _fit(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)
         if settings == self.records.settings(VARIANTS[0], seed) and variant is not VARIANTS[0] and not variant.steps_of:
             raise ValueError("the scene's settings say the same, so this is the default")
-        clock.report(None)
+        watch.report(None)
         pace = measured(settings, self._catalog, PROBE * self.records.budget)
         planned = self._planned(variant, seed, settings, pace)
-        clock.expect(pace.seconds(planned))
-        surrogate = train(planned, self._catalog, work, progress=clock.report)
+        watch.expect(pace.seconds(planned))
+        now = clock(settings)
+        begun = now()
+        surrogate = train(planned, self._catalog, work, progress=watch.report)
+        taken = now() - begun
         scored = score(surrogate, self._catalog, self._judges)
         psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
         if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
@@ -154,7 +172,7 @@ class Study:
         return {
             "canonical_steps": planned.canonical_steps,
             "deformation_steps": planned.deformation_steps,
-            "seconds": float(surrogate.training["seconds"]),
+            "seconds": taken,
             "psnr": psnr,
             "ssim": ssim,
             "images": len(scored),
@@ -215,7 +233,7 @@ def score(surrogate: Surrogate, catalog: Catalog, rows: Sequence[ImageRow]) -> l
     return Scorer(surrogate, catalog).score([Case(row.member, row.view, row.appearance) for row in rows])
 
 
-class _Clock:
+class _Watch:
     """How long a study still takes."""
 
     def __init__(self, budget: float, progress: Callable[[Standing], None]) -> None:

@@ -88,8 +88,8 @@ def unequal_times(rows: Sequence[Row]) -> list[str]:
 def _introduction(budget: float, done: Sequence[Row]) -> str:
     images = sorted({result.images for row in done for result in row.results})
     return (
-        f"Each variant was trained for {budget:g} s per seed, from its first image to its last step, with as many steps as "
-        "fit into that by its own pace, and then shown "
+        f"Each variant was trained for {budget:g} s of processor time per seed, from its first image to its last step, with as "
+        "many steps as fit into that by its own pace, and then shown "
         f"{' or '.join(map(str, images))} validation images that none learns from (test images are not touched). "
         "Nothing was fitted to need. PSNR: mean ± standard deviation over seeds. Difference: from the default "
         "(or as said), ± its standard error; with few seeds that is itself uncertain, and of many variants that differ by "

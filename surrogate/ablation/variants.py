@@ -76,6 +76,11 @@ def _variants() -> tuple[Variant, ...]:
     return (
         Variant(DEFAULT, "what the scene's settings give; all others are compared with it"),
         Variant(PAPER, "the deformation field of GS-Surrogate instead of the bilinear one", {"deformation": PAPER}),
+        Variant(
+            "paper-bfloat16",
+            "the same in the precision that processors with matrix units are fastest in",
+            {"deformation": PAPER, "field_precision": "bfloat16"},
+        ),
         *(Variant(f"canonical-rate-{f:g}", rates, factors={"canonical_rate_factor": f}) for f in (0.1, 0.01, 0.001)),
         Variant("geometry-only", "whether places and shapes alone can follow the parameters", {"held_still": LOOKS}),
         Variant(

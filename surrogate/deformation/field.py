@@ -179,13 +179,12 @@ class FieldDeformation:
         color_columns: int = 3,
         backbone: bool = True,
         heads: Iterable[str] = NAMES,
-        bfloat16: bool = False,
     ) -> FieldDeformation:
         """Random networks with last layers of zero: nothing moves, but the gradient is not zero.
 
         For transfer functions the paper has no backbone, and heads for "opacity_logits" and "colors" only.
         """
-        width = BACKBONE_WIDTH if backbone else 0
+        width, bfloat16 = BACKBONE_WIDTH if backbone else 0, settings.field_precision == "bfloat16"
         architecture = Architecture(
             parameters, tuple(heads), color_columns, anchored, backbone_width=width, bfloat16=bfloat16
         )

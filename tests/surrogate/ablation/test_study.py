@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 from catalogs.catalog import Catalog
 from surrogate.ablation import study as module
+from surrogate.ablation.clock import clock
 from surrogate.ablation.pace import measured
 from surrogate.ablation.records import Result
 from surrogate.ablation.run import ablate
@@ -76,7 +78,7 @@ def test_every_variant_is_fitted_once_per_seed_and_kept(conduct, tmp_path: Path)
     assert {r.settings["seed"] for r in fitted} == {0, 1}
     assert (tmp_path / "ablation.png").read_bytes().startswith(b"\x89PNG")
     assert "| **default** |" in (tmp_path / "ablation.md").read_text()
-    assert not (tmp_path / "fit").exists()
+    assert not list(tmp_path.glob("fits/*/surrogate"))
 
 
 def test_scores_are_those_of_the_model_on_validation_images(conduct, catalog: Catalog, tmp_path: Path) -> None:
@@ -199,13 +201,37 @@ def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog,
     assert "fit 2 / 3  no-decay, seed 0" in pressed[0]
     assert pressed[0].endswith("left")
     assert sorted(path.name for path in tmp_path.glob("*.json")) == ["default.seed0.json"]
-    assert not (tmp_path / "fit").exists()
+    assert not list(tmp_path.glob("fits/*/surrogate"))
     assert names(conduct(only=["joint", "no-decay"])) == [("no-decay", 0), ("joint", 0)]
 
 
-def test_two_studies_of_one_scene_do_not_meet(conduct, tmp_path: Path) -> None:
-    with locked(tmp_path), pytest.raises(RuntimeError, match="another process"):
-        conduct(only=["default"])
+def test_what_another_process_is_fitting_is_left_to_it(conduct, at_once, tmp_path: Path) -> None:
+    taken = tmp_path / "fits" / "joint.seed0"
+    taken.mkdir(parents=True)
+    with locked(taken):
+        assert names(conduct(only=["joint", "no-decay"])) == [("default", 0), ("no-decay", 0)]
+    assert names(conduct(only=["joint", "no-decay"])) == [("joint", 0)]
+
+
+def test_what_another_process_finished_meanwhile_is_not_fitted_again(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    conduct(only=["default"])
+    whole = (tmp_path / "default.seed0.json").read_bytes()
+    (tmp_path / "default.seed0.json").unlink()
+    monkeypatch.setattr(
+        module, "locked", lambda folder: ((tmp_path / "default.seed0.json").write_bytes(whole), locked(folder))[1]
+    )
+    assert conduct(only=["default"]) == []
+
+
+def test_the_time_of_a_fit_is_its_own() -> None:
+    now = clock(SCENE)
+    before, began = now(), time.perf_counter()
+    time.sleep(0.3)
+    assert now() - before < 0.2  # others had the processor
+    while now() - before < 0.2:
+        assert time.perf_counter() - began < 30.0
 
 
 def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:

@@ -173,10 +173,12 @@ def test_the_encoding_is_as_exact_as_float32_at_its_highest_frequency() -> None:
 
 
 @pytest.mark.parametrize("parameters", [0, 1, 3])
-@pytest.mark.parametrize("options", [{}, {"backbone": False, "heads": APPEARANCE}, {"bfloat16": True}])
-def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, options: dict[str, Any]) -> None:
-    gaussians = canonical(11, color_columns=12)
-    field = FieldDeformation.create(gaussians, parameters, SETTINGS, **options)
+@pytest.mark.parametrize("options", [{}, {"backbone": False, "heads": APPEARANCE}])
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, options: dict[str, Any], precision: Any) -> None:
+    gaussians, settings = canonical(11, color_columns=12), replace(SETTINGS, field_precision=precision)
+    field = FieldDeformation.create(gaussians, parameters, settings, **options)
+    assert field.architecture.bfloat16 == (precision == "bfloat16")
     for tensor in field.tensors().values():
         tensor.requires_grad_()
     offsets = flat(field.offsets(gaussians, torch.linspace(-1, 1, parameters)))
