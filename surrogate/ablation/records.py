@@ -21,7 +21,8 @@ class Result:
 
     Attributes
     ----------
-    budget : seconds that it was given.
+    budget : seconds that a fit of the study is given.
+    budgets : how many of them this one was given.
     mark : the fingerprint of the catalog and of the settings that all variants depart from.
     settings : the variant's, before steps were fitted to the budget, as JSON values.
     canonical_steps, deformation_steps : that were taken.
@@ -38,6 +39,7 @@ class Result:
     budget: float
     mark: str
     settings: dict[str, Any]
+    budgets: float = 1.0
     canonical_steps: int = 0
     deformation_steps: int = 0
     seconds: float = 0.0
@@ -58,7 +60,7 @@ class Result:
     @property
     def is_timely(self) -> bool:
         """Whether training took about as long as it should: not where the machine was busier or idler than when it was probed."""
-        return abs(self.seconds / self.budget - 1.0) <= TIME_TOLERANCE
+        return abs(self.seconds / (self.budgets * self.budget) - 1.0) <= TIME_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Records:
             settings = self.settings(variant, seed).to_json()
         except ValueError:  # such settings can't be: `found` holds the error
             settings = {}
-        return Result(variant.name, seed, self.budget, self.mark, settings, **found)
+        return Result(variant.name, seed, self.budget, self.mark, settings, variant.budgets, **found)
 
     def save(self, result: Result) -> None:
         """Keep a result, at once and whole."""
@@ -95,7 +97,13 @@ class Records:
             kept = {} if not found.settings else TrainingSettings.from_table(found.settings).to_json()
         except (OSError, ValueError, TypeError):
             return None
-        same = (found.variant, found.seed, found.mark, found.budget) == (variant.name, seed, self.mark, self.budget)
+        same = (found.variant, found.seed, found.mark, found.budget, found.budgets) == (
+            variant.name,
+            seed,
+            self.mark,
+            self.budget,
+            variant.budgets,
+        )
         return found if same and kept == self.result(variant, seed).settings else None
 
     def of(self, variant: Variant) -> list[Result]:

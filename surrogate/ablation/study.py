@@ -182,7 +182,7 @@ class Study:
 
     def _planned(self, variant: Variant, seed: int, settings: TrainingSettings, pace: Pace) -> TrainingSettings:
         if not variant.steps_of:
-            return scheduled(settings, self.records.budget, pace)
+            return scheduled(settings, variant.budgets * self.records.budget, pace)
         like = self._like(variant, seed)
         if like is None:
             raise ValueError(f"{variant.steps_of} has no result of this seed whose steps could be taken")

@@ -25,6 +25,7 @@ class Variant:
     changes : values of `TrainingSettings`.
     factors : what numbers of `TrainingSettings` are multiplied by.
     steps_of : name of the variant whose number of steps it takes, whatever time that needs; "" for as many as fit into the budget.
+    budgets : how many budgets it is given.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Variant:
     changes: Mapping[str, Any] = field(default_factory=dict)
     factors: Mapping[str, float] = field(default_factory=dict)
     steps_of: str = ""
+    budgets: float = 1.0
 
     def settings(self, base: TrainingSettings) -> TrainingSettings:
         """`base` with the changes; raises ValueError for values that can't be."""
@@ -46,6 +48,7 @@ class Variant:
         """The changes in a few words, for a table."""
         parts = [f"{name} = {_shown(value)}" for name, value in self.changes.items()]
         parts += [f"{name} × {factor:g}" for name, factor in self.factors.items()]
+        parts += [f"{self.budgets:g} times the time"] if self.budgets != 1.0 else []
         return ", ".join([*parts, *([f"steps of {self.steps_of}"] if self.steps_of else [])]) or "nothing"
 
 
@@ -80,6 +83,12 @@ def _variants() -> tuple[Variant, ...]:
             "paper-bfloat16",
             "the same in the precision that processors with matrix units are fastest in",
             {"deformation": PAPER, "field_precision": "bfloat16"},
+        ),
+        Variant(
+            "paper-bfloat16-x10",
+            "what ten times the time does for the paper's field",
+            {"deformation": PAPER, "field_precision": "bfloat16"},
+            budgets=10.0,
         ),
         *(Variant(f"canonical-rate-{f:g}", rates, factors={"canonical_rate_factor": f}) for f in (0.1, 0.01, 0.001)),
         Variant("geometry-only", "whether places and shapes alone can follow the parameters", {"held_still": LOOKS}),

@@ -18,6 +18,7 @@ from surrogate.ablation.pace import measured
 from surrogate.ablation.records import Result
 from surrogate.ablation.run import ablate
 from surrogate.ablation.study import Study, base_settings
+from surrogate.ablation.variants import VARIANTS, Variant
 from surrogate.checkpoints import locked
 from surrogate.settings import TrainingSettings
 from surrogate.training import train
@@ -258,3 +259,14 @@ def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: 
     bare = make_catalog(members=(("train", 0.0), ("test", 1.0)), view_splits=("train", "test"))
     with pytest.raises(ValueError, match="has no validation images"):
         Study(SCENE, bare, tmp_path)
+
+
+def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("surrogate.ablation.table.plot", lambda _: None)
+    longer = Variant("longer", "time", budgets=3.0, changes={"ssim_weight": 0.1})
+    monkeypatch.setattr(module, "selected", lambda _: [VARIANTS[0], longer])
+    default, more = conduct()
+    assert more.steps > 1.5 * default.steps
+    assert more.budgets == 3.0
+    assert replace(more, seconds=3.0 * BUDGET).is_timely
+    assert not replace(more, seconds=BUDGET).is_timely
