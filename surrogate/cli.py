@@ -127,6 +127,46 @@ def show(run: Path) -> None:
 @main.command()
 @SCENE
 @RUNS
+@click.option("--seeds", default=3, show_default=True, help="How many seeds, the scene's own the first of them.")
+def repeat(scene: Path, runs: Path, seeds: int) -> None:
+    """Train SCENE with several seeds, and say how much its figures vary; goes on where it was interrupted.
+
+    The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
+    """
+    loaded, catalog = _open(scene, runs)
+    from surrogate.repeats.records import Scores
+    from surrogate.repeats.run import repeat as run
+    from surrogate.repeats.spread import summarize_repeats
+    from surrogate.repeats.table import terminal_lines, write_page
+
+    folder, line = loaded.run_directory(runs), _Line()
+
+    def tell(scores: Scores) -> None:
+        line.end()
+        psnr = scores.cells["psnr"]["unseen_views"]["unseen_parameters"]
+        reached = "" if psnr is None else f"{psnr:.2f} dB at unseen views and parameters, "
+        click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
+
+    try:
+        found = run(_settings(loaded), catalog, folder, seeds=seeds, progress=line.show, tell=tell)
+    except (ValueError, RuntimeError, OSError) as error:
+        line.end()
+        raise _Failure(str(error)) from error
+    except KeyboardInterrupt:
+        line.end()
+        click.echo("interrupted: what is trained and scored is kept, and the same command goes on", err=True)
+        raise
+    record = summarize_repeats(found)
+    if record is not None:
+        click.echo(f"mean ± standard deviation over {len(found)} seeds")
+        for text in terminal_lines(record):
+            click.echo(f"  {text}")
+    click.echo(write_page(folder, loaded.name, found))
+
+
+@main.command()
+@SCENE
+@RUNS
 @click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
 @click.option("--seeds", default=3, show_default=True, help="Fits of each variant.")
 @click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
@@ -134,17 +174,20 @@ def show(run: Path) -> None:
     "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"
 )
 @click.option("--again", is_flag=True, help="Repeat fits that took 15 % more or less than --seconds.")
-def ablate(scene: Path, runs: Path, only: tuple[str, ...], **options: Any) -> None:
+@click.option("--visualization", is_flag=True, help="Train F_vis alone, on the scene's finished surrogate.")
+def ablate(scene: Path, runs: Path, only: tuple[str, ...], visualization: bool, **options: Any) -> None:
     """Train SCENE in many ways for the same time each and compare them on validation images; goes on where it was interrupted.
 
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
     loaded, catalog = _open(scene, runs)
+    from surrogate.ablation.fits import BaseFits, Fits, VisualizationFits
     from surrogate.ablation.records import Result
     from surrogate.ablation.run import ablate as run
     from surrogate.ablation.table import PAGE, verdict
 
-    folder, line = loaded.run_directory(runs) / "ablation", _Line()
+    directory, line = loaded.run_directory(runs), _Line()
+    folder = directory / ("ablation-visualization" if visualization else "ablation")
     names = [name.strip() for given in only for name in given.split(",")]
 
     def tell(result: Result) -> None:
@@ -153,10 +196,15 @@ def ablate(scene: Path, runs: Path, only: tuple[str, ...], **options: Any) -> No
         click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
 
     try:
+        settings = _settings(loaded)
+        fits: Fits = (
+            VisualizationFits(settings, catalog, _load(directory / "surrogate"))
+            if visualization
+            else BaseFits(settings, catalog)
+        )
         rows = run(
             loaded.name,
-            _settings(loaded),
-            catalog,
+            fits,
             folder,
             progress=line.show,
             tell=tell,

@@ -13,7 +13,7 @@ from catalogs.variations import Variation
 from surrogate.deformation import KINDS, Deformation
 from surrogate.deformation.values import ValuesDeformation, placed_values
 from surrogate.gaussians import NAMES, Gaussians
-from surrogate.settings import TrainingSettings
+from surrogate.settings import TrainingSettings, VisualizationKind
 from surrogate.source import Source
 from surrogate.stage import Stage
 from surrogate.visualization import Visualization
@@ -22,7 +22,7 @@ FROZEN_BY_TRANSFER_FUNCTIONS = ("means", "log_scales", "quats")
 VISUALIZATION, SIMULATION = "visualization.", "simulation."
 
 
-def kind_of(variation: Variation, settings: TrainingSettings) -> str:
+def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
     """Which F_vis a variation gets; raises ValueError where what was asked for can't be had."""
     asked = settings.visualization_deformation
     if asked == "auto":
@@ -68,6 +68,7 @@ def new_visualization(
         settings.for_visualization(),
         anchored=len(variation.space) if edits else 0,
         color_columns=wide.colors.shape[1],
+        lighter=True,
     )
     for attribute in FROZEN_BY_TRANSFER_FUNCTIONS if edits else ():
         deformation = deformation.without(attribute)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from surrogate.ablation.records import Records, Result
-from surrogate.ablation.variants import DEFAULT, VARIANTS, Variant
+from surrogate.ablation.variants import DEFAULT, Variant
 
 SURE = 2.0  # standard errors
 
@@ -50,7 +50,7 @@ class Row:
 
 def compared(records: Records) -> list[Row]:
     """A row for each variant that the study knows anything of, the best first; failures stand last."""
-    rows = rows_of({variant: found for variant in VARIANTS if (found := records.of(variant))})
+    rows = rows_of({variant: found for variant in records.variants if (found := records.of(variant))})
     return sorted(rows, key=lambda row: -math.inf if row.psnr is None else row.psnr, reverse=True)
 
 

@@ -27,15 +27,21 @@ FEWEST_STEPS = 4
 
 
 class Pace(NamedTuple):
-    """Seconds before the first step, and of a step in either stage."""
+    """Seconds before the first step, and of a step in each stage; 0 in one that is not there."""
 
     start: float
-    canonical: float
-    deformation: float
+    canonical: float = 0.0
+    deformation: float = 0.0
+    visualization: float = 0.0
 
     def seconds(self, settings: TrainingSettings) -> float:
-        """How long stages 1 and 2 of `settings` will take."""
-        return self.start + settings.canonical_steps * self.canonical + settings.deformation_steps * self.deformation
+        """How long the stages of `settings` will take."""
+        return self.start + sum(steps * seconds for steps, seconds in zip(steps_of(settings), self[1:], strict=True))
+
+
+def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
+    """Of the three stages."""
+    return settings.canonical_steps, settings.deformation_steps, settings.visualization_steps
 
 
 @one_torch_thread()
@@ -50,9 +56,28 @@ def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pa
     begun = now()
     gaussians = source.initial_gaussians(data)
     start = loading + now() - begun
-    roughly = _timed(settings, gaussians, data, lambda run: _first_steps(run, ROUGHLY * seconds / 2.0))
-    short = scheduled(settings, (1.0 - ROUGHLY) * seconds, Pace(0.0, *roughly))
-    return Pace(start, *_timed(short, gaussians, data, _last_steps))
+    return settled(
+        settings,
+        seconds,
+        lambda form, timed: Pace(start, *_timed(form, gaussians, data, timed)),
+        ROUGHLY * seconds / 2.0,
+    )
+
+
+def settled(
+    settings: TrainingSettings,
+    seconds: float,
+    trained: Callable[[TrainingSettings, Callable[[StageRun], float]], Pace],
+    first: float,
+) -> Pace:
+    """The pace of a training of about `seconds`, timed once it has settled.
+
+    `trained` goes through the stages of some settings, and lets the function that it is given time each; `first` is how many
+    seconds of each stage say how many steps such a training may have.
+    """
+    roughly = trained(settings, lambda run: _first_steps(run, first))
+    short = scheduled(settings, (1.0 - ROUGHLY) * seconds, roughly._replace(start=0.0))
+    return trained(short, _last_steps)
 
 
 def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
@@ -60,24 +85,19 @@ def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> Trainin
 
     Raises ValueError where the time is over before the first step.
     """
-    share = _share(settings)
-    per_step = share * pace.canonical + (1.0 - share) * pace.deformation
     if pace.start >= seconds:
         raise ValueError(f"it takes {pace.start:.0f} s before the first step, and the budget is {seconds:g} s")
+    before = steps_of(settings)
+    per_step = (pace.seconds(settings) - pace.start) / sum(before)
     return with_steps(settings, round((seconds - pace.start) / per_step))
 
 
 def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
-    """`settings` with so many steps, shared out between the stages as before."""
-    steps = max(steps, FEWEST_STEPS)
-    canonical = round(_share(settings) * steps)
-    if settings.canonical_steps and settings.deformation_steps:
-        canonical = min(max(canonical, 1), steps - 1)
-    return replace(settings, canonical_steps=canonical, deformation_steps=steps - canonical)
-
-
-def _share(settings: TrainingSettings) -> float:
-    return settings.canonical_steps / (settings.canonical_steps + settings.deformation_steps)
+    """`settings` with so many steps, shared out between the stages as before; none that is there loses all."""
+    before, total = steps_of(settings), max(steps, FEWEST_STEPS)
+    shares = [max(round(part * total / sum(before)), 1) if part else 0 for part in before]
+    shares[before.index(max(before))] += total - sum(shares)
+    return replace(settings, canonical_steps=shares[0], deformation_steps=shares[1], visualization_steps=shares[2])
 
 
 def _some_data(source: Source) -> tuple[TrainingData, float]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from io import BytesIO
 
 from surrogate.ablation.comparison import Row
-from surrogate.ablation.variants import VARIANTS
+from surrogate.ablation.variants import DEFAULT
 
 WIDTH_INCHES, ROW_INCHES = 8.0, 0.26
 RESOLUTION = 130
@@ -26,10 +26,10 @@ def plot(rows: Sequence[Row]) -> bytes | None:
     figure = Figure(figsize=(WIDTH_INCHES, 1.2 + ROW_INCHES * len(shown)), layout="constrained")
     axes = figure.add_subplot()
     for place, row in enumerate(shown):
-        color = DEFAULT_COLOR if row.variant is VARIANTS[0] else SURE_COLOR if row.is_sure else OTHER_COLOR
+        color = DEFAULT_COLOR if row.variant.name == DEFAULT else SURE_COLOR if row.is_sure else OTHER_COLOR
         axes.plot([r.psnr for r in row.results], [place] * len(row.results), "o", color=color, markersize=4, alpha=0.8)
         axes.plot([row.mean("psnr")], [place], "|", color=color, markersize=11, markeredgewidth=1.5)
-        if row.variant is VARIANTS[0]:
+        if row.variant.name == DEFAULT:
             axes.axvline(row.mean("psnr"), color=color, linewidth=0.8, alpha=0.6, zorder=0)
     axes.set_yticks(range(len(shown)), [row.variant.name for row in shown], fontsize=8)
     axes.set_ylim(len(shown) - 0.5, -0.5)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs import durable
-from surrogate.ablation.variants import Variant
+from surrogate.ablation.variants import VARIANTS, Variant
 from surrogate.settings import TrainingSettings
 
 TIME_TOLERANCE = 0.15  # of the budget
@@ -25,7 +25,7 @@ class Result:
     budgets : how many of them this one was given.
     mark : the fingerprint of the catalog and of the settings that all variants depart from.
     settings : the variant's, before steps were fitted to the budget, as JSON values.
-    canonical_steps, deformation_steps : that were taken.
+    canonical_steps, deformation_steps, visualization_steps : that were taken.
     seconds : of training, from its first image to its last step, by `surrogate.ablation.clock`.
     psnr, ssim : means over the `images` validation images; psnr in dB.
     gaussians : how many there were.
@@ -42,6 +42,7 @@ class Result:
     budgets: float = 1.0
     canonical_steps: int = 0
     deformation_steps: int = 0
+    visualization_steps: int = 0
     seconds: float = 0.0
     psnr: float = 0.0
     ssim: float = 0.0
@@ -54,8 +55,8 @@ class Result:
 
     @property
     def steps(self) -> int:
-        """Of both stages."""
-        return self.canonical_steps + self.deformation_steps
+        """Of all stages."""
+        return self.canonical_steps + self.deformation_steps + self.visualization_steps
 
     @property
     def is_timely(self) -> bool:
@@ -65,12 +66,13 @@ class Result:
 
 @dataclass(frozen=True)
 class Records:
-    """The results of one study: those in `folder` that were made with this mark and budget, from these settings."""
+    """The results of one study of `variants`: those in `folder` that were made with this mark and budget, from these settings."""
 
     folder: Path
     mark: str
     base: TrainingSettings
     budget: float
+    variants: Sequence[Variant] = VARIANTS
 
     def settings(self, variant: Variant, seed: int) -> TrainingSettings:
         """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""

@@ -6,18 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from catalogs.catalog import Catalog
 from surrogate.ablation import table
 from surrogate.ablation.comparison import Row, compared
+from surrogate.ablation.fits import Fits
 from surrogate.ablation.records import Result
 from surrogate.ablation.study import Standing, Study
-from surrogate.settings import TrainingSettings
 
 
 def ablate(
     scene: str,
-    settings: TrainingSettings,
-    catalog: Catalog,
+    fits: Fits,
     folder: Path,
     *,
     progress: Callable[[Standing], None] = lambda _: None,
@@ -28,7 +26,7 @@ def ablate(
 
     `options` and errors are those of `Study`.
     """
-    study = Study(settings, catalog, folder, **options)
+    study = Study(fits, folder, **options)
 
     def keep(result: Result) -> None:
         table.write(scene, study.records)

@@ -6,33 +6,27 @@ import contextlib
 import math
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from catalogs import durable
-from catalogs.catalog import Catalog
 from surrogate.ablation.clock import clock
-from surrogate.ablation.pace import Pace, measured, scheduled, with_steps
+from surrogate.ablation.fits import Fits
+from surrogate.ablation.pace import Pace, scheduled, with_steps
 from surrogate.ablation.records import Records, Result
-from surrogate.ablation.variants import VARIANTS, Variant, selected
-from surrogate.checkpoints import fingerprint, locked
-from surrogate.data import ImageRow, validation_rows
-from surrogate.model import Surrogate
+from surrogate.ablation.variants import Variant, selected
+from surrogate.checkpoints import locked
 from surrogate.progress import TrainingProgress
 from surrogate.provenance import commit, machine
-from surrogate.scoring import Case, Scored, Scorer, mean
+from surrogate.scoring import mean
 from surrogate.settings import TrainingSettings
-from surrogate.source import JUDGES, Source
-from surrogate.threads import one_torch_thread
-from surrogate.training import train
 
 PROBE = 0.1  # of the budget, spent on measuring the pace first
 LONGEST = 10.0  # budgets, that a fit may take whose steps are given
 WORK = "fits"  # where each is trained, and locked by the process that does
 MODEL = "surrogate"
-DAY = 86400.0
 
 
 @dataclass(frozen=True)
@@ -65,17 +59,16 @@ class Standing:
 
 
 class Study:
-    """One scene's variants, each trained for `seconds` with each of so many `seeds`, in `folder`.
+    """The variants of `fits`, each trained for `seconds` with each of so many `seeds`, in `folder`.
 
     `only` names variants, none meaning all; `longest` is how many seconds a fit may take whose steps another one gives.  With
     `again`, a result that took noticeably more or less time than it should is not taken for one.
-    Raises ValueError for an unknown variant, for a catalog without validation images, and for times or seeds that are not positive.
+    Raises ValueError for an unknown variant, and for times or seeds that are not positive.
     """
 
     def __init__(
         self,
-        settings: TrainingSettings,
-        catalog: Catalog,
+        fits: Fits,
         folder: Path,
         *,
         seconds: float = 180.0,
@@ -87,11 +80,10 @@ class Study:
         for name, value in (("seconds", seconds), ("seeds", seeds), ("longest", longest or 1.0)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, got {value}")
-        self.variants, self.seeds = selected(only), seeds
+        self.variants, self.seeds = selected(only, fits.variants), seeds
         self.longest, self._again = longest or LONGEST * seconds, again
-        base = base_settings(settings, catalog)
-        self.records = Records(folder, fingerprint(base, catalog), base, seconds)
-        self._catalog, self._judges = catalog, judges(base, catalog)
+        self.records = Records(folder, fits.mark, fits.base, seconds, fits.variants)
+        self._fits = fits
 
     def run(
         self,
@@ -140,7 +132,7 @@ class Study:
 
     def _like(self, variant: Variant, seed: int) -> Result | None:
         """The result whose steps a variant takes, if there is one."""
-        found = self.records.find(next(v for v in VARIANTS if v.name == variant.steps_of), seed)
+        found = self.records.find(next(v for v in self._fits.variants if v.name == variant.steps_of), seed)
         return None if found is None or found.error else found
 
     def _attempted(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> Result:
@@ -155,23 +147,26 @@ class Study:
 
     def _fit(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)
-        if settings == self.records.settings(VARIANTS[0], seed) and variant is not VARIANTS[0] and not variant.steps_of:
+        default = self._fits.variants[0]
+        same = settings == self.records.settings(default, seed) and variant.budgets == default.budgets
+        if same and variant is not default and not variant.steps_of:
             raise ValueError("the scene's settings say the same, so this is the default")
         watch.report(None)
-        pace = measured(settings, self._catalog, PROBE * self.records.budget)
+        pace = self._fits.pace(settings, PROBE * self.records.budget)
         planned = self._planned(variant, seed, settings, pace)
         watch.expect(pace.seconds(planned))
         now = clock(settings)
         begun = now()
-        surrogate = train(planned, self._catalog, work, progress=watch.report)
+        surrogate = self._fits.trained(planned, work, watch.report)
         taken = now() - begun
-        scored = score(surrogate, self._catalog, self._judges)
+        scored = self._fits.score(surrogate)
         psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
         if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
             raise ValueError(f"training diverged: PSNR {psnr} dB, SSIM {ssim}")
         return {
             "canonical_steps": planned.canonical_steps,
             "deformation_steps": planned.deformation_steps,
+            "visualization_steps": planned.visualization_steps,
             "seconds": taken,
             "psnr": psnr,
             "ssim": ssim,
@@ -193,44 +188,6 @@ class Study:
                 "a fit may take: --longest allows more"
             )
         return planned
-
-
-def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
-    """What all variants depart from: a scene's settings for its base appearance, with all time given to training itself.
-
-    Nothing is chosen on the way, since each choice would take its time and fall differently from run to run: colours are of
-    degree 0 where they are left to be chosen, and "auto" is what it stands for.
-    """
-    start = settings.initialization
-    if start == "auto":
-        start = "random" if Source(settings, catalog).points is None else "in-situ"
-    return replace(
-        settings,
-        initialization=start,
-        color_degree=0 if settings.color_degree == "auto" else settings.color_degree,
-        visualization_steps=0,
-        fit_to_need=False,
-        validation_interval=0,
-        validation_images=0,
-        checkpoint_seconds=DAY,
-    )
-
-
-def judges(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
-    """The validation images that variants are judged on; raises ValueError where there are none."""
-    found = validation_rows(catalog, [Source(settings, catalog).appearance], JUDGES)
-    if not found:
-        raise ValueError(
-            f"catalog {catalog.path} has no validation images, and an ablation must not be judged on test images: at least one "
-            "member or view of split validation is needed"
-        )
-    return found
-
-
-@one_torch_thread()
-def score(surrogate: Surrogate, catalog: Catalog, rows: Sequence[ImageRow]) -> list[Scored]:
-    """How well a surrogate shows these images."""
-    return Scorer(surrogate, catalog).score([Case(row.member, row.view, row.appearance) for row in rows])
 
 
 class _Watch:

@@ -9,9 +9,10 @@ from catalogs import durable
 from surrogate.ablation.comparison import SURE, Row, compared
 from surrogate.ablation.plot import plot
 from surrogate.ablation.records import TIME_TOLERANCE, Records
-from surrogate.ablation.variants import DEFAULT, VARIANTS
+from surrogate.ablation.variants import DEFAULT, VARIANTS, VISUALIZATION_VARIANTS
 from surrogate.report_tables import NOTHING, number, table
 
+ORDER = (*VARIANTS, *VISUALIZATION_VARIANTS)
 PAGE, PICTURE = "ablation.md", "ablation.png"
 HEADER = ("variant", "changed", "PSNR, dB", "difference, dB", "SSIM", "steps", "seconds", "Gaussians", "seeds")
 
@@ -43,10 +44,7 @@ def page(scene: str, budget: float, rows: Sequence[Row], pictured: bool) -> list
         *_failures(rows),
         "Why each is there:",
         "",
-        *(
-            f"- {row.variant.name}: {row.variant.why}"
-            for row in sorted(rows, key=lambda row: VARIANTS.index(row.variant))
-        ),
+        *(f"- {row.variant.name}: {row.variant.why}" for row in sorted(rows, key=lambda row: ORDER.index(row.variant))),
         "",
         *_made_by(scene, budget, rows),
     ]
@@ -86,20 +84,27 @@ def unequal_times(rows: Sequence[Row]) -> list[str]:
 
 
 def _introduction(budget: float, done: Sequence[Row]) -> str:
+    chosen = "Nothing was fitted to need" + (
+        "; F_sim is that of the finished surrogate" if _is_of_visualization(done) else ""
+    )
     images = sorted({result.images for row in done for result in row.results})
     return (
         f"Each variant was trained for {budget:g} s of processor time per seed, from its first image to its last step, with as "
         "many steps as fit into that by its own pace, and then shown "
         f"{' or '.join(map(str, images))} validation images that none learns from (test images are not touched). "
-        "Nothing was fitted to need. PSNR: mean ± standard deviation over seeds. Difference: from the default "
+        f"{chosen}. PSNR: mean ± standard deviation over seeds. Difference: from the default "
         "(or as said), ± its standard error; with few seeds that is itself uncertain, and of many variants that differ by "
         "nothing some exceed two of them."
     )
 
 
+def _is_of_visualization(rows: Sequence[Row]) -> bool:
+    return all(result.steps == result.visualization_steps for row in rows for result in row.results)
+
+
 def _cells(row: Row) -> tuple[str, ...]:
     return (
-        f"**{row.variant.name}**" if row.variant is VARIANTS[0] else row.variant.name,
+        f"**{row.variant.name}**" if row.variant.name == DEFAULT else row.variant.name,
         row.variant.what,
         number(row.psnr) + _plus_minus(row.spread),
         _difference(row),
@@ -135,8 +140,9 @@ def _made_by(scene: str, budget: float, rows: Sequence[Row]) -> list[str]:
     results = [result for row in rows for result in row.results]
     machines = dict.fromkeys(", ".join(map(str, (result.machine or {}).values())) for result in results)
     commits = dict.fromkeys(result.commit for result in results)
+    of = " --visualization" if _is_of_visualization(rows) else ""
     return [
-        f"<sub>`surrogate ablate scenes/{scene}.toml --seconds {budget:g}`; {'; '.join(machines)}; commit "
+        f"<sub>`surrogate ablate scenes/{scene}.toml{of} --seconds {budget:g}`; {'; '.join(machines)}; commit "
         f"{', '.join(commits)}</sub>",
         "",
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -52,18 +52,18 @@ class Variant:
         return ", ".join([*parts, *([f"steps of {self.steps_of}"] if self.steps_of else [])]) or "nothing"
 
 
-def selected(names: Iterable[str]) -> list[Variant]:
+def selected(names: Iterable[str], among: Sequence[Variant]) -> list[Variant]:
     """The variants of these names, all for none, in the table's order, with what they are compared with and depend on.
 
     Raises ValueError for an unknown name.
     """
-    known = {variant.name: variant for variant in VARIANTS}
+    known = {variant.name: variant for variant in among}
     wanted = set(names) or set(known)
     unknown = sorted(wanted - set(known))
     if unknown:
         raise ValueError(f"unknown variants {unknown}; known are {list(known)}")
     needed = {DEFAULT} | {known[name].steps_of for name in wanted}
-    return [variant for variant in VARIANTS if variant.name in wanted | needed]
+    return [variant for variant in among if variant.name in wanted | needed]
 
 
 def _scaled(value: float, factor: float) -> float:
@@ -159,4 +159,52 @@ def _variants() -> tuple[Variant, ...]:
     )
 
 
-VARIANTS = _variants()  # the first is what the others are compared with; one that takes another's steps stands after it
+def _of_visualization() -> tuple[Variant, ...]:
+    field, fast = {"visualization_deformation": PAPER}, {"field_precision": "bfloat16"}
+    return (
+        Variant(DEFAULT, "what the scene's settings give; all others are compared with it"),
+        Variant(PAPER, "the deformation field of GS-Surrogate, without its backbone, as F_vis", field),
+        Variant(
+            "paper-bfloat16", "the same in the precision that processors with matrix units are fastest in", field | fast
+        ),
+        Variant("paper-bfloat16-x10", "what ten times the time does for it", field | fast, budgets=10.0),
+        *(
+            Variant(kind, "another design of F_vis", {"visualization_deformation": kind})
+            for kind in ("bilinear", "values")
+        ),
+        *(
+            Variant(
+                f"simulation-rate-{factor:g}",
+                "how much F_sim is tuned along with F_vis, where it is",
+                {"simulation_rate_factor": factor},
+            )
+            for factor in (0.0, 0.01, 1.0)
+        ),
+        *(
+            Variant(f"latent-{size}", "how many modes F_vis has", {"visualization_latent_size": size})
+            for size in (8, 32)
+        ),
+        *(
+            Variant(f"value-bins-{count}", "of how many field values every Gaussian has weights", {"value_bins": count})
+            for count in (16, 64)
+        ),
+        Variant(
+            "hard-examples-1", "images that are badly reproduced are shown more often", {"hard_example_power": 1.0}
+        ),
+        Variant(
+            "deformation-penalty-1e-3",
+            "small offsets are preferred, as L_deform of GS-Surrogate does",
+            {"deformation_penalty": 1e-3},
+        ),
+        Variant("no-decay", "what the exponential decay of all rates is worth", {"final_rate_factor": 1.0}),
+        Variant(
+            "default-in-paper-steps",
+            "both designs after equally many steps, as few as the paper's takes in the budget",
+            steps_of="paper-bfloat16",
+        ),
+    )
+
+
+# The first is what the others are compared with; one that takes another's steps stands after it.
+VARIANTS = _variants()
+VISUALIZATION_VARIANTS = _of_visualization()

@@ -177,14 +177,15 @@ class FieldDeformation:
         *,
         anchored: int = 0,
         color_columns: int = 3,
-        backbone: bool = True,
+        lighter: bool = False,
         heads: Iterable[str] = NAMES,
     ) -> FieldDeformation:
         """Random networks with last layers of zero: nothing moves, but the gradient is not zero.
 
-        For transfer functions the paper has no backbone, and heads for "opacity_logits" and "colors" only.
+        `lighter` is without a backbone, as the paper's F_vis is; for transfer functions it has heads for "opacity_logits" and
+        "colors" only.
         """
-        width, bfloat16 = BACKBONE_WIDTH if backbone else 0, settings.field_precision == "bfloat16"
+        width, bfloat16 = 0 if lighter else BACKBONE_WIDTH, settings.field_precision == "bfloat16"
         architecture = Architecture(
             parameters, tuple(heads), color_columns, anchored, backbone_width=width, bfloat16=bfloat16
         )

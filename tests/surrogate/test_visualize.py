@@ -224,9 +224,10 @@ def test_the_stage_rests_on_what_f_vis_acts_on(catalog: Catalog) -> None:
             assert same(stage.gaussians_at(place), visual.gaussians_at(*fitted, place))
 
 
-def test_the_original_field_of_the_paper_has_no_backbone_of_its_own_here(catalog: Catalog) -> None:
+def test_the_field_of_the_paper_has_no_backbone_here(catalog: Catalog) -> None:
     visual = new_visualization(*base(), FUNCTIONS, source(catalog, visualization_deformation="paper"))
     assert isinstance(visual.deformation, FieldDeformation)
+    assert visual.deformation.architecture.backbone_width == 0
     assert visual.deformation.architecture.anchored == 4
     assert visual.deformation.architecture.parameters == 5
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from surrogate.ablation.pace import FEWEST_STEPS, Pace, measured, scheduled, with_steps
+from surrogate.ablation.pace import FEWEST_STEPS, Pace, measured, scheduled, steps_of, with_steps
 from surrogate.settings import TrainingSettings
 from surrogate.training import train
 from tests.surrogate.blobs import Blobs
@@ -12,7 +12,13 @@ from tests.surrogate.blobs import Blobs
 VIEW_SPLITS = ("train", "train", "train", "validation", "test")
 SMALL = Blobs(count=4, size=16)
 SCENE = TrainingSettings(
-    gaussians=60, canonical_steps=100, deformation_steps=300, color_degree=0, fit_to_need=False, validation_images=0
+    gaussians=60,
+    canonical_steps=100,
+    deformation_steps=300,
+    visualization_steps=0,
+    color_degree=0,
+    fit_to_need=False,
+    validation_images=0,
 )
 
 
@@ -26,13 +32,17 @@ def test_steps_fill_the_time_and_are_shared_out_as_before() -> None:
     assert replace(twice, canonical_steps=100, deformation_steps=300) == SCENE
 
 
-@pytest.mark.parametrize("stages", [(0, 400), (400, 0), (1, 399), (399, 1)])
+@pytest.mark.parametrize(
+    "stages", [(0, 400, 0), (400, 0, 0), (1, 399, 0), (399, 1, 0), (0, 0, 400), (1, 398, 1), (1, 1, 398), (100, 0, 300)]
+)
 @pytest.mark.parametrize("steps", [0, 5, 1000])
-def test_a_stage_that_is_there_stays_and_no_other_appears(stages: tuple[int, int], steps: int) -> None:
-    planned = with_steps(replace(SCENE, canonical_steps=stages[0], deformation_steps=stages[1]), steps)
-    found = planned.canonical_steps, planned.deformation_steps
-    assert sum(found) == max(steps, FEWEST_STEPS)
-    assert [bool(count) for count in found] == [bool(count) for count in stages]
+def test_a_stage_that_is_there_stays_and_no_other_appears(stages: tuple[int, int, int], steps: int) -> None:
+    names = ("canonical_steps", "deformation_steps", "visualization_steps")
+    planned = with_steps(replace(SCENE, **dict(zip(names, stages, strict=True))), steps)
+    assert sum(steps_of(planned)) == max(steps, FEWEST_STEPS)
+    assert [bool(count) for count in steps_of(planned)] == [bool(count) for count in stages]
+    if steps > 5:
+        assert steps_of(planned) == pytest.approx([count * steps / 400 for count in stages], abs=2.5)
 
 
 def test_a_start_that_takes_all_the_time_is_said() -> None:

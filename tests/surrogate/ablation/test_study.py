@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 from catalogs.catalog import Catalog
+from surrogate.ablation import fits
 from surrogate.ablation import study as module
 from surrogate.ablation.clock import clock
+from surrogate.ablation.fits import BaseFits, base_settings
 from surrogate.ablation.pace import measured
 from surrogate.ablation.records import Result
 from surrogate.ablation.run import ablate
-from surrogate.ablation.study import Study, base_settings
+from surrogate.ablation.study import Study
 from surrogate.ablation.variants import VARIANTS, Variant
 from surrogate.checkpoints import locked
 from surrogate.settings import TrainingSettings
@@ -42,7 +44,9 @@ def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
 
     def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[Result]:
         fitted: list[Result] = []
-        ablate("blobs", settings, data, tmp_path, tell=fitted.append, **{"seconds": BUDGET, "seeds": 1} | options)
+        ablate(
+            "blobs", BaseFits(settings, data), tmp_path, tell=fitted.append, **{"seconds": BUDGET, "seeds": 1} | options
+        )
         return fitted
 
     return run
@@ -51,7 +55,7 @@ def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
 @pytest.fixture(autouse=True)
 def no_loading_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine, loading the images may take longer than so small a budget."""
-    monkeypatch.setattr(module, "measured", lambda *arguments: measured(*arguments)._replace(start=0.0))
+    monkeypatch.setattr(fits, "measured", lambda *arguments: measured(*arguments)._replace(start=0.0))
 
 
 @pytest.fixture
@@ -170,7 +174,7 @@ def test_any_exception_is_a_row(conduct, monkeypatch: pytest.MonkeyPatch) -> Non
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("no\n room")
 
-    monkeypatch.setattr(module, "train", fail)
+    monkeypatch.setattr(fits, "train", fail)
     assert conduct(only=["default"])[0].error == "MemoryError: no room"
 
 
@@ -252,19 +256,19 @@ def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
 )
 def test_impossible_studies_are_refused(catalog: Catalog, tmp_path: Path, options: dict, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        Study(SCENE, catalog, tmp_path, **options)
+        Study(BaseFits(SCENE, catalog), tmp_path, **options)
 
 
 def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: Path) -> None:
     bare = make_catalog(members=(("train", 0.0), ("test", 1.0)), view_splits=("train", "test"))
     with pytest.raises(ValueError, match="has no validation images"):
-        Study(SCENE, bare, tmp_path)
+        BaseFits(SCENE, bare)
 
 
 def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("surrogate.ablation.table.plot", lambda _: None)
     longer = Variant("longer", "time", budgets=3.0, changes={"ssim_weight": 0.1})
-    monkeypatch.setattr(module, "selected", lambda _: [VARIANTS[0], longer])
+    monkeypatch.setattr(module, "selected", lambda *_: [VARIANTS[0], longer])
     default, more = conduct()
     assert more.steps > 1.5 * default.steps
     assert more.budgets == 3.0

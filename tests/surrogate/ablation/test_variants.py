@@ -47,8 +47,12 @@ def test_a_variant_changes_what_its_name_says_and_nothing_else(name: str, change
 
 
 def test_a_selection_holds_what_it_is_compared_with() -> None:
-    assert [v.name for v in selected([])] == [v.name for v in VARIANTS]
-    assert [v.name for v in selected(["joint"])] == [DEFAULT, "joint"]
-    assert [v.name for v in selected(["default-in-paper-steps"])] == [DEFAULT, "paper", "default-in-paper-steps"]
+    assert [v.name for v in selected([], VARIANTS)] == [v.name for v in VARIANTS]
+    assert [v.name for v in selected(["joint"], VARIANTS)] == [DEFAULT, "joint"]
+    assert [v.name for v in selected(["default-in-paper-steps"], VARIANTS)] == [
+        DEFAULT,
+        "paper",
+        "default-in-paper-steps",
+    ]
     with pytest.raises(ValueError, match=r"unknown variants \['nonsense'\]; known are \['default', 'paper'"):
-        selected(["nonsense"])
+        selected(["nonsense"], VARIANTS)

@@ -173,7 +173,7 @@ def test_the_encoding_is_as_exact_as_float32_at_its_highest_frequency() -> None:
 
 
 @pytest.mark.parametrize("parameters", [0, 1, 3])
-@pytest.mark.parametrize("options", [{}, {"backbone": False, "heads": APPEARANCE}])
+@pytest.mark.parametrize("options", [{}, {"lighter": True, "heads": APPEARANCE}])
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, options: dict[str, Any], precision: Any) -> None:
     gaussians, settings = canonical(11, color_columns=12), replace(SETTINGS, field_precision=precision)
