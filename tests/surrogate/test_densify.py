@@ -3,6 +3,7 @@ import pytest
 import torch
 
 from surrogate.densify import plan_relocation, relocate, share
+from surrogate.optimizer import Adam
 
 
 def transmittance_along_centre(opacity: float, scale: float, copies: int, places: np.ndarray) -> np.ndarray:
@@ -55,7 +56,7 @@ def test_nothing_moves_without_dead_or_without_living(peaks: torch.Tensor) -> No
     assert plan_relocation(peaks, 0.01, np.random.default_rng(0)) is None
 
 
-def test_relocation_copies_rows_and_forgets_moments() -> None:
+def test_relocation_copies_rows_and_second_moments_and_forgets_first_ones() -> None:
     count = 6
     rows = {
         "opacity_logits": torch.linspace(-1.0, 1.0, count),
@@ -63,18 +64,21 @@ def test_relocation_copies_rows_and_forgets_moments() -> None:
         "latents": torch.arange(2.0 * count).view(count, 2),
     }
     before = {name: tensor.clone() for name, tensor in rows.items()}
-    moments = {name: (torch.ones_like(tensor), torch.ones_like(tensor)) for name, tensor in rows.items()}
+    moments = {name: (torch.ones_like(tensor), 1.0 + torch.rand_like(tensor)) for name, tensor in rows.items()}
+    squares = {name: second.clone() for name, (_, second) in moments.items()}
     relocation = plan_relocation(torch.tensor([0.0, 0.9, 0.9, 0.0, 0.9, 0.9]), 0.01, np.random.default_rng(2))
     assert relocation is not None
     relocate(relocation, rows, moments)
     touched = set(relocation.moved.tolist()) | set(relocation.sources.tolist())
     for row in range(count):
         for name, tensor in rows.items():
-            assert all((moment[row] == (0.0 if row in touched else 1.0)).all() for moment in moments[name])
+            assert (moments[name][0][row] == (0.0 if row in touched else 1.0)).all()
+            assert row in relocation.moved or torch.equal(moments[name][1][row], squares[name][row])
             assert row in touched or torch.equal(tensor[row], before[name][row])
     for moved, source in zip(relocation.moved.tolist(), relocation.sources.tolist(), strict=True):
         assert all(torch.equal(tensor[moved], tensor[source]) for tensor in rows.values())
         assert torch.equal(rows["latents"][moved], before["latents"][source])
+        assert all(torch.equal(moments[name][1][moved], squares[name][source]) for name in rows)
         assert rows["opacity_logits"][moved] < before["opacity_logits"][source]
 
 
@@ -108,3 +112,31 @@ def test_one_that_is_wanted_is_not_crowded_and_the_others_stay() -> None:
     assert relocation is not None
     assert relocation.sources.tolist() == [4] * 15
     assert relocation.sharing.tolist() == [16] * 15
+
+
+def test_no_step_after_a_relocation_is_much_longer_than_those_before() -> None:
+    """With second moments of zero it was 6.6 times the rate: training of Nyx drifted to infinite scales in 20,000 steps."""
+    count, rate = 200, 0.01
+    rows = {
+        "opacity_logits": torch.zeros(count),
+        "log_scales": torch.zeros(count, 3),
+        "latents": torch.zeros(count, 4),
+    }
+    gradients = {name: torch.Generator().manual_seed(place) for place, name in enumerate(rows)}
+    adam = Adam(rows, dict.fromkeys(rows, rate))
+
+    def longest_step() -> float:
+        before = {name: tensor.clone() for name, tensor in rows.items()}
+        for name, tensor in rows.items():
+            tensor.grad = 1e-6 * (1.0 + torch.randn(tensor.shape, generator=gradients[name]))
+        adam.step(1.0)
+        return max(float((tensor - before[name]).abs().max()) for name, tensor in rows.items())
+
+    usual = max([longest_step() for _ in range(2000)][1000:])
+    peaks = torch.where(torch.arange(count) < 50, 0.0, 0.5)
+    relocation = plan_relocation(peaks, 0.01, np.random.default_rng(0))
+    assert relocation is not None
+    with torch.no_grad():
+        relocate(relocation, rows, adam.moments())
+    assert usual < 2.5 * rate
+    assert max(longest_step() for _ in range(100)) < 1.2 * usual
