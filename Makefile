@@ -3,14 +3,18 @@ SCENE   ?= tgv-dvr
 PYTHON  ?= python3
 RUNS    ?= runs
 WORKERS ?=
+SEEDS   ?= 3
+SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $(RUNS)/%/dataset.json,%,$(wildcard $(RUNS)/*/dataset.json)))
 BIN     := .venv/bin
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
 
-.PHONY: help setup dataset train evaluate ablate browse test test-fast lint clients bench clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate browse test test-fast lint clients bench clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
+	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, ceiling and report of each scene that has a data set -> docs/results.md"
+	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RUNS)/<scene>/seeds/"
 	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS)/<scene>/ablation/"
 	@echo "make test                        every test (make test-fast: the quick ones)"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
@@ -38,6 +42,20 @@ evaluate: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
 	$(BIN)/surrogate ceiling scenes/$(SCENE).toml --runs $(RUNS)
 	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
+
+# The same training with other seeds; what is finished is not trained again.
+repeat: dataset
+	$(BIN)/surrogate repeat scenes/$(SCENE).toml --runs $(RUNS) --seeds $(SEEDS)
+
+# Hours where little is there yet; interrupted, it goes on.  A scene that fails leaves the others, and one may have no ceiling.
+results: $(SETUP)
+	@failed=; for scene in $(SCENES); do \
+	    { $(BIN)/insitu dataset scenes/$$scene.toml --runs $(RUNS) $(if $(WORKERS),--workers $(WORKERS)) && \
+	        $(BIN)/surrogate repeat scenes/$$scene.toml --runs $(RUNS) --seeds $(SEEDS) && \
+	        { $(BIN)/surrogate ceiling scenes/$$scene.toml --runs $(RUNS) || true; } && \
+	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS); } || failed="$$failed $$scene"; \
+	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) || failed="$$failed page"; \
+	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
 # About five hours on two cores that have nothing else to do; an interrupted study goes on with what is missing.
 ablate: dataset

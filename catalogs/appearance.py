@@ -6,7 +6,7 @@ whole ensemble before its first member, so that equal colours mean equal values 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -61,16 +61,26 @@ class TransferFunction:
 
 @dataclass(frozen=True)
 class VolumeRendering:
-    """Direct volume rendering of the field under a transfer function; `shaded` lights it by its gradient."""
+    """Direct volume rendering of a field under a transfer function; `shaded` lights it by its gradient.
+
+    `field` names the one of a member's fields that is shown; "" is the only one it has.
+    """
 
     name: str
     transfer_function: TransferFunction
     shaded: bool = False
+    field: str = ""
+
+    def __post_init__(self) -> None:
+        _check_field(self.name, self.field)
 
 
 @dataclass(frozen=True)
 class Isosurface:
-    """The surface where the field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular)."""
+    """The surface where a field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular).
+
+    `field` names the one of a member's fields that is shown; "" is the only one it has.
+    """
 
     name: str
     isovalue: float
@@ -79,6 +89,10 @@ class Isosurface:
     diffuse: float = 0.75
     specular: float = 0.2
     specular_power: float = 20.0
+    field: str = ""
+
+    def __post_init__(self) -> None:
+        _check_field(self.name, self.field)
 
 
 @dataclass(frozen=True)
@@ -94,10 +108,34 @@ Appearance = VolumeRendering | Isosurface | ImportedImages
 KINDS = {"volume": VolumeRendering, "isosurface": Isosurface, "imported": ImportedImages}
 
 
+def field_of(appearance: Appearance) -> str:
+    """The name of the field that is shown; "" for the only one that a member has, and for images made elsewhere."""
+    return "" if isinstance(appearance, ImportedImages) else appearance.field
+
+
+def shown_fields(appearances: Iterable[Appearance]) -> tuple[str, ...]:
+    """Names of the fields that are shown, each once, in the order of the appearances; none for images made elsewhere."""
+    return tuple(dict.fromkeys(a.field for a in appearances if not isinstance(a, ImportedImages)))
+
+
+def check_fields(appearances: Iterable[Appearance]) -> None:
+    """Raise ValueError where some appearances name their field and others do not."""
+    shown = [a for a in appearances if not isinstance(a, ImportedImages)]
+    silent, named = ([a.name for a in shown if bool(a.field) == named] for named in (False, True))
+    if silent and named:
+        raise ValueError(
+            f"appearances {named[:3]} name the field that they show, {silent[:3]} do not: where there are several fields, "
+            'every appearance names its own, field = "..."'
+        )
+
+
 def appearance_to_json(appearance: Appearance) -> dict[str, Any]:
-    """Plain JSON values with a `kind` of "volume", "isosurface" or "imported"."""
+    """Plain JSON values with a `kind` of "volume", "isosurface" or "imported"; a `field` only where one is named."""
     kind = next(kind for kind, form in KINDS.items() if isinstance(appearance, form))
-    return {"kind": kind, **asdict(appearance)}
+    values = asdict(appearance)
+    if not field_of(appearance):  # so that plans and trained runs from before there were fields are still recognized
+        values.pop("field", None)
+    return {"kind": kind, **values}
 
 
 def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
@@ -117,6 +155,14 @@ def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
         return KINDS[kind](**values)
     except TypeError as error:
         raise ValueError(f"appearance {record.get('name', '?')!r} of kind {kind!r}: {error}") from None
+
+
+def _check_field(appearance: str, field: Any) -> None:
+    if not isinstance(field, str) or field != field.strip() or not field.isprintable():
+        raise ValueError(
+            f"appearance {appearance!r}: field must be the name of one of a member's fields, printable and without blanks "
+            f'around it, or "" for the only one, got {field!r}'
+        )
 
 
 def _check_points(name: str, points: tuple[tuple[float, ...], ...], width: int) -> None:

@@ -5,7 +5,7 @@
           members/<name>/member.json     parameters, split, provenance
                          rows.csv        its part of the table
                          cameras.json    its own cameras, where they are not shared
-                         field.npz       the field's summary
+                         field.npz       the summary of its field, or of each of its fields
                          <appearance>/<view>.png
 
 A member is written under a hidden name and renamed into place when all of it is on disk, so it is there whole or not at all.
@@ -30,11 +30,12 @@ from catalogs.images import ImageError, read_image, write_image
 from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json, shortened
-from catalogs.summary import FieldSummary
+from catalogs.summary import FieldSummary, save_summaries
 
 __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
 
-SCHEMA = 2  # 1 had no variations, and every member all appearances
+SCHEMA = 3  # 1 had no variations, and every member all appearances; 2 no fields
+WITHOUT_FIELDS = 2
 DESCRIPTION = "catalog.json"
 TABLE = "data.csv"
 MEMBERS = "members"
@@ -79,8 +80,12 @@ class MemberWriter:
         self._written.add((appearance, view))
 
     def write_summary(self, summary: FieldSummary) -> None:
-        """Keep the field's summary beside its images."""
+        """Keep the summary of the only field beside its images."""
         summary.save(self.path / SUMMARY)
+
+    def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
+        """Keep the summaries of several fields, by name, beside their images."""
+        save_summaries(self.path / SUMMARY, summaries)
 
     def missing(self) -> list[tuple[str, int]]:
         """(appearance, view) pairs that were not written yet."""
@@ -300,10 +305,10 @@ class Catalog:
                 durable.sync(target.parent)
 
     def _raise_schema(self) -> None:
-        """Let a catalog of schema 1, whose readers take every member to show all appearances, be of the present one."""
+        """Let a catalog of schema 1, whose readers take every member to show all appearances, be of the next one."""
         record = read_json(self.path / DESCRIPTION)
-        if record["schema"] < SCHEMA:
-            _write_description(self.path, {**record, "schema": SCHEMA})
+        if record["schema"] < WITHOUT_FIELDS:
+            _write_description(self.path, {**record, "schema": WITHOUT_FIELDS})
 
     def _clean_up(self) -> None:
         durable.remove_abandoned(self.path)
@@ -326,7 +331,13 @@ def _write_empty(path: Path, plan: CatalogPlan) -> None:
     durable.remove_abandoned(path)
     durable.make_folder(path / MEMBERS)
     durable.replace(path / TABLE, table)
-    _write_description(path, {"schema": SCHEMA, **plan.to_json()})
+    _write_description(path, {"schema": _least_schema(plan), **plan.to_json()})
+
+
+def _least_schema(plan: CatalogPlan) -> int:
+    """The first schema whose readers know all that is in the plan: programs from before fields read catalogs without them."""
+    fields = any(plan.fields) or any(variation.kind == "field" for variation in plan.variations)
+    return SCHEMA if fields else WITHOUT_FIELDS
 
 
 def _write_description(path: Path, record: Mapping[str, Any]) -> None:

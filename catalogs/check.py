@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs import cinema
+from catalogs.appearance import shown_fields
 from catalogs.catalog import MEMBERS, TABLE, Catalog, CatalogError, Member
 from catalogs.images import ImageError, read_stored
-from catalogs.members import ROWS, read_record, rows_of
+from catalogs.members import ROWS, SUMMARY, read_record, rows_of
 from catalogs.png import PngError, check_png
 
 Progress = Callable[[int, int], None]
@@ -151,13 +152,23 @@ def _check_catalog(path: Path, shapes: dict[str, Shape]) -> Iterator[Finding]:
 
 
 def _check_member(catalog: Catalog, member: Member) -> Iterator[Finding]:
-    try:
-        member.summary()
-    except ValueError as error:
-        yield Finding(f"member {member.name}", str(error))
+    yield from _check_summaries(catalog, member)
     rows = member.path / ROWS
     if not rows.is_file() or rows.read_bytes() != cinema.format_rows(rows_of(member, catalog.plan)).encode():
         yield Finding(f"member {member.name}", f"{ROWS} is not what its member.json and the catalog's plan make")
+
+
+def _check_summaries(catalog: Catalog, member: Member) -> Iterator[Finding]:
+    """Whether the sidecar can be read and, where a catalog shows several fields, is of exactly those that the member shows."""
+    try:
+        kept = member.summaries()
+    except ValueError as error:
+        yield Finding(f"member {member.name}", str(error))
+        return
+    shown = shown_fields(a for a in catalog.plan.appearances if a.name in set(member.appearances))
+    if not kept or len(catalog.plan.fields) < 2 or set(kept) == set(shown):
+        return
+    yield Finding(f"member {member.name}", f"{SUMMARY} is of the fields {list(kept)}, the pictures of {list(shown)}")
 
 
 def _check_duplicates(members: Iterable[Member]) -> Iterator[Finding]:

@@ -16,7 +16,7 @@ from catalogs.appearance import Isosurface
 from catalogs.cameras import Camera, spherical_angles
 from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json, shortened
-from catalogs.summary import FieldSummary
+from catalogs.summary import FieldSummary, load_summaries
 from catalogs.variations import ISOVALUE, Setting
 
 RECORD = "member.json"
@@ -61,10 +61,20 @@ class Member:
         check_views(self.cameras, self.view_splits)
         object.__setattr__(self, "provenance", json_values(self.provenance, f"the provenance of member {self.name}"))
 
-    def summary(self) -> FieldSummary | None:
-        """What was kept of the field; None for images that came without one."""
+    def summary(self, field: str = "") -> FieldSummary | None:
+        """What was kept of a field, by default of the first; None for images that came without one, and for fields not shown.
+
+        A member that has one field only does not know its name.
+        """
+        kept = self.summaries()
+        if field in kept or not kept:
+            return kept.get(field)
+        return next(iter(kept.values())) if not field or "" in kept else None
+
+    def summaries(self) -> dict[str, FieldSummary]:
+        """What was kept of each field, by name, "" for an only one; empty for images that came without any."""
         path = self.path / SUMMARY
-        return FieldSummary.load(path) if path.is_file() else None
+        return load_summaries(path) if path.is_file() else {}
 
     def row_split(self, view: int, setting: Setting | None = None) -> str:
         """The split of one image, of an appearance in a variation: test wins over validation, validation over train."""

@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from catalogs import cinema
-from catalogs.appearance import Appearance, Isosurface, appearance_from_json, appearance_to_json
+from catalogs.appearance import (
+    Appearance,
+    Isosurface,
+    appearance_from_json,
+    appearance_to_json,
+    check_fields,
+    shown_fields,
+)
 from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
@@ -64,6 +71,7 @@ class CatalogPlan:
             raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
         for problem in filter(None, map(name_problem, names)):
             raise CatalogError(f"an appearance can't be called so: {problem}")
+        _check_fields(self.appearances)
         _check_variations(self.variations, self.appearances)
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
@@ -76,6 +84,11 @@ class CatalogPlan:
     @property
     def appearance_names(self) -> list[str]:
         return [appearance.name for appearance in self.appearances]
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that are shown, the first appearance's first; ("",) where no appearance names one."""
+        return shown_fields(self.appearances)
 
     @property
     def has_isosurface(self) -> bool:
@@ -91,17 +104,17 @@ class CatalogPlan:
 
     @property
     def varied_names(self) -> list[str]:
-        """The visualization parameters of all variations."""
-        return [name for variation in self.variations for name in variation.space.names]
+        """The visualization parameters of all variations that have columns in the table."""
+        return [name for variation in self.variations if variation.in_table for name in variation.space.names]
 
     def setting(self, appearance: str) -> Setting | None:
         """The appearance's place in a variation; None where it belongs to none or is the base of one."""
         return next(filter(None, (variation.setting(appearance) for variation in self.variations)), None)
 
     def varied(self, appearance: str) -> dict[str, float]:
-        """All visualization parameters of an appearance by name, zero where it does not have one."""
+        """All of `varied_names` of an appearance by name, zero where it does not have one."""
         values = dict.fromkeys(self.varied_names, 0.0)
-        for variation in self.variations:
+        for variation in (v for v in self.variations if v.in_table):
             setting = variation.setting(appearance)
             if setting is not None:
                 values |= dict(zip(variation.space.names, setting.values, strict=True))
@@ -109,8 +122,9 @@ class CatalogPlan:
 
     @property
     def plain_appearances(self) -> tuple[Appearance, ...]:
-        """The appearances that are no setting of a variation."""
-        return tuple(a for a in self.appearances if self.setting(a.name) is None)
+        """The appearances that are no setting of a variation, or the setting of a field, each of which looks its own way."""
+        made = {s.appearance for v in self.variations if v.in_table for s in v.settings}
+        return tuple(a for a in self.appearances if a.name not in made)
 
     def image_name(self, appearance: str, view: int) -> str:
         """Path of an image below its member's folder."""
@@ -161,6 +175,13 @@ class CatalogPlan:
 def shortened(names: Sequence[str], most: int = 12) -> str:
     """The names with commas between, of many only the first and how many there are."""
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+def _check_fields(appearances: Sequence[Appearance]) -> None:
+    try:
+        check_fields(appearances)
+    except ValueError as error:
+        raise CatalogError(str(error)) from None
 
 
 def _check_variations(variations: Sequence[Variation], appearances: Sequence[Appearance]) -> None:

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json
+from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, check_fields
 from catalogs.cameras import Camera, orbit, view_splits
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.variations import Family, Variation, isovalue_family, transfer_function_family
+from catalogs.variations import Family, Variation, field_variation, isovalue_family, transfer_function_family
 
 SOURCES = ("simulation", "hdf5", "nerf")
 DATA_FOLDER = "GS_SURROGATE_DATA"
@@ -74,7 +74,8 @@ class ViewPlan:
 class VariedMembers:
     """Which members show the settings of one variation.
 
-    Training and test members show training and test settings, validation members those of validation.
+    Training and test members show training and test settings, validation members those of validation.  Of a field, whose settings
+    are appearances of the scene's own, every member shows all, and nothing here applies.
 
     Attributes
     ----------
@@ -164,15 +165,14 @@ class Scene:
         if not self.varied:
             return tuple(members)
         training = [m.name for m in members if m.split == "train"]
-        settings = {s.appearance for variation in self.variations for s in variation.settings}
+        sampled = [v for v in self.varied if v.variation.kind != "field"]  # those of a field are like any others
+        settings = {s.appearance for v in sampled for s in v.variation.settings}
         plain = [a.name for a in self.appearances if a.name not in settings]
         random = np.random.default_rng(self.seed)
-        chosen = [v.drawn(training, random) for v in self.varied]
+        chosen = [v.drawn(training, random) for v in sampled]
 
         def shown(member: PlannedMember) -> tuple[str, ...]:
-            of = [
-                v for v, some in zip(self.varied, chosen, strict=True) if member.split != "train" or member.name in some
-            ]
+            of = [v for v, some in zip(sampled, chosen, strict=True) if member.split != "train" or member.name in some]
             return (*plain, *(name for v in of for name in v.shown_by(member.split)))
 
         return tuple(replace(member, appearances=shown(member)) for member in members)
@@ -220,6 +220,7 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         raise ValueError("at least one [[appearance]] must say how the field is shown")
     if len({a.name for a in appearances}) != len(appearances):
         raise ValueError("the names of appearances must be unique")
+    check_fields(appearances)
     return Scene(
         name=str(tables["name"]),
         title=str(tables.get("title", tables["name"])),
@@ -249,16 +250,30 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
         raise ValueError(f"variation.members, the share of training members, must lie in (0, 1], got {share!r}")
     if compared is not None and (type(compared) is not int or compared < 1):
         raise ValueError(f"variation.compared must be a count, at least 1, got {compared!r}; left out, it is all")
+    if kind == "field" and {"members", "compared"} & set(record):
+        raise ValueError(f"variation of {base.name}: every member shows every field, leave out members and compared")
     try:
         if kind == "isovalue":
+            values["style"] = ({"field": base.field} if base.field else {}) | values.get("style", {})
             family = isovalue_family(base.name, **values)
         elif kind == "transfer_function":
             family = transfer_function_family(base, **values)
+        elif kind == "field":
+            family = _field_family(base.name, [a.name for a in appearances], **values)
         else:
-            raise ValueError(f'variation.kind must be "isovalue" or "transfer_function", got {kind!r}')
+            raise ValueError(f'variation.kind must be "isovalue", "transfer_function" or "field", got {kind!r}')
     except (TypeError, ValueError) as error:
         raise ValueError(f"variation of {base.name}: {error}") from None
     return family, VariedMembers(family.variation, float(share), compared)
+
+
+def _field_family(base: str, known: Sequence[str], *, appearances: Sequence[str]) -> Family:
+    """Appearances of the scene's own, which are shown instead of `base`; raises ValueError naming those that are not `known`."""
+    variation = field_variation(base, appearances=appearances)
+    unknown = [setting.appearance for setting in variation.settings if setting.appearance not in known]
+    if unknown:
+        raise ValueError(f"appearances must name some of {list(known)}, each an [[appearance]] table, got {unknown}")
+    return Family(variation, ())
 
 
 def _records(tables: Mapping[str, Any], name: str) -> Sequence[Mapping[str, Any]]:

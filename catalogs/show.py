@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs import cinema
-from catalogs.appearance import Appearance, Isosurface, VolumeRendering
+from catalogs.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.catalog import TABLE, Catalog, CatalogError
 from catalogs.members import Member
 from catalogs.parameters import SPLITS
-from catalogs.plan import CatalogPlan
+from catalogs.plan import CatalogPlan, shortened
+from catalogs.summary import FieldSummary
 from catalogs.variations import Variation
 
 UNKNOWN = "-"
@@ -64,16 +65,19 @@ def _parameter(plan: CatalogPlan, members: Sequence[Member], name: str) -> str:
 
 
 def _appearance(appearance: Appearance) -> str:
+    of = f" of {field_of(appearance)}" if field_of(appearance) else ""
     if isinstance(appearance, VolumeRendering):
         low, high = appearance.transfer_function.bounds
         shading = "shaded" if appearance.shaded else "unshaded"
-        return f"{appearance.name}: volume rendering over [{low:g}, {high:g}], {shading}"
+        return f"{appearance.name}: volume rendering{of} over [{low:g}, {high:g}], {shading}"
     if isinstance(appearance, Isosurface):
-        return f"{appearance.name}: isosurface at {appearance.isovalue:g}"
+        return f"{appearance.name}: isosurface{of} at {appearance.isovalue:g}"
     return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
 
 
 def _variation(variation: Variation) -> str:
+    if variation.kind == "field":
+        return f"field: {variation.base}, or {shortened([s.appearance for s in variation.settings])}"
     counts = Counter(setting.split for setting in variation.settings)
     ranges = ", ".join(f"{p.name} in [{p.low:g}, {p.high:g}] {p.unit}".strip() for p in variation.space.parameters)
     return f"{variation.kind} of {variation.base}: {len(variation.settings)} settings ({_splits(counts)}), {ranges}"
@@ -109,16 +113,23 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def _member_table(catalog: Catalog, members: Sequence[Member]) -> list[str]:
-    names = catalog.plan.space.names
-    rows = [["member", "split", *names, "views", "minimum", "maximum", "clipped"]]
+    names, shown = catalog.plan.space.names, catalog.plan.fields or ("",)
+    several = len(shown) > 1
+    columns = [f"{field} {what}" if several else what for field in shown for what in ("minimum", "maximum", "clipped")]
+    rows = [["member", "split", *names, "views", *columns]]
     for member in members:
-        summary = member.summary()
-        kept = [UNKNOWN] * 3
-        if summary is not None:
-            kept = [f"{summary.minimum:.5g}", f"{summary.maximum:.5g}", f"{100 * summary.clipped_fraction:.2f} %"]
+        kept = member.summaries()
+        only = next(iter(kept.values()), None)
+        ranges = [cell for field in shown for cell in _range_cells(kept.get(field) if several else only)]
         values = [f"{member.parameters[name]:g}" for name in names]
-        rows.append([member.name, member.split, *values, str(len(member.cameras)), *kept])
+        rows.append([member.name, member.split, *values, str(len(member.cameras)), *ranges])
     return _aligned(rows)
+
+
+def _range_cells(summary: FieldSummary | None) -> list[str]:
+    if summary is None:
+        return [UNKNOWN] * 3
+    return [f"{summary.minimum:.5g}", f"{summary.maximum:.5g}", f"{100 * summary.clipped_fraction:.2f} %"]
 
 
 def _describe_table(path: Path) -> str:

@@ -1,21 +1,29 @@
-"""What is kept of a field before it is gone: kilobytes that say how its values were spread and where it was seen."""
+"""What is kept of a field before it is gone: kilobytes that say how its values were spread and where it was seen.
+
+A member's sidecar is one numpy archive of plain arrays, called like the attributes of `FieldSummary`.  Where a member has several
+fields they are those of the first one; the others' follow as "1/minimum" and so on, and `fields` holds the names of all.
+"""
 
 from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import durable
 
+FIELDS = "fields"  # names of the fields in an archive of several
+
 
 @dataclass(frozen=True, eq=False)
 class FieldSummary:
-    """The sidecar of a member.
+    """What is kept of one field of a member.
 
     Attributes
     ----------
@@ -45,17 +53,55 @@ class FieldSummary:
 
     def save(self, path: Path) -> None:
         """Write as a numpy archive of plain arrays."""
-        stream = io.BytesIO()
-        np.savez_compressed(stream, allow_pickle=False, **{f.name: getattr(self, f.name) for f in fields(self)})
-        durable.write(path, stream.getvalue())
+        _write(path, self._arrays())
 
     @classmethod
     def load(cls, path: Path) -> FieldSummary:
-        """Read what `save` wrote; raises ValueError naming a file that is none.  Never runs code from it."""
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                values = {f.name: archive[f.name] for f in fields(cls)}
-        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(f"{path} is no field summary: {error}") from error
+        """Read what `save` wrote, of several fields the first; raises ValueError naming a file that is none.
+
+        Never runs code from it.
+        """
+        return next(iter(load_summaries(path).values()))
+
+    def _arrays(self, prefix: str = "") -> dict[str, Any]:
+        return {prefix + f.name: getattr(self, f.name) for f in fields(self)}
+
+    @classmethod
+    def _of_arrays(cls, archive: Mapping[str, Any], prefix: str = "") -> FieldSummary:
+        values = {f.name: archive[prefix + f.name] for f in fields(cls)}
         scalars = {name: float(values[name]) for name in ("minimum", "maximum", "clipped_fraction")}
         return cls(**{**values, **scalars})
+
+
+def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
+    """Write the summaries of a member's fields, by name, as one numpy archive of plain arrays."""
+    arrays: dict[str, Any] = {FIELDS: np.array(list(summaries), dtype=np.str_)}
+    for number, summary in enumerate(summaries.values()):
+        arrays |= summary._arrays(_prefix(number))
+    _write(path, arrays)
+
+
+def load_summaries(path: Path) -> dict[str, FieldSummary]:
+    """What an archive holds, at least one summary, by the names of the fields; "" for the only one of a member that has no name.
+
+    Raises ValueError naming a file that is none.  Never runs code from it.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            names = [str(name) for name in archive[FIELDS]] if FIELDS in archive else [""]
+            found = {name: FieldSummary._of_arrays(archive, _prefix(number)) for number, name in enumerate(names)}
+    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} is no field summary: {error}") from error
+    if len(found) != len(names) or not found:
+        raise ValueError(f"{path} is no field summary: it is of the fields {names}")
+    return found
+
+
+def _prefix(number: int) -> str:
+    return f"{number}/" if number else ""
+
+
+def _write(path: Path, arrays: Mapping[str, Any]) -> None:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, allow_pickle=False, **arrays)
+    durable.write(path, stream.getvalue())

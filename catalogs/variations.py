@@ -1,7 +1,8 @@
 """Families of appearances: one base, varied by visualization parameters that an explorer may set freely afterwards.
 
 An isovalue varies over a family of isosurfaces beside the base volume rendering.  A transfer function varies by the displacement
-of its two inner control points from those of the base.
+of its two inner control points from those of the base.  A field varies over a few appearances, one of which is shown instead of
+the base: there is nothing between them.
 """
 
 from __future__ import annotations
@@ -15,13 +16,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering, appearance_from_json
+from catalogs.appearance import (
+    Appearance,
+    Isosurface,
+    TransferFunction,
+    VolumeRendering,
+    appearance_from_json,
+    field_of,
+)
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 
-Kind = Literal["isovalue", "transfer_function"]
-KINDS: tuple[Kind, ...] = ("isovalue", "transfer_function")
+Kind = Literal["isovalue", "transfer_function", "field"]
+KINDS: tuple[Kind, ...] = ("isovalue", "transfer_function", "field")
 POINT_PARAMETERS = ("c1_value", "c1_opacity", "c2_value", "c2_opacity")
-ISOVALUE = "isovalue"
+ISOVALUE, APPEARANCE = "isovalue", "appearance"
 SINGLE_STEPS = (-1.0, 0.5, 1.0)  # steps by which one coordinate of one control point is moved alone
 
 
@@ -47,11 +55,12 @@ class Variation:
 
     Attributes
     ----------
-    kind : "isovalue" or "transfer_function".
+    kind : "isovalue", "transfer_function" or "field".
     base : name of the appearance that is varied.
     space : the visualization parameters; of a transfer function the displacements of its inner control points,
-        `POINT_PARAMETERS`, zero at the base: values in the field's unit, opacities per `opacity_unit_distance`.
-    settings : the appearances beside the base.
+        `POINT_PARAMETERS`, zero at the base: values in the field's unit, opacities per `opacity_unit_distance`; of a field one
+        per setting, called like its appearance: 1 for that which is shown and 0 for the others.
+    settings : the appearances beside the base; of a field all are trained.
     """
 
     kind: Kind
@@ -63,7 +72,7 @@ class Variation:
         object.__setattr__(self, "settings", tuple(self.settings))
         if self.kind not in KINDS:
             raise ValueError(f"the kind of a variation must be one of {KINDS}, got {self.kind!r}")
-        expected = (ISOVALUE,) if self.kind == "isovalue" else POINT_PARAMETERS
+        expected = self._expected_names()
         if self.space.names != expected:
             raise ValueError(f"a variation of kind {self.kind} has the parameters {expected}, got {self.space.names}")
         if not any(s.split == "train" for s in self.settings):
@@ -75,6 +84,20 @@ class Variation:
         trained = [s.values for s in self.settings if s.split == "train"]
         if self.kind == "isovalue" and (len(trained) < 2 or len(set(trained)) != len(trained)):
             raise ValueError(f"at least two isovalues must be trained, all different, got {trained} of {self.base}")
+        if self.kind == "field" and not np.array_equal(trained, np.eye(len(self.settings))):
+            raise ValueError(
+                f"every setting of the field of {self.base} must be trained, with a 1 in its own place, got {trained}"
+            )
+
+    def _expected_names(self) -> tuple[str, ...]:
+        if self.kind == "field":
+            return tuple(setting.appearance for setting in self.settings)
+        return (ISOVALUE,) if self.kind == "isovalue" else POINT_PARAMETERS
+
+    @property
+    def in_table(self) -> bool:
+        """Whether a catalog's table has columns of the parameters: of a field the appearance says it all."""
+        return self.kind != "field"
 
     def setting(self, appearance: str) -> Setting | None:
         """The setting with this appearance, None for others."""
@@ -84,18 +107,48 @@ class Variation:
         """Visualization parameters (V,) as a network sees them, about -1 to 1; of the base for None.
 
         Isovalues are mapped so that the trained ones lie at equal distances, as they were chosen to (linearly between and
-        beyond them); the base, which has none, is NaN.  Displacements are in units of their largest; the base is zero.
+        beyond them); the base, which has none, is NaN.  Displacements are in units of their largest; the base is zero.  Fields are
+        as they are, a single 1; the base, at which no network is asked, is NaN.
         """
         if self.kind == "transfer_function":
             return self.space.normalize(np.zeros(len(self.space)) if values is None else values)
         if values is None:
-            return np.full(1, np.nan)
+            return np.full(len(self.space), np.nan)
+        if self.kind == "field":
+            return np.array(values, dtype=np.float64)
         trained = np.array(sorted(s.values[0] for s in self.settings if s.split == "train"))  # [T]
         even = np.linspace(-1.0, 1.0, len(trained))
         slopes = np.diff(even) / np.diff(trained)  # [T - 1]
         below = min(values[0] - trained[0], 0.0) * slopes[0]
         above = max(values[0] - trained[-1], 0.0) * slopes[-1]
         return np.array([np.interp(values[0], trained, even) + below + above])
+
+    def asked(self, setting: Setting) -> dict[str, float | str]:
+        """What a surrogate is asked for by name to show a setting: its parameters, or the `appearance` instead of the base."""
+        if self.kind == "field":
+            return {APPEARANCE: setting.appearance}
+        return dict(zip(self.space.names, setting.values, strict=True))
+
+    @property
+    def asked_names(self) -> tuple[str, ...]:
+        """What `asked` names."""
+        return (APPEARANCE,) if self.kind == "field" else self.space.names
+
+    def values_of(self, asked: Mapping[str, Any]) -> tuple[float, ...] | None:
+        """The visualization parameters (V,) of what is asked for by some of `asked_names`; None for the base appearance.
+
+        Displacements that are left out are zero.  Raises ValueError for an appearance that is none of the variation's, and as
+        `ParameterSpace.values`.
+        """
+        if self.kind != "field":
+            return tuple(self.space.values(dict.fromkeys(self.space.names, 0.0) | dict(asked)).tolist())
+        if asked[APPEARANCE] == self.base:
+            return None
+        setting = self.setting(asked[APPEARANCE])
+        if setting is None:
+            known = [self.base, *(s.appearance for s in self.settings)]
+            raise ValueError(f"{APPEARANCE} must be one of {known}, got {asked[APPEARANCE]!r}")
+        return setting.values
 
     def named(self, *splits: str) -> tuple[str, ...]:
         """Names of the appearances of these splits."""
@@ -218,6 +271,16 @@ def transfer_function_family(
     return Family(Variation("transfer_function", base.name, space, tuple(settings)), tuple(shown))
 
 
+def field_variation(base: str, *, appearances: Sequence[str]) -> Variation:
+    """Other `appearances` of the catalog, by name, any one of which is shown instead of `base`: mostly those of other fields."""
+    names = tuple(appearances) if not isinstance(appearances, str) else (appearances,)
+    if not names or len(set(names)) != len(names) or base in names:
+        raise ValueError(f"appearances must name some beside the base {base}, each once, got {list(names)}")
+    rows = np.eye(len(names)).tolist()
+    settings = tuple(Setting(name, tuple(row), "train") for name, row in zip(names, rows, strict=True))
+    return Variation("field", base, ParameterSpace(tuple(Parameter(name, 0.0, 1.0) for name in names)), settings)
+
+
 def displaced(base: TransferFunction, displacement: Sequence[float]) -> TransferFunction:
     """`base` with its inner control points moved by (4,) `POINT_PARAMETERS`; raises ValueError where they cross or leave [0, 1]."""
     ends, (first, second) = (base.opacity_points[0], base.opacity_points[3]), base.opacity_points[1:3]
@@ -228,15 +291,17 @@ def displaced(base: TransferFunction, displacement: Sequence[float]) -> Transfer
 
 def mismatches(variation: Variation, appearances: Sequence[Appearance]) -> list[str]:
     """Sentences naming each setting whose appearance shows something else than its values say; names must be known."""
+    if variation.kind == "field":
+        return []  # any appearance may stand for a field
     named = {appearance.name: appearance for appearance in appearances}
     base = _four_points(named[variation.base])
     if variation.kind == "transfer_function" and base is None:
         return [f"the base {variation.base} is no volume rendering of four opacity points"]
     return [
-        f"{setting.appearance} does not show {dict(zip(variation.space.names, setting.values, strict=True))}"
+        f"{setting.appearance} does not show {variation.asked(setting)}"
         for setting in variation.settings
         if not _shows(named[setting.appearance], setting, base)
-    ]
+    ] + _of_other_fields(variation, named)
 
 
 def _four_points(appearance: Appearance) -> TransferFunction | None:
@@ -253,6 +318,15 @@ def _shows(appearance: Appearance, setting: Setting, base: TransferFunction | No
         return base is not None and _four_points(appearance) == displaced(base, setting.values)
     except ValueError:
         return False
+
+
+def _of_other_fields(variation: Variation, named: Mapping[str, Appearance]) -> list[str]:
+    """Sentences naming each transfer function that is applied to another field than the base's."""
+    if variation.kind != "transfer_function":
+        return []  # surfaces of another field may stand beside a volume
+    field = field_of(named[variation.base])
+    others = [s.appearance for s in variation.settings if field_of(named[s.appearance]) != field]
+    return [f"{name} shows the field {field_of(named[name])!r}, its base {field!r}" for name in others]
 
 
 def _displaced_appearance(base: VolumeRendering, name: str, displacement: Sequence[float]) -> VolumeRendering:

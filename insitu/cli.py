@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import threading
 import warnings
@@ -13,6 +14,7 @@ from typing import Any
 import click
 
 WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
+NOT_IN_NAMES = r"[^A-Za-z0-9_.+=-]"  # of appearances
 SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
 
 
@@ -54,7 +56,12 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> 
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="TOML file of [[appearance]] tables, as `insitu probe` prints them.",
 )
-@click.option("--dataset", "name", default="field", show_default=True, help="HDF5 data set that holds the fields.")
+@click.option(
+    "--dataset",
+    "datasets",
+    multiple=True,
+    help="HDF5 data set that holds the fields; several, one by one.  [default: those that appearances name, else field]",
+)
 @click.option("--size", type=click.IntRange(min=1), help="Width and height of the images in pixels.  [default: 256]")
 @click.option("--target-decibels", type=float, help="PSNR that volume rendering must reach.  [default: 50]")
 @click.option("--validation", default=0, show_default=True, help="Training members to set aside for validation.")
@@ -69,7 +76,7 @@ def ensemble(
     catalog: Path,
     scene: Path | None,
     appearance: Path | None,
-    name: str,
+    datasets: tuple[str, ...],
     size: int | None,
     target_decibels: float | None,
     validation: int,
@@ -86,23 +93,25 @@ def ensemble(
     with _plain_errors():
         from insitu.ensemble import run_ensemble
         from insitu.planning import Wishes, appearances_from_toml, is_catalog
-        from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
+        from insitu.readers.hdf5 import Hdf5Source
 
-        stored = Hdf5Ensemble.open(file, name)
+        if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
+            raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
+        asked = None if scene is None else _renderable(scene)
+        appearances = None if appearance is None else appearances_from_toml(appearance)
+        new = not is_catalog(catalog)
+        shown = asked.appearances if asked is not None else appearances or (() if new else _appearances_of(catalog))
+        stored = _stored(file, datasets, shown)
         members = stored.members(validation, seed)
         click.echo(repr(stored))
-        if scene is not None:
-            if appearance is not None or size is not None or target_decibels is not None:
-                raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
-            asked = _renderable(scene)
+        if asked is not None:
             members, wishes = asked.assigned(members), _wishes_of(asked, stored.space)
         else:
-            appearances = None if appearance is None else appearances_from_toml(appearance)
-            new = not is_catalog(catalog)
-            if appearances is None and new:
-                suggestion = _suggested(_pilots(stored.space, members, Hdf5Source(stored), 5, nan))[1]
-                click.echo(suggestion.toml())
-                appearances = (suggestion.appearance,)
+            if not shown:
+                pilots = _pilots(stored.space, members, Hdf5Source(stored), 5, nan)
+                suggestions = [suggestion for _, suggestion in _suggested(pilots).values()]
+                click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
+                appearances = tuple(suggestion.appearance for suggestion in suggestions)
             wishes = Wishes(
                 stored.space,
                 appearances,
@@ -128,7 +137,12 @@ def ensemble(
 @click.argument("sources", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--members", "count", default=5, show_default=True, help="Pilot members of an ensemble to look at.")
 @click.option("--alpha", default=0.5, show_default=True, help="Mean alpha that the foreground should have.")
-@click.option("--array", help="Which array of VTK files.")
+@click.option(
+    "--array",
+    "arrays",
+    multiple=True,
+    help="Which of several fields: an array of VTK files, a data set of HDF5, a field of a scene; several, one by one.",
+)
 @click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
 @click.option(
     "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
@@ -138,7 +152,7 @@ def probe(
     sources: tuple[Path, ...],
     count: int,
     alpha: float,
-    array: str | None,
+    arrays: tuple[str, ...],
     spacing: tuple[float, float, float] | None,
     nan: str,
     preview: Path | None,
@@ -149,8 +163,7 @@ def probe(
     (.npy, or whatever pyvista reads).
     """
     with _plain_errors():
-        from insitu.readers.files import read_field
-        from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
+        from insitu.readers.hdf5 import Hdf5Source
 
         first = sources[0]
         if len(sources) == 1 and first.suffix == ".toml":
@@ -158,22 +171,62 @@ def probe(
             from insitu.sources import ensemble_of
 
             asked = ensemble_of(Scene.load(first))
-            grids = _pilots(asked.space, asked.members, asked.source, count, nan)
+            fields = _chosen(_pilots(asked.space, asked.members, asked.source, count, nan), arrays)
         elif len(sources) == 1 and first.suffix in (".h5", ".hdf5"):
-            stored = Hdf5Ensemble.open(first)
-            grids = _pilots(stored.space, stored.members(), Hdf5Source(stored), count, nan)
+            stored = _stored(first, arrays, ())
+            fields = _pilots(stored.space, stored.members(), Hdf5Source(stored), count, nan)
         else:
-            grids = {p.name: read_field(p, array=array, spacing=spacing or None, nan=nan) for p in sources}
-        found, suggestion = _suggested(grids, alpha)
-        click.echo(str(found))
-        click.echo(f"mean foreground alpha by member: {', '.join(f'{a:.2f}' for a in suggestion.alphas)}\n")
-        click.echo(suggestion.toml())
-        if preview is not None:
-            from catalogs.images import write_image
-            from insitu.suggestion import contact_sheet
+            fields = _read_fields(sources, arrays, spacing, nan)
+        for name, (found, suggestion) in _suggested(fields, alpha).items():
+            if len(fields) > 1:
+                click.echo(f"field {name}")
+            click.echo(str(found))
+            click.echo(f"mean foreground alpha by member: {', '.join(f'{a:.2f}' for a in suggestion.alphas)}\n")
+            click.echo(suggestion.toml())
+            if preview is not None:
+                _preview(preview, fields[name], suggestion.appearance, name if len(fields) > 1 else "")
 
-            write_image(preview, contact_sheet(list(grids.values()), suggestion.appearance))
-            click.echo(f"# {preview}: one member per row")
+
+def _read_fields(
+    paths: tuple[Path, ...], arrays: tuple[str, ...], spacing: tuple[float, float, float] | None, nan: str
+) -> dict[str, dict[str, Any]]:
+    """Grids by array and file; of the only array where none is named."""
+    from insitu.readers.files import read_field
+
+    named: tuple[str | None, ...] = arrays or (None,)
+    return {
+        array or "": {p.name: read_field(p, array=array, spacing=spacing or None, nan=nan) for p in paths}
+        for array in named
+    }
+
+
+def _preview(path: Path, grids: dict[str, Any], appearance: Any, field: str) -> None:
+    """A picture of the suggestion; of one of several fields beside `path`, with the appearance in its name."""
+    from catalogs.images import write_image
+    from insitu.suggestion import contact_sheet
+
+    path = path.with_stem(f"{path.stem}-{appearance.name}") if field else path
+    write_image(path, contact_sheet(list(grids.values()), appearance))
+    click.echo(f"# {path}: one member per row")
+
+
+def _stored(path: Path, datasets: tuple[str, ...], shown: Any) -> Any:
+    """A stored ensemble: of the data sets asked for, else those that the `shown` appearances name, else "field"."""
+    from catalogs.appearance import shown_fields
+    from insitu.fields import check_names
+    from insitu.readers.hdf5 import Hdf5Ensemble
+
+    named = tuple(filter(None, shown_fields(shown)))
+    stored = Hdf5Ensemble.open(path, datasets or named or ("field",))
+    if shown:
+        check_names(stored.datasets, shown, shown)
+    return stored
+
+
+def _appearances_of(catalog: Path) -> Any:
+    from catalogs.catalog import Catalog
+
+    return Catalog.open(catalog).plan.appearances
 
 
 def _renderable(path: Path) -> Any:
@@ -208,24 +261,38 @@ def _square(size: int) -> Any:
     return ViewPlan(width=size, height=size)
 
 
-def _pilots(space: Any, members: Any, source: Any, count: int, nan: str) -> dict[str, Any]:
-    """Grids by name of `count` members that lie far apart."""
+def _pilots(space: Any, members: Any, source: Any, count: int, nan: str) -> dict[str, dict[str, Any]]:
+    """Grids by field and member of `count` members that lie far apart."""
     from insitu.adapters import as_grid
     from insitu.ensemble import pilot_members
 
-    grids = {}
+    fields: dict[str, dict[str, Any]] = {}
     for member in pilot_members(members, space, count):
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
-        grids[member.name] = as_grid(source.field(member, lambda fraction: None), nan=nan)
-    return grids
+        for name, field in source.field(member, lambda fraction: None).items():
+            fields.setdefault(name, {})[member.name] = as_grid(field, nan=nan)
+    return fields
 
 
-def _suggested(grids: dict[str, Any], alpha: float = 0.5) -> tuple[Any, Any]:
+def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Those of the names asked for, all by default."""
+    unknown = [name for name in names if name not in fields]
+    if unknown:
+        raise ValueError(f"--array: the scene's fields are {list(fields)}, got {unknown}: name more in source.fields")
+    return {name: fields[name] for name in names} or fields
+
+
+def _suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str, tuple[Any, Any]]:
+    """What is in each field, and how it may be shown; one of several fields is named by its appearance."""
     from insitu.probe import probe_fields
     from insitu.suggestion import suggest
 
-    found = probe_fields(grids)
-    return found, suggest(found, list(grids.values()), alpha=alpha)
+    suggested = {}
+    for name, grids in fields.items():
+        found = probe_fields(grids)
+        of = {"name": f"dvr-{re.sub(NOT_IN_NAMES, '-', name)}", "field": name} if len(fields) > 1 else {}
+        suggested[name] = found, suggest(found, list(grids.values()), alpha=alpha, **of)
+    return suggested
 
 
 def _shard(text: str | None) -> tuple[int, int] | None:

@@ -13,6 +13,7 @@ from catalogs.catalog import Catalog
 from catalogs.exchange import import_nerf
 from catalogs.scene import PlannedMember, Scene
 from insitu.ensemble import run_ensemble
+from insitu.fields import check_names
 from insitu.planning import Wishes, disagreements, is_catalog, misplaced
 from insitu.progress import duration
 from insitu.sources import ensemble_of
@@ -71,6 +72,7 @@ def _render(
     progress: Callable[[object], None],
 ) -> tuple[int, dict[str, str]]:
     ensemble = ensemble_of(scene)
+    _check_fields(scene, ensemble.fields)
     members = scene.assigned(ensemble.members)
     distance = scene.render.sample_distance
     wishes = Wishes(
@@ -94,6 +96,14 @@ def _render(
         progress=progress,
     )
     return len(result.rendered), dict(result.failures)
+
+
+def _check_fields(scene: Scene, fields: Sequence[str]) -> None:
+    """Raise ValueError, before any simulation runs, where the scene's appearances show other fields than its source has."""
+    try:
+        check_names(fields, scene.appearances, scene.appearances)
+    except ValueError as error:
+        raise ValueError(f"scene {scene.path}: {error}") from None
 
 
 def _check_unchanged(scene: Scene, path: Path, wishes: Wishes, members: Sequence[PlannedMember]) -> None:

@@ -17,7 +17,8 @@ import numpy as np
 from catalogs.catalog import Catalog
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
-from insitu.hook import RenderedMember, Session
+from insitu.fields import as_fields, time_of
+from insitu.hook import Session
 from insitu.kept import drop_field, keep_field, kept_field
 from insitu.planning import (
     Pilot,
@@ -31,6 +32,7 @@ from insitu.planning import (
     plan_catalog,
 )
 from insitu.progress import EnsembleProgress, Tracker
+from insitu.rendered import RenderedMember
 from insitu.workers import Crew, Report, channel, single_threaded
 
 PILOTS = 2
@@ -51,7 +53,7 @@ class FieldSource(Protocol):
     def dear(self) -> bool: ...
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
-        """The member's field (anything `as_grid` takes); `progress` is told the fraction done."""
+        """The member's field or fields (anything `as_fields` takes); `progress` is told the fraction done."""
         ...
 
 
@@ -221,18 +223,16 @@ class _Run:
 
 def _measure(source: FieldSource, member: PlannedMember, nan: str, kept: Path | None, wishes: Wishes) -> Pilot:
     """In a worker: a pilot's field, kept if dear, and what the plan needs of it."""
-    from insitu.adapters import as_grid
-
     field, _ = _field(source, member, kept)
-    grid = as_grid(field, nan=nan)
+    fields = as_fields(field, wishes.appearances or (), nan=nan)
     if source.dear and kept is not None:
         keep_field(kept, member.name, _identity(source, member), field)
     channel().send(Report(member.name, "pilot", 0.0))
-    return measure_pilot(grid, wishes)
+    return measure_pilot(fields, wishes)
 
 
 def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, kept: Path | None) -> _Drawn:
-    """In a worker: a member's field, rendered into the catalog."""
+    """In a worker: a member's field or fields, rendered into the catalog."""
     field, seconds = _field(source, member, kept)
 
     def progress(images: int) -> None:
@@ -245,7 +245,7 @@ def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, ke
             member.parameters,
             name=member.name,
             split=member.split,
-            time=getattr(field, "time", None),
+            time=time_of(field),
             provenance={"source": dict(source.identity)},
             appearances=member.appearances,
         )

@@ -13,71 +13,34 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from catalogs.appearance import Appearance, VolumeRendering
+from catalogs.appearance import Appearance, VolumeRendering, field_of, shown_fields
 from catalogs.catalog import Catalog, CatalogPlan, MemberWriter
 from catalogs.members import known_appearances
 from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.scene import ViewPlan
+from catalogs.summary import FieldSummary
 from catalogs.variations import Variation
-from insitu.adapters import as_grid
 from insitu.boxes import Box, box_of, check_inside, shrunken
+from insitu.fields import Fields, as_fields
 from insitu.memory import PeakMemory
 from insitu.planning import (
     Wishes,
     appearances_from,
     check_agreement,
+    check_complete,
     is_catalog,
     measure_pilot,
     plan_catalog,
     space_from,
+    value_range_of,
 )
+from insitu.rendered import RenderedMember
 from insitu.summarize import summarize
 
 if TYPE_CHECKING:
     from render.grids import Grid
 
 LONGEST_NAME = 80
-
-
-@dataclass(frozen=True)
-class RenderedMember:
-    """What rendering one member wrote and what it cost.
-
-    Attributes
-    ----------
-    name, path : the member and its directory in the catalog.
-    images : how many images were written.
-    render_seconds, write_seconds, seconds : drawing, encoding and storing, and everything together.
-    extra_memory : bytes of resident memory the call added at its peak (see `insitu.memory.PeakMemory`).
-    range : the field's smallest and largest finite value.
-    clipped_fraction : share of the field's values outside the ensemble's value range.
-    warnings : what was recorded with the member besides: parameters out of bounds, transparent values.
-    """
-
-    name: str
-    path: Path
-    images: int
-    render_seconds: float
-    write_seconds: float
-    seconds: float
-    extra_memory: int
-    range: tuple[float, float]
-    clipped_fraction: float
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def images_per_second(self) -> float:
-        return self.images / self.seconds
-
-    def __repr__(self) -> str:
-        lines = [
-            f"RenderedMember {self.name}: {self.images} images in {self.seconds:.1f} s "
-            f"({self.images_per_second:.0f}/s; render {self.render_seconds:.1f} s, write {self.write_seconds:.1f} s), "
-            f"{self.extra_memory / 1e6:.0f} MB extra memory",
-            f"  values {self.range[0]:.6g} to {self.range[1]:.6g}, {100 * self.clipped_fraction:.2f} % clipped",
-            f"  {self.path}",
-        ]
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 
 
 class Session:
@@ -176,18 +139,21 @@ class Session:
         if split not in SPLITS:
             raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
         self._check_parameters(parameters)
-        self._check_appearances(appearances)
+        known, shown = self._known_and_shown(appearances)
+        looked_at = shown if self._catalog else known  # a new catalog's sample distances need all fields
         name = name or member_name(parameters)
         with _repeated_warnings() as resampled:
-            grid = as_grid(field, spacing=spacing, origin=origin, array=array, nan=nan or self._nan)
+            fields = as_fields(
+                field, looked_at, known=known, spacing=spacing, origin=origin, array=array, nan=nan or self._nan
+            )
         memory.sample()
         with _named_disk_errors(name, self.path):
-            catalog = self._catalog = self._catalog or self._created(grid)
-            check_inside(grid, catalog.plan.bounds)
-            notes = _notes(grid, parameters, catalog)
+            catalog = self._catalog = self._catalog or self._created(fields)
+            check_inside(fields.first, catalog.plan.bounds)
+            notes = _notes(fields.first, parameters, catalog)
             for note in notes:
                 warnings.warn(note, stacklevel=2)
-            recorded: dict[str, Any] = {**(provenance or {}), "bounds": box_of(grid)}
+            recorded: dict[str, Any] = {**(provenance or {}), "bounds": box_of(fields.first)}
             if time is not None:
                 recorded["time"] = float(time)
             if resampled or notes:
@@ -198,10 +164,13 @@ class Session:
                     name, parameters, split=split, provenance=recorded, appearances=appearances
                 )
             with opened as writer:
-                drawn = self._draw(grid, catalog, writer, memory)
-                summary = summarize(grid, _sampled(catalog.plan), tuple(catalog.plan.provenance["value_range"]))
+                drawn = self._draw(fields, catalog, writer, memory)
+                summaries = _summaries(fields, shown, catalog.plan)
                 memory.sample()
-                writer.write_summary(summary)
+                if len(catalog.plan.fields) > 1:
+                    writer.write_summaries(summaries)
+                else:
+                    writer.write_summary(next(iter(summaries.values())))
         return RenderedMember(
             name=name,
             path=catalog.path / "members" / name,
@@ -210,8 +179,8 @@ class Session:
             write_seconds=drawn.write,
             seconds=clock.perf_counter() - started,
             extra_memory=memory.extra_bytes,
-            range=(summary.minimum, summary.maximum),
-            clipped_fraction=summary.clipped_fraction,
+            ranges={name: (kept.minimum, kept.maximum) for name, kept in summaries.items()},
+            clipped_fractions={name: kept.clipped_fraction for name, kept in summaries.items()},
             warnings=(*resampled, *notes),
         )
 
@@ -220,8 +189,8 @@ class Session:
         check_agreement(catalog, self._wishes)
         return catalog
 
-    def _created(self, grid: Grid) -> Catalog:
-        plan = plan_catalog(measure_pilot(grid, self._wishes), self._wishes)
+    def _created(self, fields: Fields) -> Catalog:
+        plan = plan_catalog(measure_pilot(fields, self._wishes), self._wishes)
         try:
             return Catalog.create(self.path, plan)
         except (ValueError, FileExistsError):
@@ -238,14 +207,13 @@ class Session:
             warnings.simplefilter("ignore", UserWarning)
             space.values(parameters)
 
-    def _check_appearances(self, names: Sequence[str] | None) -> None:
-        """Refuse unknown ones before a new catalog is made for them."""
-        wished = [a.name for a in self._wishes.appearances or ()]
-        known = self._catalog.plan.appearance_names if self._catalog else wished
-        if known:  # else a new catalog without appearances: plan_catalog says what is missing
-            known_appearances(names, known)
+    def _known_and_shown(self, names: Sequence[str] | None) -> tuple[Sequence[Appearance], Sequence[Appearance]]:
+        """All appearances, and those of a member; refuses unknown names before a new catalog is made for them."""
+        known = self._catalog.plan.appearances if self._catalog else check_complete(self._wishes)[1]
+        wanted = set(known_appearances(names, [a.name for a in known]))
+        return known, [a for a in known if a.name in wanted]
 
-    def _draw(self, grid: Grid, catalog: Catalog, writer: MemberWriter, memory: PeakMemory) -> _Drawn:
+    def _draw(self, fields: Fields, catalog: Catalog, writer: MemberWriter, memory: PeakMemory) -> _Drawn:
         """Render every appearance from every view, one image in memory at a time."""
         from render import render_views
 
@@ -257,7 +225,11 @@ class Session:
             exact = catalog.plan.image_format == "exr"
             before = clock.perf_counter()
             pictures = render_views(
-                grid, appearance, catalog.plan.cameras, sample_distance=distance, float_output=exact
+                fields.shown_by(appearance),
+                appearance,
+                catalog.plan.cameras,
+                sample_distance=distance,
+                float_output=exact,
             )
             for view, rgba in enumerate(pictures):
                 between = clock.perf_counter()
@@ -298,7 +270,8 @@ def render_member(
 
     Parameters
     ----------
-    field : numpy array (z, y, x), with `spacing`; or a pyvista or VTK data set; see `insitu.adapters.as_grid`.
+    field : numpy array (z, y, x), with `spacing`; or a pyvista or VTK data set; see `insitu.adapters.as_grid`.  Several fields are
+        a mapping {name: array}, all of one shape, or a data set: every appearance then names its own, `field="..."`.
     parameters : the member's simulation parameters by name, in the units of `space`.  A value out of bounds is
         rendered, with a warning that is also recorded.
     catalog : the `.cdb` directory.
@@ -306,7 +279,7 @@ def render_member(
     appearances : transfer functions and isovalues, in the field's physical units; needed by the first call.
     views : viewpoints and frame, by default 252 on the icosphere at 256 x 256 pixels.
     spacing, origin : of an array, (x, y, z), world units.
-    array : which array of a data set.
+    array : which array of a data set, where appearances name no field.
     name : the member's name in the catalog, by default from its parameters.
     split : "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
@@ -314,10 +287,11 @@ def render_member(
     time : the simulation's time, recorded.
     bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
     variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
-        (`catalogs.variations.isovalue_family`, `transfer_function_family`).
+        (`catalogs.variations.isovalue_family`, `transfer_function_family`), or are to be learnt beside a base (`field_variation`).
 
     Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
-    to the transfer function's range, and the texture) and one image at a time.  All of it is freed again but the first.
+    to the transfer function's range, and the texture), once each further field, and one image at a time.  All of it is freed again
+    but the first.
 
     Raises
     ------
@@ -352,6 +326,15 @@ class _Drawn:
     render: float
     write: float
     images: int
+
+
+def _summaries(fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan) -> dict[str, FieldSummary]:
+    """What is kept of each field that a member shows, by name, under all of the catalog's appearances of it."""
+    sampled = _sampled(plan)
+    return {
+        field: summarize(fields.grids[field], [a for a in sampled if field_of(a) == field], value_range_of(plan, field))
+        for field in shown_fields(shown)
+    }
 
 
 def _sampled(plan: CatalogPlan) -> tuple[Appearance, ...]:

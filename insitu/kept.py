@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+ALONE = ""  # the name of a field that is not one of several
+
 
 @dataclass(frozen=True, eq=False)
 class KeptField:
@@ -26,35 +28,51 @@ class KeptField:
 
 
 def keep_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any) -> None:
-    """Store `field` (with values, spacing, origin and, maybe, time) as `name`; `identity` says what made it."""
+    """Store `field` as `name`; `identity` says what made it.
+
+    It has values, spacing, origin and, maybe, time; several are a mapping by their names.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     partial = folder / f".{name}.{os.getpid()}.partial.npz"
-    time = getattr(field, "time", None)
+    held = field if isinstance(field, Mapping) else {ALONE: field}
+    arrays = {
+        f"{number}/{key}": value for number, one in enumerate(held.values()) for key, value in _arrays(one).items()
+    }
     try:
         np.savez(
-            partial,
-            values=field.values,
-            spacing=field.spacing,
-            origin=field.origin,
-            time=np.nan if time is None else time,
-            identity=json.dumps(identity, sort_keys=True),
+            partial, names=np.array(list(held), dtype=np.str_), identity=json.dumps(identity, sort_keys=True), **arrays
         )
         partial.replace(_path(folder, name))
     finally:
         partial.unlink(missing_ok=True)
 
 
-def kept_field(folder: Path, name: str, identity: Mapping[str, Any]) -> KeptField | None:
-    """The field stored as `name` by the same `identity`, or None: absent, made otherwise or not readable."""
+def kept_field(folder: Path, name: str, identity: Mapping[str, Any]) -> KeptField | dict[str, KeptField] | None:
+    """The field, or the fields by name, stored as `name` by the same `identity`; None: absent, made otherwise or not readable."""
     try:
         with np.load(_path(folder, name), allow_pickle=False) as stored:
             if str(stored["identity"]) != json.dumps(identity, sort_keys=True):
                 return None
-            spacing, origin = tuple(stored["spacing"].tolist()), tuple(stored["origin"].tolist())
-            time = float(stored["time"])
-            return KeptField(stored["values"], spacing, origin, None if np.isnan(time) else time)
+            found = {str(known): _read(stored, f"{number}/") for number, known in enumerate(stored["names"])}
+            return found.get(ALONE, found)
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
+
+
+def _arrays(field: Any) -> dict[str, Any]:
+    time = getattr(field, "time", None)
+    return {
+        "values": field.values,
+        "spacing": field.spacing,
+        "origin": field.origin,
+        "time": np.nan if time is None else time,
+    }
+
+
+def _read(stored: Mapping[str, Any], prefix: str) -> KeptField:
+    spacing, origin = tuple(stored[f"{prefix}spacing"].tolist()), tuple(stored[f"{prefix}origin"].tolist())
+    time = float(stored[f"{prefix}time"])
+    return KeptField(stored[f"{prefix}values"], spacing, origin, None if np.isnan(time) else time)
 
 
 def drop_field(folder: Path, name: str) -> None:

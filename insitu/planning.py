@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, appearance_to_json
+from catalogs.appearance import (
+    Appearance,
+    VolumeRendering,
+    appearance_from_json,
+    appearance_to_json,
+    check_fields,
+    field_of,
+    shown_fields,
+)
 from catalogs.catalog import Catalog, CatalogPlan, Member
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.plan import shortened
@@ -22,7 +30,7 @@ from insitu.boxes import Box, box_of, cameras_around, check_inside, checked_box,
 from insitu.summarize import value_range
 
 if TYPE_CHECKING:
-    from render.grids import Grid
+    from insitu.fields import Fields
 
 TARGET_DECIBELS = 50.0
 CORNERS = 6  # settings of a variation whose sample distance is measured; the finest serves the whole variation
@@ -36,7 +44,7 @@ class Wishes:
     Attributes
     ----------
     space : the parameters and their bounds.
-    appearances : how the field is shown.
+    appearances : how its fields are shown.
     views : the viewpoints and the frame; the 252 of the icosphere at 256 x 256 by default.
     bounds : world box (low, high) that every member fits in; the first member's by default.
     target_decibels : PSNR that volume rendering must reach against a converged reference, 50 by default.
@@ -100,37 +108,37 @@ class Pilot:
     Attributes
     ----------
     bounds : world box that holds the field.
-    values : smallest and largest finite value.
+    ranges : smallest and largest finite value by field, "" for an only one without a name.
     distances, decibels : by volume rendering, the sample distance (world units) that reaches the target and the PSNR
         measured there; empty where the sample distance is given.
     """
 
     bounds: Box
-    values: tuple[float, float]
+    ranges: Mapping[str, tuple[float, float]]
     distances: Mapping[str, float] = field(default_factory=dict)
     decibels: Mapping[str, float] = field(default_factory=dict)
 
 
-def measure_pilot(grid: Grid, wishes: Wishes) -> Pilot:
-    """Look at one member: its box, its range and, unless given, the sample distance its pictures need."""
+def measure_pilot(fields: Fields, wishes: Wishes) -> Pilot:
+    """Look at one member: its box, its ranges and, unless given, the sample distances that pictures of its fields need."""
     _, appearances = check_complete(wishes)
-    bounds = wishes.bounds or box_of(grid)
-    check_inside(grid, bounds)
-    values = (float(grid.values.min()), float(grid.values.max()))
+    bounds = wishes.bounds or box_of(fields.first)
+    check_inside(fields.first, bounds)
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
     if wishes.sample_distance is not None or not volumes:
-        return Pilot(bounds, values)
+        return Pilot(bounds, fields.ranges)
     from render import choose_sample_distance
 
-    variations = wishes.variations or ()
+    variations = [v for v in wishes.variations or () if v.kind != "field"]  # nothing is in common between fields
     cameras = cameras_around(bounds, wishes.views or ViewPlan())
     measured = _measured(volumes, variations)
-    chosen = {a.name: choose_sample_distance(grid, a, cameras, target_decibels(wishes)) for a in measured}
+    target = target_decibels(wishes)
+    chosen = {a.name: choose_sample_distance(fields.shown_by(a), a, cameras, target) for a in measured}
     by = {a.name: _stand_in(a.name, list(chosen), variations) for a in volumes}
     finest = {name: min((chosen[other] for other in others), key=lambda c: c.distance) for name, others in by.items()}
     return Pilot(
         bounds,
-        values,
+        fields.ranges,
         {name: float(c.distance) for name, c in finest.items()},
         {name: round(min(float(c.decibels), BEST_DECIBELS), 2) for name, c in finest.items()},
     )
@@ -151,15 +159,16 @@ def _stand_in(name: str, measured: Sequence[str], variations: Sequence[Variation
 
 
 def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
-    """One pilot for all: the box around their boxes, the widest range, the finest sample distance."""
+    """One pilot for all: the box around their boxes, the widest ranges, the finest sample distances."""
     boxes = np.array([p.bounds for p in pilots])  # [K, 2, 3]
+    ends = {field: np.array([p.ranges[field] for p in pilots]) for field in pilots[0].ranges}  # [K, 2] each
     finest = {
         name: min(range(len(pilots)), key=lambda i, name=name: pilots[i].distances[name])  # type: ignore[misc]
         for name in pilots[0].distances
     }
     return Pilot(
         checked_box((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0))),
-        (min(p.values[0] for p in pilots), max(p.values[1] for p in pilots)),
+        {field: (float(of[:, 0].min()), float(of[:, 1].max())) for field, of in ends.items()},
         {name: pilots[i].distances[name] for name, i in finest.items()},
         {name: pilots[i].decibels[name] for name, i in finest.items()},
     )
@@ -173,6 +182,7 @@ def check_complete(wishes: Wishes) -> tuple[ParameterSpace, tuple[Appearance, ..
             f"a new catalog needs {missing}=, because what is fixed for the ensemble cannot come from its first member "
             "(`insitu probe` suggests a transfer function)"
         )
+    check_fields(wishes.appearances)
     if isinstance(wishes.sample_distance, Mapping):
         _given_distances(wishes.sample_distance, wishes.appearances)
     return wishes.space, wishes.appearances
@@ -186,7 +196,7 @@ def plan_catalog(pilot: Pilot, wishes: Wishes) -> CatalogPlan:
         **wishes.provenance,
         "bounds_from": "given" if wishes.bounds else "pilot members",
         "software": _software(),
-        "value_range": list(value_range(appearances, pilot.values)),
+        **_value_ranges(pilot, appearances),
     }
     if wishes.sample_distance is not None:
         provenance["sample_distances"] = _given_distances(wishes.sample_distance, appearances)
@@ -204,6 +214,19 @@ def plan_catalog(pilot: Pilot, wishes: Wishes) -> CatalogPlan:
         provenance=provenance,
         variations=wishes.variations or (),
     )
+
+
+def _value_ranges(pilot: Pilot, appearances: Sequence[Appearance]) -> dict[str, Any]:
+    """What a plan records of the ensemble's fixed range of values, or of the range of each of several fields."""
+    shown = shown_fields(appearances)
+    by = {f: list(value_range([a for a in appearances if field_of(a) == f], pilot.ranges[f])) for f in shown}
+    return {"value_ranges": by} if len(by) > 1 else {"value_range": next(iter(by.values()))}
+
+
+def value_range_of(plan: CatalogPlan, field: str) -> tuple[float, float]:
+    """The ensemble's fixed range of values of a field."""
+    low, high = plan.provenance["value_ranges"][field] if len(plan.fields) > 1 else plan.provenance["value_range"]
+    return low, high
 
 
 def target_decibels(wishes: Wishes) -> float:

@@ -15,29 +15,42 @@ from insitu.simulations import Field, simulation
 
 @dataclass(frozen=True)
 class SimulationSource:
-    """Runs a bundled simulation for each member, in the worker that renders it."""
+    """Runs a bundled simulation for each member, in the worker that renders it.
+
+    `fields` names what is taken of it; () stands for its first field, and is not recorded.
+    """
 
     name: str
     resolution: int
     time: float
     dear: bool = True
+    fields: tuple[str, ...] = ()
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        return {"kind": "simulation", "simulation": self.name, "resolution": self.resolution, "time": self.time}
+        known = {"kind": "simulation", "simulation": self.name, "resolution": self.resolution, "time": self.time}
+        return {**known, "fields": list(self.fields)} if self.fields else known
 
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Field:
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What `field` returns for each member."""
+        return self.fields or simulation(self.name).fields[:1]
+
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
         found = simulation(self.name)
-        return found.run(member.parameters, resolution=self.resolution, time=self.time, progress=progress)
+        return found.run_fields(
+            member.parameters, fields=self.names, resolution=self.resolution, time=self.time, progress=progress
+        )
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """What a scene asks for: its members, their parameters' space, and the source of their fields."""
+    """What a scene asks for: its members, their parameters' space, the source of their fields and the names of these."""
 
     space: ParameterSpace
     members: Sequence[PlannedMember]
     source: FieldSource
+    fields: tuple[str, ...]
 
 
 def ensemble_of(scene: Scene) -> Ensemble:
@@ -47,23 +60,43 @@ def ensemble_of(scene: Scene) -> Ensemble:
     """
     table = dict(scene.source)
     kind = table.pop("kind")
-    known = {"simulation": {"simulation", "resolution", "time"}, "hdf5": {"path", "dataset"}}[kind]
+    needed, more = {
+        "simulation": ({"simulation", "resolution", "time"}, {"fields"}),
+        "hdf5": ({"path"}, {"dataset", "fields"}),
+    }[kind]
+    known = needed | more
     unknown = sorted(set(table) - known)
     if unknown:
         raise ValueError(
             f"scene {scene.path}: source of kind {kind} has unknown keys {unknown}; known are {sorted(known)}"
         )
-    if kind == "hdf5":
-        stored = Hdf5Ensemble.open(scene.data_path(), table.get("dataset", "field"))
-        return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), Hdf5Source(stored))
-    missing = sorted(known - set(table))
+    missing = sorted(needed - set(table))
     if missing:
-        raise ValueError(f"scene {scene.path}: source of kind simulation lacks {missing}")
+        raise ValueError(f"scene {scene.path}: source of kind {kind} lacks {missing}")
+    fields = _names(scene, table.get("fields", []))
+    if kind == "hdf5":
+        if "dataset" in table and fields:
+            raise ValueError(
+                f"scene {scene.path}: fields name the data sets of the file, several or one: leave dataset out"
+            )
+        stored = Hdf5Ensemble.open(scene.data_path(), fields or (table.get("dataset", "field"),))
+        members = stored.members(scene.validation_members, scene.seed)
+        return Ensemble(stored.space, members, Hdf5Source(stored), stored.datasets)
     found = simulation(table["simulation"])
     if set(found.parameters) != set(scene.space.names):
         raise ValueError(
             f"scene {scene.path}: simulation {found.name} takes the parameters {list(found.parameters)}, "
             f"the scene has {list(scene.space.names)}"
         )
-    source = SimulationSource(found.name, int(table["resolution"]), float(table["time"]))
-    return Ensemble(scene.space, scene.members, source)
+    try:
+        found.check_fields(fields or found.fields[:1])
+    except ValueError as error:
+        raise ValueError(f"scene {scene.path}: source.{error}") from None
+    source = SimulationSource(found.name, int(table["resolution"]), float(table["time"]), fields=fields)
+    return Ensemble(scene.space, scene.members, source, source.names)
+
+
+def _names(scene: Scene, fields: Any) -> tuple[str, ...]:
+    if not isinstance(fields, list) or not all(isinstance(name, str) and name for name in fields):
+        raise ValueError(f"scene {scene.path}: source.fields must be a list of names, got {fields!r}")
+    return tuple(fields)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,18 +54,21 @@ class Suggestion:
 
     def toml(self) -> str:
         """The `[[appearance]]` table of a scene, ready to paste."""
-        function = self.appearance.transfer_function
+        function, field = self.appearance.transfer_function, self.appearance.field
+        named = f"field = {json.dumps(field, ensure_ascii=False)}\n" if field else ""
         colors = "\n".join("    " + str(list(p)) + "," for p in function.color_points)
         opacities = "\n".join("    " + str(list(p)) + "," for p in function.opacity_points)
         return (
-            f'[[appearance]]\nkind = "volume"\nname = "{self.appearance.name}"\n\n[appearance.transfer_function]\n'
+            f'[[appearance]]\nkind = "volume"\nname = "{self.appearance.name}"\n{named}\n[appearance.transfer_function]\n'
             f"opacity_unit_distance = {function.opacity_unit_distance}\n"
             f"# value, red, green, blue\ncolor_points = [\n{colors}\n]\n"
             f"# value, opacity per unit distance\nopacity_points = [\n{opacities}\n]\n"
         )
 
 
-def suggest(probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: float = TARGET_ALPHA) -> Suggestion:
+def suggest(
+    probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: float = TARGET_ALPHA, field: str = ""
+) -> Suggestion:
     """A transfer function that leaves commonplace values transparent and rare ones visible through the depth.
 
     A value is as common as in the member that has most of it: what is mere background in one member must not fill its
@@ -76,6 +80,8 @@ def suggest(probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: fl
     volume rendering", absorption only), so one picture serves all distances.
 
     What it cannot know: which values matter to you. It is a start to edit, not an answer.
+
+    `field` is the name of the one that was looked at, where members have several.
 
     Raises ValueError where `alpha` is not between 0 and 1.
     """
@@ -94,7 +100,8 @@ def suggest(probe: Probe, grids: Sequence[Grid], *, name: str = "dvr", alpha: fl
     size = float(np.linalg.norm(np.subtract(*bounds)))
 
     def appearance(unit_distance: float) -> VolumeRendering:
-        return VolumeRendering(name, TransferFunction(color_points, opacity_points, _rounded(unit_distance, 3)))
+        function = TransferFunction(color_points, opacity_points, _rounded(unit_distance, 3))
+        return VolumeRendering(name, function, field=field)
 
     thin = appearance(size)
     depths = [-np.log1p(-np.minimum(a, 1.0 - 1e-6)) * size for a in _alphas(grids, thin, bounds)]

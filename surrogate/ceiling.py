@@ -20,17 +20,15 @@ from catalogs.catalog import Catalog, Member
 from catalogs.variations import Variation
 from surrogate.canonical import canonical_stage
 from surrogate.checkpoints import fingerprint
-from surrogate.data import ImageRow, foreground_color, load_examples, middle
+from surrogate.data import ImageRow, load_examples, middle
 from surrogate.device import chosen
-from surrogate.gaussians import Gaussians
-from surrogate.initialize import Points, initial_gaussians
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.progress import ProgressReport, TrainingProgress
 from surrogate.provenance import commit, machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.scoring import Case, Scored, Scorer, compare, mean
 from surrogate.settings import TrainingSettings
-from surrogate.source import COLOR_SAMPLES, Source
+from surrogate.source import Source
 from surrogate.stage_run import StageRun, TrainingData
 from surrogate.threads import one_torch_thread
 
@@ -48,12 +46,10 @@ class Subject:
     variation: Variation | None = None
 
     @property
-    def varied(self) -> dict[str, float]:
+    def varied(self) -> dict[str, float | str]:
         """Its visualization parameters by name; none for the base."""
         setting = None if self.variation is None else self.variation.setting(self.appearance)
-        if self.variation is None or setting is None:
-            return {}
-        return dict(zip(self.variation.space.names, setting.values, strict=True))
+        return {} if self.variation is None or setting is None else self.variation.asked(setting)
 
     def cases(self) -> list[Case]:
         """Its images at test views."""
@@ -186,7 +182,8 @@ def _fitted_alone(
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
     examples = load_examples(catalog, rows, source.normalization)
     data = TrainingData(examples, (), catalog.plan.background)
-    gaussians = _start(settings, source, subject, data).to(chosen(settings.device))
+    gaussians = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
+    gaussians = gaussians.to(chosen(settings.device))
     run = StageRun(canonical_stage(gaussians, settings), settings, data)
     while run.step < run.stage.steps:
         report(subject.appearance, run.advance())
@@ -201,16 +198,6 @@ def _fitted_alone(
         "machine": machine(),
         "commit": commit(),
     }
-
-
-def _start(settings: TrainingSettings, source: Source, subject: Subject, data: TrainingData) -> Gaussians:
-    """Where the surrogate's Gaussians start too; their colours are those of the base only where that is shown."""
-    points = source.points
-    if points is not None and subject.variation is not None:
-        points = Points(points.places, None)
-    box = source.normalization.points(source.catalog.plan.bounds)  # [2, 3]
-    some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
-    return initial_gaussians(settings, box, points, foreground_color(some, data.background))
 
 
 def _compared(still: DeformedGaussians, case: Case, catalog: Catalog) -> Scored:

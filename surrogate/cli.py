@@ -327,12 +327,14 @@ def _dataset_seconds(folder: Path) -> float | None:
         return None
 
 
-def _assignment(text: str) -> tuple[str, float]:
-    name, sign, value = text.partition("=")
+def _assignment(text: str) -> tuple[str, float | str]:
+    from catalogs.variations import APPEARANCE
+
+    name, sign, value = (part.strip() for part in text.partition("="))
     try:
         if not sign:
             raise ValueError
-        return name.strip(), float(value)
+        return name, value if name == APPEARANCE else float(value)
     except ValueError:
         raise _Failure(f"parameters are given as NAME=VALUE, got {text!r}") from None
 

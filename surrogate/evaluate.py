@@ -40,6 +40,7 @@ __all__ = [
     "BaselineResult",
     "Evaluation",
     "evaluate",
+    "images_of_cells",
     "mean",
     "targets_of",
 ]
@@ -86,15 +87,7 @@ class Evaluation:
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the images of `catalog` that it was made for."""
     appearance, perceptual = str(surrogate.training["appearance"]), PerceptualMetrics.load()
-    chosen = {
-        views: {
-            parameters: targets_of(catalog, appearance, PARAMETERS[parameters], VIEWS[views])
-            for parameters in PARAMETERS
-        }
-        for views in VIEWS
-    }
-    for views in VIEWS:
-        chosen[views]["seen_parameters"] = _some(chosen[views]["seen_parameters"], MOST_IMAGES)
+    chosen = images_of_cells(catalog, appearance)
     watched = targets_of(catalog, appearance, ("validation",), ("train", "validation"))
     watched = watched or targets_of(catalog, appearance, ("train",), ("validation",))
     judged = _some(watched, MOST_IMAGES)
@@ -118,6 +111,19 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
         ],
         perceptual.unavailable,
     )
+
+
+def images_of_cells(catalog: Catalog, appearance: str) -> dict[str, dict[str, list[Case]]]:
+    """The images that a surrogate is judged by, by row of `VIEWS` and column of `PARAMETERS`; no choice may be made on them."""
+    most = {"seen_parameters": MOST_IMAGES}
+    found = {
+        views: {
+            parameters: targets_of(catalog, appearance, PARAMETERS[parameters], VIEWS[views])
+            for parameters in PARAMETERS
+        }
+        for views in VIEWS
+    }
+    return {v: {p: _some(cases, most.get(p, len(cases))) for p, cases in row.items()} for v, row in found.items()}
 
 
 def targets_of(

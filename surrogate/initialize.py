@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.appearance import VolumeRendering
+from catalogs.appearance import VolumeRendering, field_of
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.sampling import generator
@@ -29,14 +29,15 @@ def initial_points(
 ) -> Points | None:
     """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
 
-    Their colours are those of the transfer function, where `appearance` has one.  Raises ValueError where
-    `settings.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
+    They are of the field that `appearance` shows.  Their colours are those of the transfer function, where it has one.  Raises
+    ValueError where `settings.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
     """
     if settings.initialization == "random":
         return None
     if settings.initialization in ("hull", "sfm"):
         return _from_pictures(settings, catalog, appearance, normalization)
-    summaries = [m.summary() for m in catalog.members if m.split == "train"]
+    shown = next(a for a in catalog.plan.appearances if a.name == appearance)
+    summaries = [m.summary(field_of(shown)) for m in catalog.members if m.split == "train"]
     kept = [s for s in summaries if s is not None and len(s.points)]
     if not kept and settings.initialization == "in-situ":
         raise ValueError(
@@ -46,7 +47,6 @@ def initial_points(
     if not kept:
         return None
     places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
-    shown = next(a for a in catalog.plan.appearances if a.name == appearance)
     if not isinstance(shown, VolumeRendering):
         return Points(places, None)
     return Points(places, shown.transfer_function.colors(np.concatenate([s.point_values for s in kept])))
@@ -60,7 +60,7 @@ def _from_pictures(
     from surrogate.initialization.pictures import representative_member
     from surrogate.initialization.structure_from_motion import structure_from_motion_points
 
-    member = representative_member(catalog)
+    member = representative_member(catalog, appearance)
     if settings.initialization == "sfm":
         return structure_from_motion_points(catalog, member, appearance, normalization, seed=settings.seed)
     random = generator(settings.seed, "hull")

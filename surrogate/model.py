@@ -26,7 +26,8 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
 from surrogate.visualization import Visualization
 
-SCHEMA = 3  # 1 had no encodings, 2 no visualization parameters
+SCHEMA = 4  # 1 had no encodings, 2 no visualization parameters, 3 no fields
+WITHOUT_FIELDS = 3
 TENSORS, RECORD = "model.safetensors", "model.json"
 SEPARATOR = "/"  # between the name of an encoded tensor and that of its part
 
@@ -39,7 +40,7 @@ class DeformedGaussians:
     """
 
     gaussians: Gaussians  # in normalized coordinates
-    parameters: Mapping[str, float]  # those of the simulation, and of the visualization where they were given
+    parameters: Mapping[str, float | str]  # those of the simulation, and of the visualization where they were given
     normalization: Normalization
     rasterizer: Rasterizer
 
@@ -75,7 +76,8 @@ class DeformedGaussians:
         return len(self.gaussians)
 
     def __repr__(self) -> str:
-        at = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
+        values = {name: f"{v:g}" if not isinstance(v, str) else repr(v) for name, v in self.parameters.items()}
+        at = ", ".join(f"{name}={value}" for name, value in values.items())
         return f"<DeformedGaussians at {at or 'no parameters'}: {len(self):,} Gaussians>"
 
 
@@ -85,6 +87,8 @@ class Surrogate:
 
     >>> picture = Surrogate.load("runs/tgv-dvr/surrogate").at(Re=1830.0).render(camera)   # doctest: +SKIP
     >>> picture = Surrogate.load("runs/tgv-iso/surrogate").at(Re=1830.0, isovalue=5.5).render(camera)   # doctest: +SKIP
+    >>> surrogate = Surrogate.load("runs/tiny-fields/surrogate")   # doctest: +SKIP
+    >>> picture = surrogate.at(Re=1830.0, appearance="speed-dvr").render(camera)   # doctest: +SKIP
 
     Attributes
     ----------
@@ -96,7 +100,7 @@ class Surrogate:
     background : the colour behind the volume in the images it was trained on; None where they had alpha.
     encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
         are what these decode to.  One that was replaced since is stored as it is.
-    visualizations : how it follows an isovalue or a transfer function as well.
+    visualizations : how it follows an isovalue or a transfer function as well, and shows other fields.
     training : how it came to be: `seconds`, `steps`, `settings`, `curve`, `appearance`, `fingerprint`.
     """
 
@@ -110,25 +114,26 @@ class Surrogate:
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
     visualizations: tuple[Visualization, ...] = ()
 
-    def at(self, **parameters: float) -> DeformedGaussians:
+    def at(self, **parameters: float | str) -> DeformedGaussians:
         """The ensemble at `parameters`, those of the simulation all by name, in their units.
 
         Without more it looks as the base appearance does.  The visualization parameters of one variation may follow, all of
-        them: an `isovalue`, or the displacements of the base transfer function's inner control points (those left out are
-        zero); `under` takes any other transfer function.
+        them: an `isovalue`; the displacements of the base transfer function's inner control points (those left out are
+        zero), beside which `under` takes any other transfer function; or the name of another `appearance` that was learnt, such
+        as one of another field.
 
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
         bounds.
         """
         varied = {n: v for n, v in parameters.items() if n in self.visualization_names}
-        values = self.space.values({n: v for n, v in parameters.items() if n not in varied})  # [P]
-        normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
-        named = dict(zip(self.space.names, values.tolist(), strict=True))
+        values = self.space.values({n: v for n, v in parameters.items() if n not in varied})  # type: ignore[misc]  # [P]
+        normalized, named = self._placed(values)
         with torch.no_grad():
             if varied:
-                visualization, more = self._varied(varied)  # [V]
-                named |= dict(zip(visualization.variation.space.names, more.tolist(), strict=True))
-                place = torch.from_numpy(visualization.variation.normalize(more.tolist())).to(torch.float32)  # [V]
+                visualization = self._varying(varied)
+                more = visualization.variation.values_of(varied)  # [V]
+                named |= dict.fromkeys(visualization.variation.asked_names, 0.0) | varied
+                place = torch.from_numpy(visualization.variation.normalize(more)).to(torch.float32)  # [V]
                 both = torch.cat([normalized, place])  # [P + V]
                 deformed = visualization.gaussians_at(self.gaussians, self.deformation, both)
             else:
@@ -141,8 +146,7 @@ class Surrogate:
         What the training functions did not show is a guess.  Raises ValueError where the surrogate
         knows no field values (it then learnt transfer functions by their displacements, or none), or as `at` does.
         """
-        values = self.space.values(parameters)  # [P]
-        normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
+        normalized, named = self._placed(self.space.values(parameters))
         known = [v for v in self.visualizations if v.variation.kind == "transfer_function"]
         if not known:
             raise ValueError(
@@ -150,20 +154,23 @@ class Surrogate:
             )
         with torch.no_grad():
             deformed = known[0].under(self.gaussians, self.deformation, normalized, transfer_function)
-        named = dict(zip(self.space.names, values.tolist(), strict=True))
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
 
     @property
     def visualization_names(self) -> tuple[str, ...]:
         """The visualization parameters that `at` takes."""
-        return tuple(name for v in self.visualizations for name in v.variation.space.names)
+        return tuple(name for v in self.visualizations for name in v.variation.asked_names)
 
-    def _varied(self, parameters: Mapping[str, float]) -> tuple[Visualization, NDArray[np.float64]]:
-        """The variation that has all these parameters, and its values (V,)."""
+    def _placed(self, values: NDArray[np.float64]) -> tuple[torch.Tensor, dict[str, float | str]]:
+        """Simulation parameters (P,) as the deformation takes them, (P,) float32, and by name."""
+        normalized = torch.from_numpy(self.space.normalize(values)).to(torch.float32)  # [P]
+        return normalized, dict(zip(self.space.names, values.tolist(), strict=True))
+
+    def _varying(self, parameters: Mapping[str, float | str]) -> Visualization:
+        """That whose variation has all these parameters."""
         for visualization in self.visualizations:
-            space = visualization.variation.space
-            if set(parameters) <= set(space.names):
-                return visualization, space.values(dict.fromkeys(space.names, 0.0) | dict(parameters))
+            if set(parameters) <= set(visualization.variation.asked_names):
+                return visualization
         raise ValueError(f"parameters {sorted(parameters)} belong to different variations: set those of one")
 
     def to(self, device: str | torch.device) -> Surrogate:
@@ -198,7 +205,7 @@ class Surrogate:
         content = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
         durable.replace(directory / TENSORS, content)
         record = {
-            "schema": SCHEMA,
+            "schema": SCHEMA if any(v.variation.kind == "field" for v in self.visualizations) else WITHOUT_FIELDS,
             "tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()},
             "encodings": forms,
             "parameters": self.space.to_json(),
@@ -275,8 +282,11 @@ class Surrogate:
         return found, forms
 
     def _following(self) -> str:
-        kinds = [v.variation.kind.replace("_", " ") for v in self.visualizations]
-        return f"any {' and '.join(kinds)}, " if kinds else ""
+        variations = [v.variation for v in self.visualizations]
+        kinds = [v.kind.replace("_", " ") for v in variations if v.kind != "field"]
+        others = [s.appearance for v in variations if v.kind == "field" for s in v.settings]
+        following = f"any {' and '.join(kinds)}, " if kinds else ""
+        return following + (f"also as {', '.join(others)}, " if others else "")
 
     def __repr__(self) -> str:
         bounds = ", ".join(f"{p.name} {p.low:g}..{p.high:g} {p.unit}".strip() for p in self.space.parameters)

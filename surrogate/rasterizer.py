@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import torch
@@ -44,6 +44,10 @@ class Rasterizer:
             alpha_cap=settings.alpha_cap,
             backend=settings.backend,
         )
+
+    def for_any_device(self) -> Rasterizer:
+        """The same, which draws also what has left the GPU, as a model does that is stored."""
+        return replace(self, backend=AUTO) if self.backend == "cuda" else self
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Rendering:
         """Premultiplied colour (H, W, 3) and alpha (H, W) of `gaussians`; `camera` in their coordinates."""

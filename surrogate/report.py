@@ -18,6 +18,9 @@ from surrogate.evaluate import VERSION, Evaluation
 from surrogate.model import Surrogate
 from surrogate.perceptual import PerceptualMetrics
 from surrogate.provenance import commit, machine
+from surrogate.repeats.records import Scores, scores_beside
+from surrogate.repeats.spread import summarize_repeats
+from surrogate.repeats.table import repeats_section
 from surrogate.report_tables import cell_table, cell_tables, number, perceptual_remarks, row, table, timing_row, timings
 from surrogate.report_variations import summarize_variation, variation_section
 from surrogate.scoring import METRICS, VIEWS, Scored, mean
@@ -25,16 +28,22 @@ from surrogate.scoring import METRICS, VIEWS, Scored, mean
 RECORD = "report.json"
 
 
-def fingerprint(surrogate: Surrogate, unavailable: Iterable[str], ceilings: Sequence[Mapping[str, Any]] = ()) -> str:
-    """Changes when the model, its catalog, the evaluation's code version, the ceilings or the metrics that can't be had do."""
+def fingerprint(
+    surrogate: Surrogate,
+    unavailable: Iterable[str],
+    ceilings: Sequence[Mapping[str, Any]] = (),
+    repeats: Sequence[Scores] = (),
+) -> str:
+    """Changes when the model, its catalog, the evaluation's code version, metrics that can't be had, or what stands beside do."""
     training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in ceilings]
-    return ":".join([str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable), *limits])
+    seeds = [f"{scores.seed}={scores.fingerprint}" for scores in repeats if len(repeats) > 1]
+    marks = [str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable), *limits, *seeds]
+    return ":".join(marks)
 
 
-def ceilings_of(run: Path, surrogate: Surrogate) -> list[dict[str, Any]]:
-    """What `surrogate ceiling` measured in the folder `run` beside exactly this surrogate; nothing where it did not."""
+def ceilings_beside(run: Path, mark: str) -> list[dict[str, Any]]:
+    """What `surrogate ceiling` measured in the folder `run` beside the surrogate of fingerprint `mark`; maybe nothing."""
     entries = (load_ceiling(run / CEILING) or {"entries": []})["entries"]
-    mark = surrogate.training["fingerprint"]
     return [e for e in entries if e["surrogate"] is not None and e["surrogate"]["fingerprint"] == mark]
 
 
@@ -44,8 +53,9 @@ def is_current(directory: Path, surrogate: Surrogate) -> bool:
         record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    current = fingerprint(surrogate, PerceptualMetrics.load().unavailable, ceilings_of(directory.parent, surrogate))
-    return bool(record.get("fingerprint") == current)
+    run, mark = directory.parent, surrogate.training["fingerprint"]
+    beside = ceilings_beside(run, mark), scores_beside(run, mark)
+    return bool(record.get("fingerprint") == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))
 
 
 def write_report(
@@ -58,8 +68,15 @@ def write_report(
     dataset_seconds: float | None = None,
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents."""
-    ceilings = ceilings_of(directory.parent, surrogate)
-    record = summarize(scene, surrogate, evaluation, dataset_seconds=dataset_seconds, ceilings=ceilings)
+    run, mark = directory.parent, surrogate.training["fingerprint"]
+    record = summarize(
+        scene,
+        surrogate,
+        evaluation,
+        dataset_seconds=dataset_seconds,
+        ceilings=ceilings_beside(run, mark),
+        repeats=scores_beside(run, mark),
+    )
     directory.parent.mkdir(parents=True, exist_ok=True)
     durable.remove_abandoned(directory.parent)
     partial = durable.partial_name(directory)
@@ -87,6 +104,7 @@ def summarize(
     *,
     dataset_seconds: float | None,
     ceilings: Sequence[Mapping[str, Any]] = (),
+    repeats: Sequence[Scores] = (),
 ) -> dict[str, Any]:
     """The contents of `report.json`; null where the data set has no such images."""
     unseen = {v: {"unseen_parameters": evaluation.cells[v]["unseen_parameters"]} for v in VIEWS}
@@ -95,7 +113,7 @@ def summarize(
         "commit": commit(),
         "machine": machine(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "fingerprint": fingerprint(surrogate, evaluation.unavailable, ceilings),
+        "fingerprint": fingerprint(surrogate, evaluation.unavailable, ceilings, repeats),
         "seed": surrogate.training["settings"]["seed"],
         "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
         "model_megabytes": surrogate.megabytes,
@@ -115,6 +133,7 @@ def summarize(
             for result in evaluation.baselines
         ],
         "ceilings": [dict(entry) for entry in ceilings],
+        "repeats": summarize_repeats(repeats),
         "variations": [summarize_variation(v) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),
         "settings": surrogate.training["settings"],
@@ -150,6 +169,7 @@ def _page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         *_baseline_table(record),
         "",
         *_ceiling_section(record),
+        *repeats_section(record["repeats"], record["scene"]),
         "## How fast, how large",
         "",
         *_cost_table(record),

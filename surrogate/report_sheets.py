@@ -85,6 +85,7 @@ def _outline(top: int, left: int, size: int) -> Any:
     return Rectangle((left - 0.5, top - 0.5), size, size, fill=False, edgecolor="tab:red", linewidth=0.8)
 
 
-def _place(parameters: Mapping[str, float]) -> str:
-    at = [f"{name} = {value:.4g}" for name, value in parameters.items()]
+def _place(parameters: Mapping[str, float | str]) -> str:
+    values = {name: value if isinstance(value, str) else f"{value:.4g}" for name, value in parameters.items()}
+    at = [f"{name} = {value}" for name, value in values.items()]
     return "\n".join(["truth", *(", ".join(at[i : i + 2]) for i in range(0, len(at), 2))])

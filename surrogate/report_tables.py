@@ -54,6 +54,14 @@ def metric_number(metric: str, value: float | None) -> str:
     return number(value, 2 if metric in DECIBELS else 4)
 
 
+def spread_number(metric: str, spread: Mapping[str, float | None] | None) -> str:
+    """The mean of a metric over seeds and its standard deviation, as tables show them."""
+    if spread is None or spread["mean"] is None:
+        return NOTHING
+    mean, deviation = (metric_number(metric, value) for value in (spread["mean"], spread["deviation"]))
+    return mean if spread["deviation"] is None else f"{mean} ± {deviation}"
+
+
 def timings(milliseconds: Mapping[str, Milliseconds]) -> dict[str, Any]:
     """The median of everything that was measured, and its lowest and highest."""
     return {

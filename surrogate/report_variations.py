@@ -1,4 +1,7 @@
-"""The part of a report about visualization parameters: how unseen isovalues or transfer functions fare beside seen ones."""
+"""The part of a report about visualization parameters: how unseen isovalues or transfer functions fare beside seen ones.
+
+Of other fields there are no unseen ones: they are all seen.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from surrogate.report_tables import (
 from surrogate.scoring import PARAMETERS, Scored, mean
 from surrogate.varied_evaluation import VALIDATION, SettingBaseline, VariedEvaluation
 
-NAMES = {"isovalue": "isovalues", "transfer_function": "transfer functions"}
+NAMES = {"isovalue": "isovalues", "transfer_function": "transfer functions", "field": "other fields"}
 COLUMNS = (*PARAMETERS, VALIDATION)
 
 
@@ -49,7 +52,8 @@ def summarize_variation(evaluation: VariedEvaluation) -> dict[str, Any]:
 def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> list[str]:
     """Lines of Markdown from a `summarize_variation` record."""
     names = NAMES[record["kind"]]
-    validation = record["validation"]
+    if record["kind"] == "field":
+        return _field_section(record, names, unavailable)
     return [
         f"## Unseen {names}",
         "",
@@ -59,8 +63,7 @@ def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> 
         *cell_table(record, (names, "parameters"), also=("covered",)),
         *perceptual_remarks(record, dict.fromkeys(unavailable, "the reason stands above")),
         "",
-        f"Validation ({validation['images']} images of validation members and {names}): {number(validation['psnr'])} dB, "
-        f"SSIM {number(validation['ssim'], 4)}.",
+        _validation(record, f"validation members and {names}"),
         "",
         f"Beside trivial predictors of unseen {names}:",
         "",
@@ -68,19 +71,54 @@ def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> 
         "",
         *_setting_table(record),
         "",
-        *table(
-            ("", ""),
-            [
-                timing_row(record, "visualization_change", f"a change of the {record['kind'].replace('_', ' ')}"),
-                timing_row(record, "view_change", "a view change after it"),
-            ],
-        ),
+        *_timing_table(record),
         "",
     ]
 
 
+def _field_section(record: Mapping[str, Any], names: str, unavailable: Iterable[str]) -> list[str]:
+    """All of them were learnt, so there is nothing to compare with."""
+    seen = {**record, "images": {"seen_settings": record["images"]["seen_settings"]}}
+    shown = ", ".join(f"`{setting['name']}`" for setting in record["settings"])
+    return [
+        f"## {_capital(names)}",
+        "",
+        f"Shown instead of the appearance `{record['base']}`: {shown}.  At unseen views; F_vis is of kind {record['deformation']}.",
+        "",
+        *cell_table(seen, (names, "parameters"), also=("covered",)),
+        *perceptual_remarks(record, dict.fromkeys(unavailable, "the reason stands above")),
+        "",
+        _validation(record, "validation members"),
+        "",
+        *_setting_table(record),
+        "",
+        *_timing_table(record),
+        "",
+    ]
+
+
+def _validation(record: Mapping[str, Any], what: str) -> str:
+    found = record["validation"]
+    return (
+        f"Validation ({found['images']} images of {what}): {number(found['psnr'])} dB, SSIM {number(found['ssim'], 4)}."
+    )
+
+
+def _timing_table(record: Mapping[str, Any]) -> list[str]:
+    change = f"a change of the {record['kind'].replace('_', ' ')}"
+    return table(
+        ("", ""),
+        [
+            timing_row(record, "visualization_change", change),
+            timing_row(record, "view_change", "a view change after it"),
+        ],
+    )
+
+
 def variation_line(record: Mapping[str, Any]) -> str:
     """The variation in one line, for a terminal."""
+    if record["kind"] == "field":
+        return _field_line(record)
     unseen = {m: record[m]["unseen_settings"]["unseen_parameters"] for m in ("psnr", "ssim")}
     if unseen["psnr"] is None:
         return f"{NAMES[record['kind']]}: no unseen ones at unseen parameters"
@@ -88,6 +126,13 @@ def variation_line(record: Mapping[str, Any]) -> str:
     behind = record["behind"]["unseen_parameters"]
     beside = "" if behind is None else f"   ({_signed(behind)} seen ones)"
     return f"{label:<38} {unseen['psnr']:6.2f} dB   SSIM {unseen['ssim']:.4f}{beside}"
+
+
+def _field_line(record: Mapping[str, Any]) -> str:
+    seen = {m: record[m]["seen_settings"]["unseen_parameters"] for m in ("psnr", "ssim")}
+    if seen["psnr"] is None:
+        return f"{NAMES['field']}: none at unseen parameters"
+    return f"{NAMES['field'] + ', unseen parameters':<38} {seen['psnr']:6.2f} dB   SSIM {seen['ssim']:.4f}"
 
 
 def _summarize_baseline(baseline: SettingBaseline, evaluation: VariedEvaluation) -> dict[str, Any]:
@@ -186,11 +231,13 @@ def _remark(shown: Mapping[str, Sequence[int]], trained: int) -> str:
 
 
 def _setting_table(record: Mapping[str, Any]) -> list[str]:
-    """Every isovalue, in order; of transfer functions, which are many, the unseen ones."""
-    isovalues = record["kind"] == "isovalue"
-    settings = [s for s in record["settings"] if isovalues or s["split"] == "test"]
-    settings = sorted(settings, key=lambda s: s["values"]) if isovalues else settings
-    names = [parameter["name"] for parameter in record["parameters"]]
+    """Every isovalue, in order, and every field; of transfer functions, which are many, the unseen ones."""
+    kind = record["kind"]
+    settings = [s for s in record["settings"] if kind != "transfer_function" or s["split"] == "test"]
+    settings = sorted(settings, key=lambda s: s["values"]) if kind == "isovalue" else settings
+    if kind == "field":  # its name says it
+        settings = [{**setting, "values": []} for setting in settings]
+    names = [] if kind == "field" else [parameter["name"] for parameter in record["parameters"]]
     headings = [f"{what}, {c.split('_')[0]} parameters" for c in PARAMETERS for what in ("PSNR", "worst")]
     return table(("", "split", *names, *headings, "covered pixels"), map(_setting_row, settings))
 

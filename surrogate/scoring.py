@@ -38,14 +38,14 @@ class Case(Target):
     Attributes
     ----------
     appearance : which one of the member's.
-    varied : its visualization parameters by name; empty for the base appearance.
+    varied : what a surrogate is asked for by name beside the simulation's parameters; empty for the base appearance.
     """
 
     appearance: str
-    varied: Mapping[str, float] = field(default_factory=dict)
+    varied: Mapping[str, float | str] = field(default_factory=dict)
 
     @property
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, float | str]:
         """All that `Surrogate.at` must be told."""
         return {**self.member.parameters, **self.varied}
 
@@ -86,7 +86,7 @@ def mean(scored: Iterable[Scored], metric: str) -> float | None:
 
 def cases_of(
     members: Sequence[Member],
-    appearances: Mapping[str, Mapping[str, float]],
+    appearances: Mapping[str, Mapping[str, float | str]],
     member_splits: Sequence[str],
     view_splits: Sequence[str],
 ) -> list[Case]:
@@ -142,14 +142,14 @@ class Scorer:
         perceptual: PerceptualMetrics | None = None,
         *,
         most_perceptual: int = 0,
-        shown_at: Callable[[Case], dict[str, float]] = lambda case: case.parameters,
+        shown_at: Callable[[Case], dict[str, float | str]] = lambda case: case.parameters,
     ) -> list[Scored]:
         """Scores of `cases` in order, at most `most_perceptual` of them, evenly spread, by perceptual metrics too.
 
         `shown_at` says at which parameters the surrogate is to predict an image: at its own.
         """
         looked_at = set(spread(len(cases), most_perceptual)) if perceptual is not None else set()
-        groups: dict[tuple[tuple[str, float], ...], list[int]] = {}
+        groups: dict[tuple[tuple[str, float | str], ...], list[int]] = {}
         for i, case in enumerate(cases):
             groups.setdefault(tuple(shown_at(case).items()), []).append(i)
         found: dict[int, Scored] = {}

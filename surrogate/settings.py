@@ -48,7 +48,7 @@ class TrainingSettings:
     field_precision : what the "paper" design computes in per Gaussian; "bfloat16" is faster on processors that multiply in it.
     held_still : attributes of the Gaussians, of `surrogate.gaussians.NAMES`, that F_sim does not move.
     visualization_steps : length of stage 3, per variation of the appearance that the catalog has.
-    visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns isovalues ("bilinear").
+    visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns the rest ("bilinear").
     visualization_latent_size, visualization_hidden_width : as those above, of F_vis.
     visualization_color_degree : as `color_degree`, of the Gaussians that F_vis shows; "auto" lets validation images decide.
     simulation_rate_factor : what F_sim's rates are multiplied by where it is tuned along with F_vis; 0 freezes it.

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.appearance import field_of
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.data import Example, foreground_color, load_examples, training_rows, validation_rows
@@ -88,8 +89,12 @@ class Source:
 
     @property
     def histogram(self) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
-        """How often the training members' fields have which values, (K,), and the bins' edges (K + 1,); None where not known."""
-        summaries = [m.summary() for m in self.catalog.members if m.split == "train"]
+        """How often the training members have which values, (K,), and the bins' edges (K + 1,); None where not known.
+
+        Values are those of the field that the appearance shows.
+        """
+        shown = next(a for a in self.catalog.plan.appearances if a.name == self.appearance)
+        summaries = [m.summary(field_of(shown)) for m in self.catalog.members if m.split == "train"]
         known = [summary for summary in summaries if summary is not None]
         if not known:
             return None, None
@@ -100,11 +105,19 @@ class Source:
         """What Gaussians start on; None: anywhere in the box."""
         return initial_points(self.settings, self.catalog, self.appearance, self.normalization)
 
-    def initial_gaussians(self, data: TrainingData) -> Gaussians:
-        """What stage 1 starts from."""
+    def initial_gaussians(
+        self, data: TrainingData, settings: TrainingSettings | None = None, *, own_colors: bool = True
+    ) -> Gaussians:
+        """What stage 1 starts from, by the run's own settings where none are given.
+
+        Without `own_colors` all start in the mean colour of the images: the points' colours are those of the base appearance.
+        """
+        points = self.points
+        if points is not None and not own_colors:
+            points = Points(points.places, None)
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
-        return initial_gaussians(self.settings, box, self.points, foreground_color(some, data.background))
+        return initial_gaussians(settings or self.settings, box, points, foreground_color(some, data.background))
 
 
 def _shown_by(variation: Variation) -> list[str]:

@@ -27,7 +27,7 @@ class Milliseconds:
 
 
 def measure(
-    surrogate: Surrogate, parameters: Sequence[Mapping[str, float]], cameras: Sequence[Camera]
+    surrogate: Surrogate, parameters: Sequence[Mapping[str, float | str]], cameras: Sequence[Camera]
 ) -> tuple[Milliseconds, Milliseconds]:
     """Of deforming to each of the `parameters`, and of drawing each time what the camera at the same place sees."""
     changes, views = [], []

@@ -339,7 +339,7 @@ class _Run:
             deformation=fitted.deformation,
             space=plan.space,
             normalization=self._source.normalization,
-            rasterizer=Rasterizer.of(self._settings),
+            rasterizer=Rasterizer.of(self._settings).for_any_device(),
             background=plan.background,
             training={
                 "fingerprint": self._mark,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catalogs.catalog import Catalog, Member
-from catalogs.variations import Setting, Variation
+from catalogs.variations import Variation
 from surrogate.baselines.interpolation import Predictor
 from surrogate.baselines.settings import Trained, mixtures, setting_predictors
 from surrogate.model import Surrogate
@@ -79,14 +79,9 @@ def evaluate_variation(
 ) -> VariedEvaluation:
     """Score one of the surrogate's visualizations."""
     variation, members = visualization.variation, catalog.members
-    chosen = {
-        row: {
-            column: drawn_evenly(_cases(members, variation, splits, PARAMETERS[column], ("test",)))
-            for column in PARAMETERS
-        }
-        for row, splits in SETTINGS.items()
-    }
-    watched = drawn_evenly(_cases(members, variation, (VALIDATION,), (VALIDATION,), ("train", VALIDATION)))
+    chosen = images_of_varied_cells(members, variation)
+    judging = "train" if variation.kind == "field" else VALIDATION  # of fields all are learnt
+    watched = drawn_evenly(_cases(members, variation, (judging,), (VALIDATION,), ("train", VALIDATION)))
     unseen = {**chosen["unseen_settings"], VALIDATION: watched}
     total = sum(len(group) for row in chosen.values() for group in row.values()) + len(watched)
     total += len(unseen["unseen_parameters"])  # once more, at the nearest trained setting
@@ -99,12 +94,30 @@ def evaluate_variation(
         for row, groups in chosen.items()
     }
     validation = scorer.score(watched)
-    baselines = [
+    baselines = [] if variation.kind == "field" else _baselines(scorer, catalog, variation, unseen, progress)
+    milliseconds = _measure_times(surrogate, variation, members)
+    return VariedEvaluation(variation, visualization.deformation.kind, cells, validation, baselines, milliseconds)
+
+
+def _baselines(
+    scorer: Scorer, catalog: Catalog, variation: Variation, unseen: Mapping[str, Sequence[Case]], progress: Report
+) -> list[SettingBaseline]:
+    """What stored pictures and the surrogate's own make of unseen settings."""
+    return [
         *_mixture_baselines(catalog, variation, unseen, progress),
         _at_nearest(scorer, variation, unseen["unseen_parameters"]),
     ]
-    milliseconds = _measure_times(surrogate, variation, members)
-    return VariedEvaluation(variation, visualization.deformation.kind, cells, validation, baselines, milliseconds)
+
+
+def images_of_varied_cells(members: Sequence[Member], variation: Variation) -> dict[str, dict[str, list[Case]]]:
+    """The images that a visualization is judged by, at unseen views, by row of `SETTINGS` and column of `PARAMETERS`."""
+    return {
+        row: {
+            column: drawn_evenly(_cases(members, variation, splits, PARAMETERS[column], ("test",)))
+            for column in PARAMETERS
+        }
+        for row, splits in SETTINGS.items()
+    }
 
 
 def drawn_evenly(cases: Sequence[Case], most: int = MOST_VARIED) -> list[Case]:
@@ -127,13 +140,8 @@ def _cases(
     member_splits: Sequence[str],
     view_splits: Sequence[str],
 ) -> list[Case]:
-    named = {s.appearance: _named(variation, s) for s in variation.settings if s.split in setting_splits}
+    named = {s.appearance: variation.asked(s) for s in variation.settings if s.split in setting_splits}
     return cases_of(members, named, member_splits, view_splits)
-
-
-def _named(variation: Variation, setting: Setting | None) -> dict[str, float]:
-    """Visualization parameters by name, none for the base."""
-    return {} if setting is None else dict(zip(variation.space.names, setting.values, strict=True))
 
 
 def _mixture_baselines(
@@ -168,7 +176,7 @@ def _score_mixtures(
     predictors: Sequence[Predictor],
 ) -> list[Scored]:
     truth = catalog.image(case.member, case.appearance, case.view)
-    wanted = variation.normalize(list(case.varied.values()))  # [V]
+    wanted = variation.normalize(variation.values_of(case.varied))  # [V]
     pictures = mixtures(catalog, shown[case.member.name], case.member, case.view, wanted, predictors)
     return [compare(case, truth, picture, catalog.plan.background) for picture in pictures]
 
@@ -177,9 +185,9 @@ def _at_nearest(scorer: Scorer, variation: Variation, cases: Sequence[Case]) -> 
     """What one would get if F_vis said nothing between the settings that it learnt."""
     trained = Trained.of(variation)
 
-    def shown_at(case: Case) -> dict[str, float]:
-        nearest = trained.nearest(variation.normalize(list(case.varied.values())))
-        return {**case.member.parameters, **_named(variation, variation.setting(nearest))}
+    def shown_at(case: Case) -> dict[str, float | str]:
+        nearest = variation.setting(trained.nearest(variation.normalize(variation.values_of(case.varied))))
+        return {**case.member.parameters, **({} if nearest is None else variation.asked(nearest))}
 
     return SettingBaseline(AT_NEAREST, {"unseen_parameters": scorer.score(cases, shown_at=shown_at)}, {})
 
@@ -187,7 +195,7 @@ def _at_nearest(scorer: Scorer, variation: Variation, cases: Sequence[Case]) -> 
 def _measure_times(surrogate: Surrogate, variation: Variation, members: Sequence[Member]) -> dict[str, Milliseconds]:
     settings = [variation.settings[i % len(variation.settings)] for i in range(TIMED)]
     shown = [members[i % len(members)] for i in range(TIMED)]
-    rows = [{**m.parameters, **_named(variation, s)} for m, s in zip(shown, settings, strict=True)]
+    rows = [{**m.parameters, **variation.asked(s)} for m, s in zip(shown, settings, strict=True)]
     cameras = [m.cameras[i * len(m.cameras) // TIMED] for i, m in enumerate(shown)]
     change, draw = measure(surrogate, rows, cameras)
     return {"visualization_change": change, "view_change": draw}

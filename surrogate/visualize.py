@@ -1,7 +1,8 @@
 """Stage 3, F_vis: the Gaussians of F_sim follow the visualization parameters; the canonical ones are frozen.
 
 A transfer function changes only opacities and colours, and F_sim is frozen with the canonical Gaussians, so that the base stays
-what it was, bit for bit.  Isovalues turn volumes into surfaces: everything moves, and a copy of F_sim is tuned along.
+what it was, bit for bit.  Isovalues turn volumes into surfaces, and fields into other volumes: everything moves, and a copy of
+F_sim is tuned along.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ VISUALIZATION, SIMULATION = "visualization.", "simulation."
 
 def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
     """Which F_vis a variation gets; raises ValueError where what was asked for can't be had."""
-    asked = settings.visualization_deformation
+    asked, edits = settings.visualization_deformation, _edits_transfer_functions(variation)
     if asked == "auto":
-        return "values" if variation.kind == "transfer_function" else "bilinear"
-    if asked == "values" and variation.kind != "transfer_function":
+        return "values" if edits else "bilinear"
+    if asked == "values" and not edits:
         raise ValueError(
             f'training.visualization_deformation = "values" applies transfer functions, but this catalog varies the '
             f"{variation.kind} of {variation.base}"
@@ -50,21 +51,14 @@ def new_visualization(
     source : the catalog, which knows the base appearance and the field's histogram, and the settings.
     color_degree : of the Gaussians that it is to show.
     """
-    settings, plan = source.settings, source.catalog.plan
-    kind, edits = kind_of(variation, settings), variation.kind == "transfer_function"
-    degree = max(color_degree, gaussians.color_degree)
+    settings, edits = source.settings, _edits_transfer_functions(variation)
+    kind, degree = kind_of(variation, settings), max(color_degree, gaussians.color_degree)
     if kind == "values":
-        base = next(a for a in plan.appearances if a.name == variation.base)
-        if not isinstance(base, VolumeRendering):
-            raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
-        steps = [parameter.high for parameter in variation.space.parameters]
-        function = base.transfer_function
-        values = placed_values(settings.value_bins, function.bounds, *source.histogram)
-        return Visualization(variation, ValuesDeformation.create(gaussians, function, values, steps), None, degree)
+        return Visualization(variation, _applied_functions(gaussians, variation, source), None, degree)
     wide = gaussians.with_color_degree(degree)
     deformation = KINDS[kind].create(
         wide,
-        len(plan.space) + len(variation.space),
+        len(source.catalog.plan.space) + len(variation.space),
         settings.for_visualization(),
         anchored=len(variation.space) if edits else 0,
         color_columns=wide.colors.shape[1],
@@ -74,6 +68,21 @@ def new_visualization(
         deformation = deformation.without(attribute)
     tuned = None if edits or not settings.simulation_rate_factor else simulation.copy()
     return Visualization(variation, deformation.to(gaussians.means.device), tuned, degree)
+
+
+def _edits_transfer_functions(variation: Variation) -> bool:
+    """Whether only opacities and colours follow, and nothing at the base: F_sim is frozen then."""
+    return variation.kind == "transfer_function"
+
+
+def _applied_functions(gaussians: Gaussians, variation: Variation, source: Source) -> ValuesDeformation:
+    """An F_vis that applies transfer functions, from the base appearance and the field's histogram."""
+    base = next(a for a in source.catalog.plan.appearances if a.name == variation.base)
+    if not isinstance(base, VolumeRendering):
+        raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
+    steps, function = [parameter.high for parameter in variation.space.parameters], base.transfer_function
+    values = placed_values(source.settings.value_bins, function.bounds, *source.histogram)
+    return ValuesDeformation.create(gaussians, function, values, steps)
 
 
 def visualization_stage(

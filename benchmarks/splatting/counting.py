@@ -17,23 +17,21 @@ import native
 REFERENCE_LOOP = 1e9  # fused multiply-adds of one float each
 
 # (fused multiply-adds, other arithmetic instructions) per pair, in the order of the source.
-FORWARD_TERMS: Mapping[str, tuple[int, int]] = {
+_WEIGHT_TERMS: Mapping[str, tuple[int, int]] = {
     "u, v: the block's offset added": (0, 2),
     "power = peak - u u - v v": (2, 0),
     "power and transmittance compared with their floors": (0, 2),
     "exp2: fraction, polynomial of degree 5, exponent": (5, 2),
     "alpha capped": (0, 1),
     "weight = alpha transmittance": (0, 1),
+}
+FORWARD_TERMS: Mapping[str, tuple[int, int]] = {
+    **_WEIGHT_TERMS,
     "transmittance less weight": (0, 1),
     "three colors": (3, 0),
 }
 BACKWARD_TERMS: Mapping[str, tuple[int, int]] = {
-    "u, v: the block's offset added": (0, 2),
-    "power = peak - u u - v v": (2, 0),
-    "power and transmittance compared with their floors": (0, 2),
-    "exp2: fraction, polynomial of degree 5, exponent": (5, 2),
-    "alpha capped": (0, 1),
-    "weight = alpha transmittance": (0, 1),
+    **_WEIGHT_TERMS,
     "worth = color . gradient + gradient by alpha": (3, 0),
     "gain = weight worth": (0, 1),
     "transmittance less weight, what is to come less gain": (0, 2),

@@ -23,6 +23,7 @@ from benchmarks.splatting.workloads import Scene
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.scene import Scene as SceneFile
+from surrogate.ablation.pace import Pace, measured, scheduled
 from surrogate.data import ImageRow, validation_rows
 from surrogate.metrics import WHITE, composite, psnr
 from surrogate.model import DeformedGaussians, Surrogate
@@ -31,18 +32,9 @@ from surrogate.settings import TrainingSettings
 from surrogate.training import train
 
 PREFERRED, FALLBACK = "tgv-dvr", "tiny"
-BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds
-PROBE = 100  # steps between the points that the pace is taken from
+BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.ablation.clock`
+PROBE = 0.1  # of the largest budget, spent on measuring the pace first
 POINTS = 12  # of a training curve, about
-FEWEST_STEPS = 20
-
-
-class Pace(NamedTuple):
-    """Seconds before the first step, and of a step in either stage."""
-
-    start: float
-    canonical: float
-    deformation: float
 
 
 class View(NamedTuple):
@@ -55,7 +47,7 @@ class View(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model trained for about `budget` seconds."""
+    """A model trained for about `budget` seconds, by `surrogate.ablation.clock`: those of all cores together on a CPU."""
 
     budget: float
     surrogate: Surrogate
@@ -100,25 +92,23 @@ class Trained:
 
     @cached_property
     def settings(self) -> TrainingSettings:
-        """Those of the scene, without the choices that follow: what is left out here is what these tables are about."""
+        """Those of the scene for its base appearance, without the choices that follow: what is left out here is what these
+        tables are about.
+        """
         found = TrainingSettings.from_table(self.scene_file.training)
-        return replace(found, fit_to_need=False, color_degree=0 if found.color_degree == "auto" else found.color_degree)
+        degree = 0 if found.color_degree == "auto" else found.color_degree
+        return replace(found, fit_to_need=False, color_degree=degree, visualization_steps=0)
 
     @cached_property
     def pace(self) -> Pace:
         """How fast this machine trains, from a short run."""
         self.setup.say(f"{self.name}: how fast a step is")
-        steps: dict[str, Any] = {
-            "canonical_steps": 2 * PROBE,
-            "deformation_steps": 3 * PROBE,
-            "validation_interval": PROBE,
-        }
-        return pace_of(self._train(replace(self.settings, **steps)).training["curve"])
+        return measured(self.settings, self.catalog, PROBE * max(self.budgets))
 
     def fit(self, budget: float) -> Fit:
         """The model of one budget, in seconds."""
         if budget not in self.fits:
-            settings = scheduled(self.settings, budget, self.pace)
+            settings = planned(self.settings, budget, self.pace)
             self.setup.say(f"{self.name}: training for {budget:.0f} s")
             self.fits[budget] = Fit(budget, self._train(settings))
         return self.fits[budget]
@@ -174,25 +164,11 @@ def mean_decibels(surrogate: Surrogate, trained: Trained, rows: Sequence[ImageRo
     return float(np.mean(found))
 
 
-def pace_of(curve: Sequence[Mapping[str, Any]]) -> Pace:
-    """The pace of a run whose `curve` has at least two points in either stage."""
-    rates, starts = {}, {}
-    for stage in ("canonical", "deformation"):
-        first, *_, last = [(p["step"], p["seconds"]) for p in curve if p["stage"] == stage]
-        rates[stage] = (last[1] - first[1]) / (last[0] - first[0])
-        starts[stage] = first[1] - first[0] * rates[stage]
-    return Pace(max(starts["canonical"], 0.0), rates["canonical"], rates["deformation"])
-
-
-def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
-    """`settings` with as many steps as fit into `seconds`, shared out between the stages as before."""
-    share = settings.canonical_steps / (settings.canonical_steps + settings.deformation_steps)
-    per_step = share * pace.canonical + (1.0 - share) * pace.deformation
-    steps = max((seconds - pace.start) / per_step, 2 * FEWEST_STEPS)
-    canonical = max(FEWEST_STEPS, round(share * steps))
-    deformation = max(FEWEST_STEPS, round(steps - canonical))
-    interval = max(1, (canonical + deformation) // POINTS)
-    return replace(settings, canonical_steps=canonical, deformation_steps=deformation, validation_interval=interval)
+def planned(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
+    """`settings` with as many steps as fit into `seconds`, and about `POINTS` points in the curve of their training."""
+    found = scheduled(settings, seconds, pace)
+    interval = max(1, (found.canonical_steps + found.deformation_steps) // POINTS)
+    return replace(found, validation_interval=interval)
 
 
 def _now_and_then(say: Callable[[str], None]) -> Callable[[TrainingProgress], None]:

@@ -41,6 +41,7 @@ def training_time(setup: Setup, trained: Trained) -> str:
         axes.legend(loc="lower right")
     header = ["budget, s", "taken, s", "steps", "Gaussians", "MB", "validation PSNR at the end of its curve, dB"]
     described = (
-        f"Scene {trained.name}, seed {trained.settings.seed}, other settings as in scenes/{trained.name}.toml.\n\n"
+        f"Scene {trained.name}, seed {trained.settings.seed}, other settings as in scenes/{trained.name}.toml. A budget counts the "
+        "time of all cores together (on a GPU that on the wall), what was taken the time on the wall.\n\n"
     )
     return described + table([*header, f"of {len(trained.validation(JUDGED))} validation images, dB"], rows)

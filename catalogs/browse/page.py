@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import durable
-from catalogs.appearance import Appearance, Isosurface
+from catalogs.appearance import Appearance, Isosurface, field_of
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogError, CatalogPlan, Member
 
@@ -122,18 +122,21 @@ def _title(catalog: Catalog) -> str:
 def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
     said = {"name": appearance.name, "title": _appearance_title(appearance, plan)}
     setting = plan.setting(appearance.name)
-    if setting is None:
+    variation = next((v for v in plan.variations if v.setting(appearance.name) is not None), None)
+    if setting is None or variation is None or not variation.in_table:
         return said
-    kind = next(v.kind for v in plan.variations if v.setting(appearance.name) is setting)
+    kind = variation.kind
     return {**said, "group": f"{kind.replace('_', ' ')}s, {setting.split}"}
 
 
 def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:
-    """Its name and what sets it apart: an isovalue, or by how much the points of a transfer function are displaced."""
+    """Its name and what sets it apart: its field, an isovalue, or how the points of a transfer function are displaced."""
+    said = [field_of(appearance)] if field_of(appearance) else []
     if isinstance(appearance, Isosurface):
-        return f"{appearance.name} (isovalue {appearance.isovalue:g})"
-    moved = [f"{name} {value:+.3g}" for name, value in plan.varied(appearance.name).items() if value]
-    return f"{appearance.name} ({', '.join(moved)})" if moved else appearance.name
+        said.append(f"isovalue {appearance.isovalue:g}")
+    else:
+        said += [f"{name} {value:+.3g}" for name, value in plan.varied(appearance.name).items() if value]
+    return f"{appearance.name} ({', '.join(said)})" if said else appearance.name
 
 
 def _css(color: Sequence[float] | None) -> str | None:

@@ -2,12 +2,12 @@
 
 Layout (axes as numpy sees them; M members, P parameters):
 
-    field        (M, z, y, x), any real type; the dataset may have another name, given by the caller
+    field        (M, z, y, x), any real type; the dataset may have another name, given by the caller, and there may be several
     params       (M, P)
     split        (M,) strings "train", "validation" or "test"; optional: without it all members train
     attributes   names (P,); lower, upper (P,): the bounds; optional units (P,)
                  spacing, origin (3,): x, y, z, world units; origin is the place of the first value
-                 field: what the values are; time: of the simulation (optional)
+                 field: what the values are; time: of the simulation (both optional)
 
 Values are taken where they are given: cell values with `origin` at the first cell's centre become samples at the cell
 centres, so that the rendered box ends half a cell inside the simulated one and no value is averaged.
@@ -16,7 +16,7 @@ centres, so that the rendered box ends half a cell inside the simulated one and 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,13 +46,14 @@ class Hdf5Ensemble:
 
     Attributes
     ----------
-    shape : (nz, ny, nx) of every member.
+    datasets : names of the data sets that hold the fields, at least one.
+    shape : (nz, ny, nx) of every member and field.
     parameters : (M, P) in the order of `space`.
     splits : (M,).
     """
 
     path: Path
-    dataset: str
+    datasets: tuple[str, ...]
     shape: tuple[int, int, int]
     space: ParameterSpace
     parameters: tuple[tuple[float, ...], ...]
@@ -63,8 +64,8 @@ class Hdf5Ensemble:
     time: float | None
 
     @classmethod
-    def open(cls, path: str | os.PathLike[str], dataset: str = "field") -> Hdf5Ensemble:
-        """Read the description of an ensemble, and none of its fields.
+    def open(cls, path: str | os.PathLike[str], datasets: Sequence[str] = ("field",)) -> Hdf5Ensemble:
+        """Read the description of an ensemble, and none of its fields, which are the data sets of these names.
 
         Raises FileNotFoundError, or ValueError naming file, dataset or attribute at fault and what it should be.
         """
@@ -73,7 +74,7 @@ class Hdf5Ensemble:
             raise FileNotFoundError(f"there is no file {path}")
         try:
             with h5py.File(path, "r") as file:
-                return _described(file, path, dataset)
+                return _described(file, path, tuple(datasets))
         except OSError as error:
             raise ValueError(f"{path} is not a readable HDF5 file: {error}") from None
         except ValueError as error:
@@ -107,16 +108,20 @@ class Hdf5Ensemble:
             for i, (row, split) in enumerate(zip(self.parameters, self.splits, strict=True))
         )
 
-    def read(self, index: int) -> StoredField:
-        """The field of one member, (z, y, x) float32; raises IndexError out of range, ValueError on damaged data."""
+    def read(self, index: int) -> dict[str, StoredField]:
+        """The fields of one member by data set, (z, y, x) float32; IndexError out of range, ValueError on damaged data."""
         if not 0 <= index < len(self):
             raise IndexError(f"{self.path} has members 0 to {len(self) - 1}, not {index}")
-        try:
-            with h5py.File(self.path, "r") as file:
-                values = file[self.dataset].astype(np.float32)[index]
-        except (OSError, KeyError) as error:
-            raise ValueError(f"{self.path}: member {index} of {self.dataset!r} cannot be read: {error}") from None
-        return StoredField(values, self.spacing, self.origin, self.field_name, self.time)
+        found = {}
+        for dataset in self.datasets:
+            try:
+                with h5py.File(self.path, "r") as file:
+                    values = file[dataset].astype(np.float32)[index]
+            except (OSError, KeyError) as error:
+                raise ValueError(f"{self.path}: member {index} of {dataset!r} cannot be read: {error}") from None
+            name = dataset if len(self.datasets) > 1 else self.field_name
+            found[dataset] = StoredField(values, self.spacing, self.origin, name, self.time)
+        return found
 
 
 @dataclass(frozen=True)
@@ -128,40 +133,55 @@ class Hdf5Source:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        return {"kind": "hdf5", "file": self.ensemble.path.name, "dataset": self.ensemble.dataset}
+        first, *others = self.ensemble.datasets
+        held = {"datasets": [first, *others]} if others else {"dataset": first}
+        return {"kind": "hdf5", "file": self.ensemble.path.name, **held}
 
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> StoredField:
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, StoredField]:
         return self.ensemble.read(int(member.name.rsplit("-", 1)[1]))
 
 
-def _described(file: h5py.File, path: Path, dataset: str) -> Hdf5Ensemble:
-    field, params = _dataset(file, dataset, 4, "(member, z, y, x)"), _dataset(file, "params", 2, "(member, parameter)")
-    if field.dtype.kind not in "fiu":
-        raise ValueError(f"dataset {dataset!r} must hold real numbers, got {field.dtype}")
+def _described(file: h5py.File, path: Path, datasets: tuple[str, ...]) -> Hdf5Ensemble:
+    params = _dataset(file, "params", 2, "(member, parameter)")
     count, width = params.shape
-    if field.shape[0] != count or not count:
-        raise ValueError(f"{dataset!r} has {field.shape[0]} members and 'params' {count}: they must agree and be some")
-    if min(field.shape[1:]) < 2:
-        raise ValueError(f"a volume needs at least 2 values along every axis, {dataset!r} is {field.shape}")
+    if not datasets or len(set(datasets)) != len(datasets):
+        raise ValueError(f"the fields are data sets of the file, each once, got {list(datasets)}")
+    shapes = {name: _field_shape(file, name, count) for name in datasets}
+    if len(set(shapes.values())) > 1:
+        raise ValueError(
+            f"the fields of an ensemble have one shape, got {shapes}: render each into a catalog of its own"
+        )
     names = [_text(n) for n in _attribute(file, "names", width)]
     lower, upper = _numbers(file, "lower", width), _numbers(file, "upper", width)
     units = [_text(u) for u in _attribute(file, "units", width)] if "units" in file.attrs else [""] * width
     parameters = params[()].astype(np.float64)  # [M, P]
     if not np.isfinite(parameters).all():
         raise ValueError(f"'params' must be finite, member {int(np.argwhere(~np.isfinite(parameters))[0, 0])} is not")
-    nz, ny, nx = field.shape[1:]
     return Hdf5Ensemble(
         path=path,
-        dataset=dataset,
-        shape=(nz, ny, nx),
+        datasets=datasets,
+        shape=shapes[datasets[0]],
         space=ParameterSpace(tuple(Parameter(*p) for p in zip(names, lower, upper, units, strict=True))),
         parameters=tuple(tuple(row) for row in parameters.tolist()),
         splits=_splits(file, count),
         spacing=_triple(file, "spacing"),
         origin=_triple(file, "origin"),
-        field_name=_text(file.attrs.get("field", dataset)),
+        field_name=", ".join(datasets) if len(datasets) > 1 else _text(file.attrs.get("field", datasets[0])),
         time=float(file.attrs["time"]) if "time" in file.attrs else None,
     )
+
+
+def _field_shape(file: h5py.File, dataset: str, count: int) -> tuple[int, int, int]:
+    """(nz, ny, nx) of a field's data set of `count` members; raises ValueError for what is no such thing."""
+    field = _dataset(file, dataset, 4, "(member, z, y, x)")
+    if field.dtype.kind not in "fiu":
+        raise ValueError(f"dataset {dataset!r} must hold real numbers, got {field.dtype}")
+    if field.shape[0] != count or not count:
+        raise ValueError(f"{dataset!r} has {field.shape[0]} members and 'params' {count}: they must agree and be some")
+    if min(field.shape[1:]) < 2:
+        raise ValueError(f"a volume needs at least 2 values along every axis, {dataset!r} is {field.shape}")
+    nz, ny, nx = field.shape[1:]
+    return nz, ny, nx
 
 
 def _dataset(file: h5py.File, name: str, axes: int, meaning: str) -> h5py.Dataset:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
@@ -42,7 +42,7 @@ class Field:
 
 
 class Run(Protocol):
-    """How every bundled simulation is run: one member, from its initial condition to `time`."""
+    """How every bundled simulation is run for its first field: one member, from its initial condition to `time`."""
 
     def __call__(
         self,
@@ -60,13 +60,41 @@ class Run(Protocol):
         ...
 
 
+class RunFields(Protocol):
+    """The same for any of its fields, one run for all."""
+
+    def __call__(
+        self,
+        parameters: Mapping[str, float],
+        *,
+        fields: Sequence[str],
+        resolution: int,
+        time: float,
+        progress: Callable[[float], Any] | None = None,
+        solver_resolution: int | None = None,
+    ) -> dict[str, Field]:
+        """The fields of these names; ValueError names the known ones."""
+        ...
+
+
 @dataclass(frozen=True)
 class Simulation:
-    """A bundled simulation: its name in scenes, the parameters that a member must give, and how to run one."""
+    """A bundled simulation: its name in scenes, the parameters that a member must give, and how to run one.
+
+    `fields` are the names of what it can tell of a member, the first of which `run` returns.
+    """
 
     name: str
     parameters: tuple[str, ...]
+    fields: tuple[str, ...]
     run: Run
+    run_fields: RunFields
+
+    def check_fields(self, fields: Sequence[str]) -> None:
+        """Raise ValueError unless these are some of the simulation's, each once."""
+        unknown = [name for name in fields if name not in self.fields]
+        if unknown or not fields or len(set(fields)) != len(fields):
+            raise ValueError(f"fields of {self.name} are some of {list(self.fields)}, each once, got {list(fields)}")
 
 
 def simulation(name: str) -> Simulation:

@@ -303,6 +303,19 @@ def _transform(values: NDArray[Any], matrices: Sequence[NDArray[Any]]) -> NDArra
     return values
 
 
+def _magnitude(vector: NDArray[Any]) -> NDArray[Any]:
+    """(3, z, y, x) to (z, y, x)."""
+    return np.asarray(np.sqrt(np.einsum("i...,i...->...", vector, vector)))
+
+
+FIELDS: dict[str, tuple[str, Callable[[TaylorGreen, State], NDArray[Any]]]] = {
+    "q_criterion": ("Q", lambda flow, state: flow.q_criterion(state)),
+    "speed": ("|u|", lambda flow, state: _magnitude(flow.velocity(state))),
+    "vorticity": ("|∇ x u|", lambda flow, state: _magnitude(flow.vorticity(state))),
+}
+"""What a scene may show of the flow: a symbol, and how it is had on the grid points (z, y, x)."""
+
+
 def run(
     parameters: Mapping[str, float],
     *,
@@ -311,15 +324,38 @@ def run(
     progress: Callable[[float], Any] | None = None,
     solver_resolution: int | None = None,
 ) -> Field:
-    """The Q-criterion at `time` for the Reynolds number `parameters["Re"]`, on `resolution`³ points.
+    """The Q-criterion, as `run_fields` gives it."""
+    (field,) = run_fields(
+        parameters,
+        fields=("q_criterion",),
+        resolution=resolution,
+        time=time,
+        progress=progress,
+        solver_resolution=solver_resolution,
+    ).values()
+    return field
+
+
+def run_fields(
+    parameters: Mapping[str, float],
+    *,
+    fields: Sequence[str],
+    resolution: int,
+    time: float,
+    progress: Callable[[float], Any] | None = None,
+    solver_resolution: int | None = None,
+) -> dict[str, Field]:
+    """Some of `FIELDS` at `time` for the Reynolds number `parameters["Re"]`, on `resolution`³ points.
 
     With a finer `solver_resolution` the flow is solved on more points and then coarsened: small eddies that the field
     cannot hold still act on those it does.  At t = 5 that is what makes 64³ a converged field (docs/taylor_green.md).
 
-    Raises ValueError where parameters other than Re are given or Re is missing, and for resolutions that cannot be.
+    Raises ValueError where parameters other than Re are given or Re is missing, for resolutions that cannot be and for unknown
+    fields.
     """
     if set(parameters) != {"Re"}:
         raise ValueError(f"the Taylor-Green vortex has the one parameter Re, got {sorted(parameters)}")
+    SIMULATION.check_fields(fields)
     field_flow = TaylorGreen(resolution=resolution, reynolds=float(parameters["Re"]))
     flow = field_flow if solver_resolution is None else replace(field_flow, resolution=solver_resolution)
     if flow.resolution < resolution:
@@ -329,7 +365,12 @@ def run(
         if progress is not None:
             progress(state.time / time)
     flow, state = flow.coarsened(state, resolution)
-    return Field(flow.q_criterion(state), flow.spacing, flow.origin, name="Q", unit="", time=state.time)
+    return {name: _field(name, flow, state) for name in fields}
 
 
-SIMULATION = Simulation("taylor_green", ("Re",), run)
+def _field(name: str, flow: TaylorGreen, state: State) -> Field:
+    symbol, values = FIELDS[name]
+    return Field(values(flow, state), flow.spacing, flow.origin, name=symbol, unit="", time=state.time)
+
+
+SIMULATION = Simulation("taylor_green", ("Re",), tuple(FIELDS), run, run_fields)

@@ -168,7 +168,7 @@ class VisualizationFits:
         return [_Learnt(v, silent.varied_data(v), self._cases(v)) for v in self._source.variations]
 
     def _cases(self, variation: Variation) -> list[Case]:
-        shown = {s.appearance: dict(zip(variation.space.names, s.values, strict=True)) for s in variation.settings}
+        shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
         rows = validation_rows(self._source.catalog, list(shown), JUDGES)
         return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
 

@@ -55,7 +55,10 @@ class BilinearDeformation:
         color_columns: int = 3,
         lighter: bool = False,
     ) -> BilinearDeformation:
-        """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero.  There is no lighter form."""
+        """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero.
+
+        There is no lighter form.
+        """
         count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
         units = _units(settings, color_columns)  # [C]
         random = generator(settings.seed, "latents")

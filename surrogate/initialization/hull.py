@@ -82,12 +82,26 @@ def occupied(
     left, seen = np.arange(len(centers)), np.zeros(len(centers), dtype=bool)
     for camera, picture in views:
         pixels, inside, depths = _pixels(points, camera)
-        reach = np.float32(radius * max(camera.fx, camera.fy)) / depths + np.float32(slack)  # [K]
+        away = np.linalg.norm(points[:, inside] - camera.position[:, None].astype(np.float32), axis=0)  # [K]
+        reach = _reach(radius, camera, depths, away) + np.float32(slack)  # [K]
         empty = np.zeros(len(left), dtype=bool)
         empty[inside] = _away(picture)[pixels] > reach
         seen[left[inside]] = True
         left, points = left[~empty], points.compress(~empty, axis=1)
     return left[seen[left]]
+
+
+def _reach(
+    radius: float, camera: Camera, depths: NDArray[np.float32], distances: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """How many pixels (K,) a ball reaches at most from where its centre is seen, at `depths` and `distances` (K,) from the camera.
+
+    A point r away, for a centre (X, Y, Z) in the camera's axes, is seen f (r_xy Z - r_z (X, Y)) / (Z (Z + r_z)) beside it, so by no
+    more than f |r| |(X, Y, Z)| / (Z (Z - |r|)): far from the axis a ball looks longer than on it.
+    """
+    focal, before = np.float32(radius * max(camera.fx, camera.fy)), depths - np.float32(radius)
+    reach = np.full_like(depths, np.inf)  # of a ball that reaches behind the camera
+    return np.divide(focal * distances, depths * before, out=reach, where=before > 0)
 
 
 def _away(picture: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -25,14 +25,16 @@ class Picture(NamedTuple):
     pixels: NDArray[np.uint8]  # [H, W, 4]
 
 
-def representative_member(catalog: Catalog) -> Member:
-    """The training member whose normalized parameters are nearest to the mean of theirs all; the first by name of equals.
+def representative_member(catalog: Catalog, appearance: str) -> Member:
+    """Of the training members that show an appearance, that whose normalized parameters are nearest to the mean of theirs all.
 
-    Raises ValueError where there is no training member.
+    The first by name of equals.  Raises ValueError where there is none.
     """
-    members = [m for m in catalog.members if m.split == "train"]
+    members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
     if not members:
-        raise ValueError(f"catalog {catalog.path} holds no training member for Gaussians to start on")
+        raise ValueError(
+            f"catalog {catalog.path} holds no training member that shows {appearance} for Gaussians to start on"
+        )
     return middle(members, catalog.plan.space)
 
 

@@ -38,6 +38,11 @@ class Track:
     place: NDArray[np.float64]  # [3]
     pixels: NDArray[np.intp]  # [L, 3]
 
+    @property
+    def views(self) -> int:
+        """How many pictures show it; in one of them two features may."""
+        return len(np.unique(self.pixels[:, 0]))
+
 
 def structure_from_motion_points(
     catalog: Catalog, member: Member, appearance: str, normalization: Normalization, *, seed: int = 0
@@ -58,7 +63,7 @@ def structure_from_motion_points(
     box = normalization.points(catalog.plan.bounds)  # [2, 3]
     searched = _searched(pictures, catalog.plan.background is None) if len(pictures) >= SHORTEST_TRACK else ()
     found = [track for images in searched for track in triangulate(pycolmap, cameras, images, seed)]
-    tracks = [t for t in found if len(t.pixels) >= SHORTEST_TRACK and ((t.place >= box[0]) & (t.place <= box[1])).all()]
+    tracks = [t for t in found if t.views >= SHORTEST_TRACK and ((t.place >= box[0]) & (t.place <= box[1])).all()]
     if len(tracks) < FEWEST_POINTS:
         raise ValueError(
             f"structure from motion found {len(tracks)} points in {len(pictures)} training images of member {member.name}, at "

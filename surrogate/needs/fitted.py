@@ -145,7 +145,8 @@ class Bench:
 
     @property
     def rasterizer(self) -> Rasterizer:
-        return Rasterizer.of(self.settings)
+        """What draws a model where it is, on a GPU or in main memory."""
+        return Rasterizer.of(self.settings).for_any_device()
 
     @property
     def behind(self) -> tuple[float, float, float]:
@@ -154,5 +155,5 @@ class Bench:
     def _milliseconds(self, fitted: Fitted, example: Example) -> float:
         with torch.no_grad():
             started = time.perf_counter()
-            self.rasterizer.draw(fitted.at(example.parameters), example.camera)
+            self.rasterizer.draw(fitted.at(example.parameters), example.camera).color.cpu()  # which waits for a GPU
             return 1e3 * (time.perf_counter() - started)

@@ -13,6 +13,7 @@ from surrogate.needs.fitted import Bench, Fitted
 from surrogate.visualization import Visualization
 
 NAME = "precision"
+FEWEST_ROWS = 8  # with which 8 bits, and two float32 numbers per column, take no more bytes than half precision
 
 
 def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, Encoding], Choice]:
@@ -59,15 +60,24 @@ def _in_fewest_bits(
     """The tensors as they will be read again, their encodings, and what failed: the largest first, all so far reach `enough` dB."""
     kept, chosen, failed = dict(tensors), dict[str, Encoding](), []
     for name in _by_size(tensors):
-        for form in FORMATS:
-            encoding = encode(tensors[name], form)
+        for encoding in _encodings(tensors[name]):
             trial = kept | {name: encoding.decoded()}
             psnr = psnr_of(trial)
             if psnr >= enough:
                 kept, chosen[name] = trial, encoding
                 break
-            failed.append(Option(f"{name} in {form}", psnr))
+            failed.append(Option(f"{name} in {encoding.form}", psnr))
     return kept, chosen, failed
+
+
+def _encodings(tensor: Tensor) -> list[Encoding]:
+    """A tensor in each of `FORMATS` that can hold it and saves anything, the shortest first.
+
+    That is their own order, but for so few rows that the two numbers which levels need for each column weigh more.
+    """
+    found = [encode(tensor, form) for form in FORMATS]
+    kept = [e for e in found if e.saved_bytes > 0 and torch.isfinite(e.decoded()).all()]
+    return sorted(kept, key=lambda e: -e.saved_bytes) if len(tensor) < FEWEST_ROWS else kept
 
 
 def _by_size(tensors: Mapping[str, Tensor]) -> list[str]:

@@ -150,6 +150,6 @@ def test_floats_always_have_a_point(value: cinema.Cell, cell: str) -> None:
 
 def test_a_large_table_is_read_in_a_moment() -> None:
     text = cinema.format_rows([["a", "b", "FILE"], *([float(i), "word", f"{i}.png"] for i in range(20_000))])
-    started = time.perf_counter()
+    started = time.process_time()
     assert len(cinema.parse(text)[1]) == 20_000
-    assert time.perf_counter() - started < 2.0
+    assert time.process_time() - started < 2.0

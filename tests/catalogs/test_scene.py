@@ -289,3 +289,61 @@ def test_a_single_variation_table_is_told_from_a_list_of_them(tmp_path: Path) ->
     text = VARIED[: VARIED.index('[[variation]]\nkind = "transfer')].replace("[[variation]]", "[variation]")
     with pytest.raises(ValueError, match=r"double brackets, \[\[variation\]\]"):
         scene(tmp_path, text)
+
+
+FIELDS = (
+    VARIED.replace('name = "dvr"', 'name = "dvr"\nfield = "q"').replace(
+        'name = "surface"', 'name = "surface"\nfield = "speed"'
+    )
+    + """
+[[variation]]
+kind = "field"
+of = "dvr"
+appearances = ["surface"]
+"""
+)
+
+
+def test_every_member_shows_every_field(tmp_path: Path) -> None:
+    loaded, plain = scene(tmp_path, FIELDS), scene(tmp_path, VARIED)
+    assert [v.kind for v in loaded.variations] == ["isovalue", "transfer_function", "field"]
+    assert {a.field for a in loaded.appearances if a.name not in ("dvr", "surface")} == {"q"}, (
+        "settings are of the base's field"
+    )
+    assert loaded.assigned(loaded.members) == plain.assigned(plain.members), "the others are drawn as ever"
+    assert all("surface" in (m.appearances or ()) for m in loaded.assigned(loaded.members))
+    CatalogPlan(loaded.space, loaded.appearances, (), (), ((0, 0, 0), (1, 1, 1)), variations=loaded.variations)
+
+
+def test_surfaces_may_be_of_another_field_than_the_volume_beside_them(tmp_path: Path) -> None:
+    loaded = scene(tmp_path, FIELDS.replace("style = { color", 'style = { field = "speed", color'))
+    assert {a.field for a in loaded.appearances if a.name.startswith("iso=")} == {"speed"}
+
+
+def test_the_scene_of_two_fields() -> None:
+    loaded = Scene.load(SCENES[0].parent / "tiny-fields.toml")
+    assert loaded.source["fields"] == ["q_criterion", "speed"]
+    assert [(a.name, a.field) for a in loaded.appearances] == [("dvr", "q_criterion"), ("speed-dvr", "speed")]
+    (variation,) = loaded.variations
+    assert (variation.kind, variation.base, variation.named("train")) == ("field", "dvr", ("speed-dvr",))
+    assert {m.appearances for m in loaded.assigned(loaded.members)} == {("dvr", "speed-dvr")}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('field = "speed"', "", "['surface'] do not"),
+        ('field = "speed"', "field = 3", "appearance 'surface': field must be the name"),
+        ('appearances = ["surface"]', 'appearances = ["surfaces"]', "['dvr', 'surface'], each an [[appearance]] table"),
+        ('appearances = ["surface"]', 'appearances = ["iso=0.2"]', "got ['iso=0.2']"),
+        ('appearances = ["surface"]', 'appearances = ["dvr"]', "beside the base dvr"),
+        ('appearances = ["surface"]', "", "'appearances'"),
+        ('appearances = ["surface"]', 'appearances = ["surface"]\nmembers = 0.5', "leave out members and compared"),
+        ('appearances = ["surface"]', 'appearances = ["surface"]\ntrain = [1]', "'train'"),
+    ],
+)
+def test_a_mistake_in_a_field_is_named(tmp_path: Path, old: str, new: str, named: str) -> None:
+    assert old in FIELDS
+    with pytest.raises(ValueError, match=r"demo\.toml") as caught:
+        scene(tmp_path, FIELDS.replace(old, new, 1))
+    assert named in str(caught.value)

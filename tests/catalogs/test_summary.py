@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.summary import FieldSummary
+from catalogs.summary import FieldSummary, load_summaries, save_summaries
 from tests.catalogs.conftest import summary
 
 
@@ -47,3 +47,38 @@ def test_pickled_objects_inside_are_refused(tmp_path: Path) -> None:
 def test_shapes_must_agree(change: dict[str, np.ndarray]) -> None:
     with pytest.raises(ValueError, match=r"must|needs"):
         replace(summary(), **change)  # type: ignore[arg-type]
+
+
+def same(first: FieldSummary, second: FieldSummary) -> bool:
+    return all(np.array_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(first))
+
+
+def test_the_archive_of_one_field_is_what_it_was(tmp_path: Path) -> None:
+    summary(3).save(tmp_path / "field.npz")
+    with np.load(tmp_path / "field.npz") as archive:
+        assert set(archive) - {"allow_pickle"} == {f.name for f in fields(FieldSummary)}
+    (only,) = load_summaries(tmp_path / "field.npz").items()
+    assert only[0] == ""
+    assert same(only[1], summary(3))
+
+
+def test_several_fields_are_kept_by_name_and_the_first_as_ever(tmp_path: Path) -> None:
+    kept = {"speed": summary(1), "q / 1 s²": summary(2), "1": summary(3)}
+    save_summaries(tmp_path / "field.npz", kept)
+    again = load_summaries(tmp_path / "field.npz")
+    assert list(again) == list(kept)
+    assert all(same(again[name], kept[name]) for name in kept)
+    assert same(FieldSummary.load(tmp_path / "field.npz"), summary(1))
+    with np.load(tmp_path / "field.npz", allow_pickle=False) as archive:  # as programs from before fields read it
+        for f in fields(FieldSummary):
+            assert np.array_equal(archive[f.name], getattr(summary(1), f.name))
+
+
+@pytest.mark.parametrize("names", [[], ["a", "a"], ["a", "b", "c"]])
+def test_an_archive_whose_names_do_not_fit_is_refused(tmp_path: Path, names: list[str]) -> None:
+    path = tmp_path / "field.npz"
+    save_summaries(path, {"a": summary(1), "b": summary(2)})
+    with np.load(path) as archive:
+        np.savez(path, **{**archive, "fields": np.array(names, dtype=np.str_)})
+    with pytest.raises(ValueError, match=r"field\.npz is no field summary"):
+        load_summaries(path)

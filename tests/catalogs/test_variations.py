@@ -20,6 +20,7 @@ from catalogs.variations import (
     Setting,
     Variation,
     displaced,
+    field_variation,
     isovalue_family,
     mismatches,
     transfer_function_family,
@@ -291,3 +292,61 @@ def test_an_appearance_that_shows_something_else_is_named() -> None:
     assert "iso=2" in problem
     (problem,) = mismatches(functions.variation, (Isosurface("dvr", 1.0), *functions.appearances))
     assert problem == "the base dvr is no volume rendering of four opacity points"
+
+
+def test_a_field_is_one_of_a_few() -> None:
+    variation = field_variation("dvr", appearances=["speed-dvr", "surface"])
+    assert variation.space.names == variation.named("train") == ("speed-dvr", "surface")
+    assert variation.named("validation", "test") == ()
+    assert [s.values for s in variation.settings] == [(1.0, 0.0), (0.0, 1.0)]
+    assert [variation.normalize(s.values).tolist() for s in variation.settings] == [[1.0, 0.0], [0.0, 1.0]]
+    assert np.isnan(variation.normalize(None)).tolist() == [True, True]
+    for setting in variation.settings:
+        assert variation.asked(setting) == {"appearance": setting.appearance}
+        assert variation.values_of(variation.asked(setting)) == setting.values
+    assert variation.values_of({"appearance": "dvr"}) is None
+    with pytest.raises(ValueError, match=r"one of \['dvr', 'speed-dvr', 'surface'\], got 'speed'"):
+        variation.values_of({"appearance": "speed"})
+    assert Variation.from_json(json.loads(json.dumps(variation.to_json()))) == variation
+    assert not variation.in_table
+    assert mismatches(variation, []) == []
+
+
+def test_settings_are_asked_for_by_their_parameters() -> None:
+    functions, isovalues = (
+        transfer_function_family(BASE, **STEPS).variation,
+        isovalue_family("dvr", train=(1, 2)).variation,
+    )
+    for variation in (functions, isovalues):
+        assert variation.in_table
+        assert variation.asked_names == variation.space.names
+        for setting in variation.settings:
+            assert tuple(variation.asked(setting).values()) == setting.values
+            assert variation.values_of(variation.asked(setting)) == setting.values
+    assert functions.values_of({"c2_value": 0.05}) == (0.0, 0.0, 0.05, 0.0)
+    with pytest.raises(ValueError, match="finite"):
+        isovalues.values_of({"isovalue": float("nan")})
+
+
+@pytest.mark.parametrize("appearances", [[], ["dvr"], ["a", "a"], ["a", "dvr"]])
+def test_a_field_needs_others_beside_the_base(appearances: list[str]) -> None:
+    with pytest.raises(ValueError, match="appearances must name some beside the base dvr, each once"):
+        field_variation("dvr", appearances=appearances)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        (Setting("a", (1.0, 0.0), "train"), Setting("b", (1.0, 0.0), "train")),
+        (Setting("a", (0.0, 1.0), "train"), Setting("b", (1.0, 0.0), "train")),
+        (Setting("a", (1.0, 0.0), "train"), Setting("b", (0.0, 1.0), "test")),
+        (Setting("a", (0.5, 0.0), "train"), Setting("b", (0.0, 1.0), "train")),
+    ],
+    ids=["twice", "swapped", "not trained", "half"],
+)
+def test_a_field_that_is_no_choice_among_the_trained_is_refused(settings: tuple[Setting, ...]) -> None:
+    space = ParameterSpace((Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)))
+    with pytest.raises(ValueError, match="a 1 in its own place"):
+        Variation("field", "dvr", space, settings)
+    with pytest.raises(ValueError, match=r"has the parameters \('a', 'b'\), got \('a', 'c'\)"):
+        Variation("field", "dvr", ParameterSpace((Parameter("a", 0, 1), Parameter("c", 0, 1))), settings)

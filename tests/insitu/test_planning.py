@@ -56,19 +56,19 @@ def test_a_difference_names_its_place_and_both_values() -> None:
 
 def test_several_pilots_give_the_widest_box_and_the_finest_step() -> None:
     pilots = [
-        Pilot(((0, 0, 0), (1, 1, 1)), (0.0, 5.0), {"a": 0.2, "b": 0.1}, {"a": 51.0, "b": 52.0}),
-        Pilot(((-1, 0, 0), (1, 3, 1)), (1.0, 7.0), {"a": 0.3, "b": 0.05}, {"a": 53.0, "b": 54.0}),
+        Pilot(((0, 0, 0), (1, 1, 1)), {"": (0.0, 5.0)}, {"a": 0.2, "b": 0.1}, {"a": 51.0, "b": 52.0}),
+        Pilot(((-1, 0, 0), (1, 3, 1)), {"": (1.0, 7.0)}, {"a": 0.3, "b": 0.05}, {"a": 53.0, "b": 54.0}),
     ]
     combined = combine_pilots(pilots)
     assert combined.bounds == ((-1.0, 0.0, 0.0), (1.0, 3.0, 1.0))
-    assert combined.values == (0.0, 7.0)
+    assert combined.ranges == {"": (0.0, 7.0)}
     assert combined.distances == {"a": 0.2, "b": 0.05}
     assert combined.decibels == {"a": 51.0, "b": 54.0}
 
 
 def test_a_plan_agrees_with_the_wishes_it_came_from_and_no_others() -> None:
     wishes = Wishes(SPACE, (VOLUME, Isosurface("iso", 4.0)), ViewPlan(frequency=2, width=32, height=32), BOX)
-    plan = plan_catalog(Pilot(BOX, (0.0, 9.0), {"dvr": 0.1}, {"dvr": 51.0}), wishes)
+    plan = plan_catalog(Pilot(BOX, {"": (0.0, 9.0)}, {"dvr": 0.1}, {"dvr": 51.0}), wishes)
     assert disagreements(plan, wishes) == []
     assert plan.provenance["value_range"] == [0.0, 4.0]
     assert plan.provenance["bounds_from"] == "given"

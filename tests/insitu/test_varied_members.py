@@ -20,8 +20,8 @@ from catalogs.scene import PlannedMember, Scene, ViewPlan
 from catalogs.variations import isovalue_family, transfer_function_family
 from insitu.cli import main
 from insitu.dataset import make_dataset
+from insitu.fields import as_fields
 from insitu.planning import Pilot, Wishes, disagreements, measure_pilot, misplaced, plan_catalog
-from render import to_grid
 from tests.insitu.test_hook import blob, tree
 
 FUNCTION = TransferFunction(
@@ -165,7 +165,7 @@ def test_other_variations_than_the_catalogs_are_named(varied: Path) -> None:
 
 def test_a_plan_with_variations_agrees_with_its_wishes() -> None:
     wishes = Wishes(**options(bounds=((0, 0, 0), (1, 1, 1))))
-    plan = plan_catalog(Pilot(((0, 0, 0), (1, 1, 1)), (0.0, 1.0)), wishes)
+    plan = plan_catalog(Pilot(((0, 0, 0), (1, 1, 1)), {"": (0.0, 1.0)}), wishes)
     assert disagreements(plan, wishes) == []
     assert disagreements(plan, replace(wishes, variations=None)) == []
     assert disagreements(plan, replace(wishes, variations=()))[0].startswith("variations: [] here")
@@ -190,7 +190,7 @@ def test_a_variation_is_sampled_as_finely_as_its_measured_settings_need(monkeypa
     wishes = Wishes(
         **options(appearances=appearances, variations=variations, sample_distance=None, target_decibels=35.0)
     )
-    pilot = measure_pilot(to_grid(blob(), spacing=SPACING), wishes)
+    pilot = measure_pilot(as_fields(blob(), appearances, spacing=SPACING), wishes)
     assert 5 <= len(measured) <= 10
     assert {"dvr", "other"} < set(measured)
     assert (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,28 +13,19 @@ from numpy.typing import NDArray
 
 from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.catalog import Catalog
 from catalogs.summary import FieldSummary
-from catalogs.variations import POINT_PARAMETERS, Setting, Variation, displaced
+from catalogs.variations import Setting, Variation
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
+from tests.surrogate import families
 from tests.surrogate.blobs import Blobs
 
 FUNCTION = TransferFunction(
     ((0.0, 0.1, 0.2, 0.9), (1.5, 0.9, 0.9, 0.2), (3.0, 0.9, 0.1, 0.1)), ((0, 0), (1, 0.3), (2, 0.5), (3, 1)), 0.3
 )
 STEPS = np.array([0.4, 0.25, 0.4, 0.3])
-ISOVALUE = Variation(
-    "isovalue",
-    "dvr",
-    ParameterSpace((Parameter("isovalue", 0.1, 0.8),)),
-    (
-        *(Setting(f"iso={v}", (v,), "train") for v in (0.1, 0.3, 0.55, 0.8)),
-        Setting("iso=0.4", (0.4,), "validation"),
-        Setting("iso=0.2", (0.2,), "test"),
-    ),
-)
+ISOVALUE = families.isovalues({"train": (0.1, 0.3, 0.55, 0.8), "validation": (0.4,), "test": (0.2,)})
 TRAINED = [[s if i == axis else 0.0 for i in range(4)] for axis in range(4) for s in (-1.0, 1.0)]
 TRAINED += [[1.0, 1.0, 1.0, 1.0], [-1.0, -1.0, -1.0, -1.0], [1.0, -1.0, -1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]]
 PLACES = {
@@ -41,16 +33,7 @@ PLACES = {
     "validation": [[0.3, -0.5, 0.4, 0.2]],
     "test": [[0.4, 0.8, 0.0, -0.6], [0.5, -0.5, -0.5, 0.5]],
 }
-FUNCTIONS = Variation(
-    "transfer_function",
-    "dvr",
-    ParameterSpace(tuple(Parameter(n, -s, s) for n, s in zip(POINT_PARAMETERS, STEPS.tolist(), strict=True))),
-    tuple(
-        Setting(f"tf-{split}-{i}", tuple(np.multiply(place, STEPS).tolist()), split)
-        for split, places in PLACES.items()
-        for i, place in enumerate(places)
-    ),
-)
+FUNCTIONS = families.transfer_functions(STEPS, PLACES)
 UNRELATED = Isosurface("unrelated", 0.5)
 MEMBERS = (("train", 0.0), ("train", 0.5), ("train", 1.0), ("validation", 0.3))
 VIEW_SPLITS = ("train",) * 5 + ("validation",)
@@ -89,9 +72,7 @@ BLOBS = FieldBlobs()
 
 def appearance_of(setting: Setting) -> Appearance:
     """What a setting of `ISOVALUE` or `FUNCTIONS` shows."""
-    if len(setting.values) == 1:
-        return Isosurface(setting.appearance, setting.values[0])
-    return VolumeRendering(setting.appearance, displaced(FUNCTION, setting.values))
+    return families.appearance_of(setting, FUNCTION)
 
 
 def field_catalog(
@@ -106,23 +87,23 @@ def field_catalog(
     summaries: bool = False,
 ) -> Catalog:
     """The ensemble as a catalog; members whose split is not in `shown_by` show only the base."""
-    settings = [setting for variation in variations for setting in variation.settings]
-    appearances = [VolumeRendering("dvr", FUNCTION), *map(appearance_of, settings), *([UNRELATED] * unrelated)]
-    cameras = blobs.cameras()[: len(view_splits)]
-    plan = CatalogPlan(
-        blobs.space, tuple(appearances), cameras, tuple(view_splits), blobs.bounds, variations=tuple(variations)
+    varied = [setting.appearance for variation in variations for setting in variation.settings]
+    others = [UNRELATED] * unrelated
+    everything = [families.BASE, *varied, *(appearance.name for appearance in others)]
+    return families.family_catalog(
+        path,
+        blobs,
+        FUNCTION,
+        variations,
+        {
+            f"member-{i}": (split, p, everything if split in shown_by else [families.BASE])
+            for i, (split, p) in enumerate(members)
+        },
+        lambda p, appearance: partial(blobs.drawn, p, appearance),
+        view_splits=view_splits,
+        others=others,
+        summary=summary(blobs) if summaries else None,
     )
-    catalog = Catalog.create(path, plan)
-    for i, (split, p) in enumerate(members):
-        kept = appearances if split in shown_by else appearances[:1]
-        names = [appearance.name for appearance in kept]
-        with catalog.begin_member(f"member-{i}", {"p": p}, split=split, appearances=names) as writer:
-            for appearance in kept:
-                for view, camera in enumerate(cameras):
-                    writer.write_image(appearance.name, view, blobs.drawn(p, appearance, camera))
-            if summaries:
-                writer.write_summary(summary(blobs))
-    return Catalog.open(path)
 
 
 def summary(blobs: FieldBlobs) -> FieldSummary:

@@ -19,9 +19,11 @@ from surrogate.cli import main
 from surrogate.evaluate import METRICS, PARAMETERS, VIEWS, evaluate, mean, targets_of
 from surrogate.metrics import score
 from surrogate.model import Surrogate
+from surrogate.repeats.records import save
 from surrogate.report import is_current, write_report
 from surrogate.settings import TrainingSettings
 from surrogate.training import train
+from tests.surrogate.repeats.made import scores_of
 
 SETTINGS = TrainingSettings(gaussians=30, canonical_steps=20, deformation_steps=20, validation_interval=10)
 MEMBERS = {0.0: "train", 0.5: "validation", 0.75: "test", 1.0: "train"}
@@ -158,6 +160,25 @@ def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
         assert record["ceilings"] == ([entry] if stands else [])
         row = "| disk | lone | 37.75 | 31.25 | 0.9875 | 0.9125 |"
         assert (row in (report / "report.md").read_text()) == stands
+        assert is_current(report, surrogate)
+
+
+def test_seeds_stand_in_the_report_of_the_surrogate_that_they_repeat(
+    run: tuple[Surrogate, Catalog, Path], tmp_path: Path
+) -> None:
+    surrogate, catalog, _ = run
+    evaluation, report = evaluate(surrogate, catalog), tmp_path / "report"
+    for mark, stands in (("other settings", False), (surrogate.training["fingerprint"], True)):
+        save(tmp_path, scores_of(0, 31.0, base=mark))
+        assert is_current(report, surrogate) == stands  # one seed alone says nothing about their spread
+        save(tmp_path, scores_of(1, 33.0, base=mark))
+        assert not is_current(report, surrogate)
+        record = write_report(report, "disks", surrogate, catalog, evaluation)
+        page = (report / "report.md").read_text()
+        assert ("## Mean ± standard deviation over 2 seeds" in page) == stands
+        assert ("| unseen | unseen | 32.00 ± 1.41 | 32.00 ± 1.41 |" in page) == stands
+        assert (record["repeats"] is not None) == stands
+        assert all(len(set(widths)) == 1 for widths in tables(page))
         assert is_current(report, surrogate)
 
 

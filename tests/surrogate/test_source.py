@@ -7,6 +7,8 @@ import pytest
 import torch
 
 from catalogs.catalog import Catalog
+from surrogate.data import foreground_color
+from surrogate.initialize import Points
 from surrogate.settings import TrainingSettings
 from surrogate.source import JUDGES, Source
 from tests.surrogate.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog, summary
@@ -76,3 +78,17 @@ def test_a_variation_that_no_training_member_shows_is_named_at_once(tmp_path: Pa
     with pytest.raises(ValueError, match=r"holds no training images of iso=0.1"):
         Source(TrainingSettings(), catalog)
     assert Source(TrainingSettings(visualization_steps=0), catalog).variations == ()
+
+
+def test_points_keep_their_places_and_lose_their_colours_under_another_appearance(catalog: Catalog) -> None:
+    source = Source(TrainingSettings(gaussians=9, color_degree=0), catalog)
+    colors = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    vars(source)["points"] = Points(np.array([[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]), colors)
+    data = source.data()
+    own, other = source.initial_gaussians(data), source.initial_gaussians(data, own_colors=False)
+    assert {tuple(color) for color in own.colors.tolist()} == {tuple(color) for color in colors.tolist()}
+    assert torch.equal(other.means, own.means)
+    mean = foreground_color(data.examples, None)
+    np.testing.assert_allclose(other.colors, np.broadcast_to(mean, (9, 3)), rtol=1e-6)
+    wider = source.initial_gaussians(data, TrainingSettings(gaussians=5, color_degree=1))
+    assert (len(wider), wider.color_degree) == (5, 1)

@@ -1,5 +1,4 @@
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -12,12 +11,13 @@ from catalogs.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.needs import Choice
 from surrogate.progress import TrainingProgress
+from surrogate.splatting import cpu, cuda
 from tests.surrogate.blobs import Blobs
+from tests.surrogate.interruptions import PROJECT, files, interrupt, kill_again_and_again, outcome
 
 QUICK = TrainingSettings(
     gaussians=60, canonical_steps=15, deformation_steps=25, validation_interval=10, relocation_interval=5
 )
-PROJECT = Path(__file__).resolve().parents[2]
 
 
 def decibels(surrogate: Surrogate, blobs: Blobs, p: float) -> float:
@@ -175,7 +175,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(make_catalog, tmp_path: Pat
     train(settings, catalog, tmp_path / "undisturbed")
     assert outcome(folder) == outcome(tmp_path / "undisturbed")
     assert resumed.training["seconds"] > 0
-    assert sorted(path.name for path in folder.glob("[!.]*")) == ["model.json", "model.safetensors"]
+    assert files(folder) == ["model.json", "model.safetensors"]
 
 
 def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(make_catalog, tmp_path: Path) -> None:
@@ -183,37 +183,11 @@ def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(make_ca
     settings = TrainingSettings(
         **QUICK.to_json() | {"canonical_steps": 60, "deformation_steps": 90, "checkpoint_seconds": 1e-4}
     )
-    # Forked before any thread exists, so that each of the many short lives does not import torch anew.
-    program = (
-        "import json, os, random, signal, sys, time\n"
-        "from catalogs.catalog import Catalog\n"
-        "from surrogate import Surrogate, TrainingSettings, train\n"
-        "settings, catalog, folder = TrainingSettings.from_table(json.loads(sys.argv[1])), sys.argv[2], sys.argv[3]\n"
-        "random.seed(1)\n"
-        "kills = 0\n"
-        "while not Surrogate.exists(folder):\n"
-        "    child = os.fork()\n"
-        "    if not child:\n"
-        "        train(settings, Catalog.open(catalog), folder)\n"
-        "        os._exit(0)\n"
-        "    time.sleep(random.uniform(0.0, 0.05 + 0.01 * kills))\n"
-        "    os.kill(child, signal.SIGKILL)\n"
-        "    kills += os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL\n"
-        "print(kills)\n"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", program, json.dumps(settings.to_json()), str(catalog.path), str(folder)],
-        cwd=PROJECT,
-        capture_output=True,
-        text=True,
-        timeout=200,
-    )
-    assert result.returncode == 0, result.stderr
-    assert int(result.stdout) >= 5
+    assert kill_again_and_again(settings, catalog, folder) >= 5
     train(settings, catalog, folder)
     train(settings, catalog, tmp_path / "undisturbed")
     assert outcome(folder) == outcome(tmp_path / "undisturbed")
-    assert sorted(path.name for path in folder.glob("[!.]*")) == ["model.json", "model.safetensors"]
+    assert files(folder) == ["model.json", "model.safetensors"]
 
 
 @pytest.mark.parametrize("step", [10, 18, 30])
@@ -258,14 +232,19 @@ def test_what_was_chosen_is_stored_and_read_again(make_catalog, tmp_path: Path) 
     np.testing.assert_array_equal(loaded.at(p=0.4).render(camera), trained.at(p=0.4).render(camera))
 
 
+def test_what_was_trained_by_the_gpus_backend_is_drawn_without_one(
+    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cuda, "render", cpu.render)
+    settings = TrainingSettings(**QUICK.to_json() | {"backend": "cuda", "fit_to_need": False, "color_degree": 0})
+    train(settings, make_catalog(), tmp_path)
+    monkeypatch.undo()
+    picture = Surrogate.load(tmp_path).at(p=0.4).render(Blobs().cameras()[3])
+    assert np.isfinite(picture).all()
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
-
-
-def outcome(folder: Path) -> tuple[bytes, list[dict]]:
-    """Everything that a run ends with, but for the time it took."""
-    curve = json.loads((folder / "model.json").read_text())["training"]["curve"]
-    return (folder / "model.safetensors").read_bytes(), [{**point, "seconds": None} for point in curve]
 
 
 def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> subprocess.Popen[str]:
@@ -295,13 +274,4 @@ def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> subproc
 
 def interrupt_after(steps: int, settings: TrainingSettings, catalog: Catalog, folder: Path) -> None:
     """Train for a while in this process, then press Ctrl-C."""
-    raised = []
-
-    def press(progress: TrainingProgress) -> None:
-        if progress.step >= steps and not raised:
-            raised.append(os.kill(os.getpid(), signal.SIGINT))
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("surrogate.training.REPORT_SECONDS", 0.0)
-        with pytest.raises(KeyboardInterrupt):
-            train(settings, catalog, folder, progress=press)
+    interrupt(lambda progress: progress.step >= steps, settings, catalog, folder)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,9 +20,9 @@ from surrogate.needs import Choice
 from surrogate.needs.precision import precision_of_visualization
 from surrogate.progress import TrainingProgress
 from tests.surrogate.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEPS, appearance_of, field_catalog
+from tests.surrogate.interruptions import files, interrupt, kill_again_and_again, outcome
 from tests.surrogate.needs.conftest import same
 
-PROJECT = Path(__file__).resolve().parents[2]
 QUICK = TrainingSettings(
     gaussians=40,
     canonical_steps=6,
@@ -72,26 +69,9 @@ def undisturbed(catalog: Catalog, tmp_path_factory: pytest.TempPathFactory) -> P
     return folder
 
 
-def outcome(folder: Path) -> tuple[bytes, list[dict], list[tuple]]:
-    """Everything that a run ends with, but for the time it took."""
-    training = json.loads((folder / "model.json").read_text())["training"]
-    curve = [{**point, "seconds": None} for point in training["curve"]]
-    choices = [(choice["name"], choice["kept"], choice["options"]) for choice in training["choices"]]
-    return (folder / "model.safetensors").read_bytes(), curve, choices
-
-
 def interrupted(settings: TrainingSettings, catalog: Catalog, folder: Path, when: str) -> None:
     """Train until the moment has come, then press Ctrl-C."""
-    pressed = []
-
-    def press(progress: TrainingProgress) -> None:
-        if MOMENTS[when](progress) and not pressed:
-            pressed.append(os.kill(os.getpid(), signal.SIGINT))
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("surrogate.training.REPORT_SECONDS", 0.0)
-        with pytest.raises(KeyboardInterrupt):
-            train(settings, catalog, folder, progress=press)
+    interrupt(MOMENTS[when], settings, catalog, folder)
     assert not Surrogate.exists(folder)
 
 
@@ -107,7 +87,7 @@ def test_an_interrupted_run_ends_where_an_undisturbed_one_does(
         interrupted(QUICK, catalog, tmp_path / "resumed", moment)
     train(QUICK, catalog, tmp_path / "resumed")
     assert outcome(tmp_path / "resumed") == outcome(undisturbed)
-    assert sorted(p.name for p in (tmp_path / "resumed").glob("[!.]*")) == ["model.json", "model.safetensors"]
+    assert files(tmp_path / "resumed") == ["model.json", "model.safetensors"]
 
 
 @pytest.mark.parametrize(
@@ -271,33 +251,8 @@ def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(
     catalog: Catalog, undisturbed: Path, tmp_path: Path
 ) -> None:
     settings = with_settings(checkpoint_seconds=1e-4)
-    program = (
-        "import json, os, random, signal, sys, time\n"
-        "from catalogs.catalog import Catalog\n"
-        "from surrogate import Surrogate, TrainingSettings, train\n"
-        "settings, catalog, folder = TrainingSettings.from_table(json.loads(sys.argv[1])), sys.argv[2], sys.argv[3]\n"
-        "random.seed(2)\n"
-        "kills = 0\n"
-        "while not Surrogate.exists(folder):\n"
-        "    child = os.fork()\n"
-        "    if not child:\n"
-        "        train(settings, Catalog.open(catalog), folder)\n"
-        "        os._exit(0)\n"
-        "    time.sleep(random.uniform(0.0, 0.06 + 0.01 * kills))\n"
-        "    os.kill(child, signal.SIGKILL)\n"
-        "    kills += os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL\n"
-        "print(kills)\n"
-    )
     folder = tmp_path / "surrogate"
-    result = subprocess.run(
-        [sys.executable, "-c", program, json.dumps(settings.to_json()), str(catalog.path), str(folder)],
-        cwd=PROJECT,
-        capture_output=True,
-        text=True,
-        timeout=250,
-    )
-    assert result.returncode == 0, result.stderr
-    assert int(result.stdout) >= 5
+    assert kill_again_and_again(settings, catalog, folder) >= 5
     train(settings, catalog, folder)
     assert outcome(folder) == outcome(undisturbed)
 

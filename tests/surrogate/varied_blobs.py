@@ -4,27 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.variations import POINT_PARAMETERS, Setting, Variation, displaced
+from catalogs.appearance import TransferFunction
+from catalogs.catalog import Catalog
 from surrogate.deformation import BilinearDeformation
 from surrogate.gaussians import Normalization
 from surrogate.model import Surrogate
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.visualization import Visualization
+from tests.surrogate import families
 from tests.surrogate.blobs import Blobs
 
 BLOBS = Blobs(size=24)
 VIEW_SPLITS = ("train", "train", "validation", "test", "test")
 FUNCTION = TransferFunction(((0.0, 0.0, 0.0, 1.0), (3.0, 1.0, 0.0, 0.0)), ((0, 0), (1, 0.3), (2, 0.6), (3, 1)), 0.3)
-ISOVALUES = {"train": (1.0, 2.0, 4.0, 16.0), "validation": (3.0,), "test": (2.5, 8.0)}
 # Places are multiples of the largest displacements, so of the distances that a network sees.
 STEPS = np.array([0.4, 0.2, 0.4, 0.2])
 PLACES = {
@@ -32,22 +31,8 @@ PLACES = {
     "validation": ((0.1, 0.2, 0.3, -0.4),),
     "test": ((0.75, 0.25, 0, 0), (-0.5, -0.25, 0.25, 0)),
 }
-ISOVALUE = Variation(
-    "isovalue",
-    "dvr",
-    ParameterSpace((Parameter("isovalue", 1.0, 16.0),)),
-    tuple(Setting(f"iso={v:g}", (v,), split) for split, values in ISOVALUES.items() for v in values),
-)
-FUNCTIONS = Variation(
-    "transfer_function",
-    "dvr",
-    ParameterSpace(tuple(Parameter(n, -s, s) for n, s in zip(POINT_PARAMETERS, STEPS.tolist(), strict=True))),
-    tuple(
-        Setting(f"tf-{split}-{i}", tuple(np.multiply(place, STEPS).tolist()), split)
-        for split, places in PLACES.items()
-        for i, place in enumerate(places)
-    ),
-)
+ISOVALUE = families.isovalues({"train": (1.0, 2.0, 4.0, 16.0), "validation": (3.0,), "test": (2.5, 8.0)})
+FUNCTIONS = families.transfer_functions(STEPS, PLACES)
 EVERYTHING = ("dvr", *(s.appearance for v in (ISOVALUE, FUNCTIONS) for s in v.settings))
 UNSEEN = tuple(name for v in (ISOVALUE, FUNCTIONS) for name in v.named("test"))
 # One training member shows no variation; the test member shows two trained isovalues and two trained transfer functions.
@@ -99,23 +84,16 @@ def varied_catalog(
     background: tuple[float, float, float] | None = None,
 ) -> Catalog:
     """The images that `surrogate` draws: members by name, which begins with their split, with p and what they show."""
-    base = VolumeRendering("dvr", FUNCTION)
-    surfaces = [Isosurface(s.appearance, s.values[0]) for s in ISOVALUE.settings]
-    volumes = [VolumeRendering(s.appearance, displaced(FUNCTION, s.values)) for s in FUNCTIONS.settings]
-    appearances: tuple[Appearance, ...] = (base, *surfaces, *volumes)
-    cameras = BLOBS.cameras()[: len(VIEW_SPLITS)]
-    variations = (ISOVALUE, FUNCTIONS)
-    plan = CatalogPlan(
-        BLOBS.space, appearances, cameras, VIEW_SPLITS, BLOBS.bounds, background=background, variations=variations
+    return families.family_catalog(
+        path,
+        BLOBS,
+        FUNCTION,
+        (ISOVALUE, FUNCTIONS),
+        {name: (name.split("-")[0], p, shown) for name, (p, shown) in members.items()},
+        lambda p, shown: partial(surrogate.at(p=p, **varied(shown.name)).render, background=background),
+        view_splits=VIEW_SPLITS,
+        background=background,
     )
-    catalog = Catalog.create(path, plan)
-    for name, (p, shown) in members.items():
-        with catalog.begin_member(name, {"p": p}, split=name.split("-")[0], appearances=shown) as writer:
-            for appearance in shown:
-                deformed = surrogate.at(p=p, **varied(appearance))
-                for view, camera in enumerate(cameras):
-                    writer.write_image(appearance, view, deformed.render(camera, background=background))
-    return catalog
 
 
 def varied(appearance: str) -> dict[str, float]:

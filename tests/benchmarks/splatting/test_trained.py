@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.splatting.trained import FEWEST_STEPS, Pace, pace_of, scheduled
+from benchmarks.splatting.trained import POINTS, planned
+from surrogate.ablation.pace import Pace
 from surrogate.settings import TrainingSettings
 
-
-def curve(start: float, canonical: float, deformation: float) -> list[dict[str, Any]]:
-    points = [{"stage": "canonical", "step": n, "seconds": start + n * canonical} for n in (100, 200)]
-    middle = start + 200 * canonical
-    return points + [
-        {"stage": "deformation", "step": 200 + n, "seconds": middle + n * deformation} for n in (100, 200, 300)
-    ]
-
-
-def test_pace_of_a_made_up_run() -> None:
-    assert pace_of(curve(1.5, 0.01, 0.02)) == pytest.approx((1.5, 0.01, 0.02))
+SETTINGS = TrainingSettings(visualization_steps=0)
 
 
 @given(st.floats(5.0, 500.0), st.floats(0.001, 0.02), st.floats(0.001, 0.02))
 def test_schedule_takes_the_time_it_is_given(seconds: float, canonical: float, deformation: float) -> None:
-    settings = scheduled(TrainingSettings(), seconds, Pace(1.0, canonical, deformation))
-    if min(settings.canonical_steps, settings.deformation_steps) > FEWEST_STEPS:
-        taken = 1.0 + settings.canonical_steps * canonical + settings.deformation_steps * deformation
-        assert taken == pytest.approx(seconds, abs=2 * (canonical + deformation))
-        ratio = settings.deformation_steps / settings.canonical_steps
-        assert ratio == pytest.approx(5.0, rel=0.05)
-    assert settings.validation_interval >= 1
+    settings = planned(SETTINGS, seconds, Pace(1.0, canonical, deformation))
+    taken = 1.0 + settings.canonical_steps * canonical + settings.deformation_steps * deformation
+    assert taken == pytest.approx(seconds, abs=2 * (canonical + deformation))
+    assert settings.deformation_steps / settings.canonical_steps == pytest.approx(5.0, rel=0.05)
 
 
-def test_no_schedule_is_empty() -> None:
-    settings = scheduled(TrainingSettings(), 0.5, Pace(1.0, 0.01, 0.01))
-    assert settings.canonical_steps == settings.deformation_steps == FEWEST_STEPS
+@pytest.mark.parametrize("steps", [5, 100, 12_345])
+def test_a_curve_has_points_enough_to_be_drawn(steps: int) -> None:
+    settings = planned(SETTINGS, float(steps), Pace(0.0, 1.0, 1.0))
+    points = steps / settings.validation_interval
+    assert min(steps, POINTS) <= points <= 1.1 * POINTS
+    interval, stages = settings.validation_interval, {"canonical_steps": 2_000, "deformation_steps": 10_000}
+    assert replace(settings, **stages) == replace(SETTINGS, validation_interval=interval, **stages)

@@ -39,7 +39,7 @@ def test_fields_parameters_and_splits_are_the_files(tmp_path: Path) -> None:
     opened = Hdf5Ensemble.open(tmp_path / "a.h5")
     assert opened.space.names == ("a", "b")
     assert opened.splits == ("train", "train", "test")
-    read = opened.read(1)
+    read = opened.read(1)["field"]
     assert np.array_equal(read.values, field[1].astype(np.float32))
     assert (read.spacing, read.origin) == ((1.0, 2.0, 3.0), (0.5, 1.0, 2.0))
     assert [m.split for m in opened.members(validation=1)].count("validation") == 1

@@ -16,7 +16,7 @@ import insitu.simulations.taylor_green as module
 from insitu.simulations import Field, simulation
 from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import State
-from insitu.simulations.taylor_green import TaylorGreen, run
+from insitu.simulations.taylor_green import SIMULATION, TaylorGreen, run, run_fields
 
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"
 
@@ -244,3 +244,45 @@ def test_a_flow_that_is_not_finite_is_named():
 
 def test_the_docstrings_tell_the_truth():
     assert doctest.testmod(module).failed == 0
+
+
+# --- the fields that a scene may name ---------------------------------------------------------------------------------
+
+
+def test_the_first_field_is_what_run_returns():
+    every = run_fields({"Re": 400.0}, fields=SIMULATION.fields, resolution=16, time=1.0)
+    assert list(every) == list(SIMULATION.fields) == ["q_criterion", "speed", "vorticity"]
+    assert np.array_equal(every["q_criterion"].values, run({"Re": 400.0}, resolution=16, time=1.0).values)
+    assert [field.name for field in every.values()] == ["Q", "|u|", "|∇ x u|"]
+    for field in every.values():
+        assert (field.values.shape, field.values.dtype, field.time) == ((16, 16, 16), np.float32, 1.0)
+
+
+def test_speed_and_vorticity_of_the_initial_vortex_are_known():
+    """u = sin x cos y cos z, v = -cos x sin y cos z; ∇ x u = (-cos x sin y sin z, -sin x cos y sin z, 2 sin x sin y cos z)."""
+    found = run_fields({"Re": 100.0}, fields=("vorticity", "speed"), resolution=16, time=0.0)
+    z, y, x = np.meshgrid(*[2 * np.pi * np.arange(16) / 16] * 3, indexing="ij")
+    speed = np.abs(np.cos(z)) * np.hypot(np.sin(x) * np.cos(y), np.cos(x) * np.sin(y))
+    curl = [
+        -np.cos(x) * np.sin(y) * np.sin(z),
+        -np.sin(x) * np.cos(y) * np.sin(z),
+        2 * np.sin(x) * np.sin(y) * np.cos(z),
+    ]
+    assert np.abs(found["speed"].values - speed).max() < 1e-6
+    assert np.abs(found["vorticity"].values - np.linalg.norm(curl, axis=0)).max() < 2e-6
+
+
+def test_speed_and_vorticity_later_are_those_of_the_plain_solver():
+    found = run_fields({"Re": 50.0}, fields=("speed", "vorticity"), resolution=16, time=1.0)
+    box = PeriodicBox(16, 1 / 50.0, dtype="float64")
+    z, y, x = np.meshgrid(*[2 * np.pi * np.arange(16) / 16] * 3, indexing="ij")
+    start = np.stack([np.sin(x) * np.cos(y) * np.cos(z), -np.cos(x) * np.sin(y) * np.cos(z), np.zeros_like(x)])
+    state = box.advance(box.initial(start), until=1.0)
+    for name, vector in (("speed", box.velocity(state)), ("vorticity", box.vorticity(state))):
+        assert np.abs(found[name].values - np.linalg.norm(vector, axis=0)).max() < 1e-4
+
+
+@pytest.mark.parametrize("fields", [(), ("pressure",), ("speed", "speed"), ("speed", "Q")])
+def test_unknown_fields_are_named(fields: tuple[str, ...]):
+    with pytest.raises(ValueError, match=r"some of \['q_criterion', 'speed', 'vorticity'\], each once"):
+        run_fields({"Re": 50.0}, fields=fields, resolution=16, time=1.0)

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Normalization
-from surrogate.initialization.hull import hull_points, voxels
+from surrogate.initialization.hull import SLACK, hull_points, occupied, voxels
+from surrogate.initialization.pictures import Picture
 from surrogate.initialize import Points
 from tests.surrogate.initialization.balls import Ball, grey, store
 
@@ -115,3 +116,25 @@ def test_voxels_are_nearly_cubes_that_fill_a_flat_box() -> None:
     assert centers.shape == (64 * 19, 3)
     np.testing.assert_allclose(centers.min(0) - sides / 2.0, box[0], atol=1e-12)
     np.testing.assert_allclose(centers.max(0) + sides / 2.0, box[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("vertical_fov_degrees", [20.0, 60.0, 110.0])
+@pytest.mark.parametrize("radius", [0.03, 0.3])
+def test_a_ball_of_which_one_pixel_is_seen_anywhere_is_kept(vertical_fov_degrees: float, radius: float) -> None:
+    """Of points on its surface, projected one by one, the pixel that is farthest from its centre."""
+    random = np.random.default_rng(2)
+    camera = Camera.look_at(
+        [0.0, 0.0, -2.0], [0.0, 0.0, 0.0], vertical_fov_degrees=vertical_fov_degrees, width=96, height=96
+    )
+    towards = random.normal(size=(4000, 3))
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    for place in random.uniform(-1.0, 1.0, (60, 3)):
+        pixels, _ = camera.project(place + radius * towards)
+        (center,), _ = camera.project(place[None])
+        seen = ((pixels >= 0) & (pixels < 96)).all(axis=1)
+        if not seen.any() or not ((center >= 0) & (center < 96)).all():
+            continue
+        column, row = max(pixels[seen].tolist(), key=lambda pixel, c=center: float(np.hypot(*(pixel - c))))
+        picture = np.zeros((96, 96, 4), np.uint8)
+        picture[int(row), int(column)] = 255
+        assert len(occupied(place[None], [Picture(camera, picture)], radius=radius, slack=SLACK))

@@ -5,7 +5,10 @@ import pytest
 
 from catalogs.images import premultiply
 from surrogate.initialization.pictures import foreground, representative_member, straight_colors
+from surrogate.settings import TrainingSettings
+from surrogate.source import Source
 from tests.surrogate.initialization.balls import Ball, grey, store
+from tests.surrogate.varied_blobs import varied_catalog, varied_surrogate
 
 BALL = Ball(size=8)
 
@@ -22,13 +25,23 @@ def test_the_representative_is_the_training_member_nearest_to_the_mean(
     tmp_path: Path, values: list[tuple[str, float]], expected: str
 ) -> None:
     catalog = store(tmp_path, BALL, grey, cameras=BALL.cameras()[:1], members=values)
-    assert representative_member(catalog).name == expected
+    assert representative_member(catalog, "drawn").name == expected
 
 
 def test_without_training_members_there_is_no_representative(tmp_path: Path) -> None:
     catalog = store(tmp_path, BALL, grey, cameras=BALL.cameras()[:1], members=[("test", 0.5)])
-    with pytest.raises(ValueError, match="holds no training member"):
-        representative_member(catalog)
+    with pytest.raises(ValueError, match="holds no training member that shows drawn"):
+        representative_member(catalog, "drawn")
+
+
+def test_the_representative_shows_the_appearance_that_is_learnt(tmp_path: Path) -> None:
+    members = {"train-0": (0.0, ("dvr", "iso=2")), "train-1": (0.5, ("dvr",)), "train-2": (1.0, ("dvr",))}
+    catalog = varied_catalog(tmp_path / "a.cdb", varied_surrogate(), members)
+    assert representative_member(catalog, "dvr").name == "train-1"
+    assert representative_member(catalog, "iso=2").name == "train-0"
+    with pytest.raises(ValueError, match=r"holds no training member that shows iso=8"):
+        representative_member(catalog, "iso=8")
+    assert Source(TrainingSettings(appearance="iso=2", initialization="hull"), catalog).points is not None
 
 
 def test_the_last_bits_of_alpha_are_no_foreground() -> None:

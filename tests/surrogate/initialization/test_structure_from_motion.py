@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Normalization
+from surrogate.initialization import structure_from_motion as module
 from surrogate.initialization.structure_from_motion import (
     neighbours,
     structure_from_motion_points,
@@ -74,6 +75,17 @@ def test_too_few_points_are_an_error_that_says_how_many(tmp_path: Path, blank: b
     with pytest.raises(
         ValueError, match=rf'found \d+ points in {count} .*translucent.*training\.initialization = "hull"'
     ):
+        structure(catalog)
+
+
+def test_two_features_of_one_picture_are_one_view_of_a_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two neighbouring features of a picture may be taken for the same point; two rays may still have met by chance."""
+    pytest.importorskip("pycolmap")
+    catalog = store(tmp_path, BALL, grey, cameras=BALL.cameras()[:3])
+    middle = BALL.size // 2
+    chance = [module.Track(np.zeros(3), np.array([[0, middle, middle], [0, middle, middle + 1], [1, middle, middle]]))]
+    monkeypatch.setattr(module, "triangulate", lambda *_: chance * module.FEWEST_POINTS)
+    with pytest.raises(ValueError, match=r"structure from motion found 0 points"):
         structure(catalog)
 
 

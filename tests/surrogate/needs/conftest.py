@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
+from catalogs.cameras import Camera
 from surrogate.data import Example
 from surrogate.deformation import BilinearDeformation
 from surrogate.gaussians import Gaussians
@@ -60,11 +61,16 @@ def make_known() -> MakeKnown:
     return make
 
 
-def example(fitted: Fitted, camera: Any, p: float) -> Example:
+def example(fitted: Fitted, camera: Camera, p: float) -> Example:
     """The picture of a model as a stored image."""
     parameters = torch.tensor([p])
+    return stored_picture(fitted.at(parameters), camera, parameters)
+
+
+def stored_picture(gaussians: Gaussians, camera: Camera, parameters: Tensor) -> Example:
+    """What `camera` sees of Gaussians as a stored image of those `parameters` (P,)."""
     with torch.no_grad():
-        drawn = Rasterizer().draw(fitted.at(parameters), camera)
+        drawn = Rasterizer().draw(gaussians, camera)
     rgba = torch.cat([drawn.color, drawn.alpha[..., None]], dim=2).numpy().clip(0, 1)
     rgba[..., :3] = np.minimum(rgba[..., :3], rgba[..., 3:])
     return Example(camera, parameters, np.round(255.0 * rgba).astype(np.uint8))

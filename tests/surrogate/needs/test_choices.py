@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
 
+from surrogate.encoding import FORMATS, encode
 from surrogate.gaussians import NAMES
 from surrogate.needs import NEEDS, Needs, choose_color_degree, fit_to_need
 from surrogate.needs.attributes import choose_attributes
@@ -14,6 +17,7 @@ from surrogate.needs.fitted import Bench
 from surrogate.needs.modes import choose_modes
 from surrogate.needs.precision import choose_precision
 from surrogate.needs.pruning import choose_gaussians
+from surrogate.rasterizer import Rasterizer
 from tests.surrogate.needs.conftest import TRUE_MODES, MakeKnown, same
 
 
@@ -66,6 +70,52 @@ def test_without_any_tolerance_precision_never_costs_anything(make_known: MakeKn
     assert choice.before is not None
     assert choice.after is not None
     assert choice.after.psnr >= choice.before.psnr
+
+
+def test_what_half_precision_can_not_hold_stays_as_it_is(make_known: MakeKnown) -> None:
+    """One that no view shows has gone far away: levels between it and the others are too coarse, and half precision ends before."""
+    known = make_known(useless=1)
+    lost = int(known.fitted.gaussians.opacity_logits.argmin())
+    known.fitted.gaussians.means[lost] = 1e6
+    strict = Bench(replace(known.bench.settings, need_tolerance=0.0), known.bench.data)
+    fitted, encodings, _ = choose_precision(known.fitted, strict)
+    assert "gaussians.means" not in encodings
+    assert all(torch.isfinite(tensor).all() for tensor in fitted.tensors().values())
+
+
+def test_no_format_takes_more_bytes_than_another_that_would_do(make_known: MakeKnown) -> None:
+    """Levels come with two numbers per column: of a few rows they take more than half precision, of one more than float32."""
+    known = make_known(("opacity_logits",))
+    assert known.fitted.deformation.stored()["weights_out"].shape == (6, 8)
+    anything = Bench(replace(known.bench.settings, need_tolerance=100.0), known.bench.data)
+    _, encodings, choice = choose_precision(known.fitted, anything)
+    stored = known.fitted.tensors()
+    assert set(encodings) == set(stored)
+    for name, encoding in encodings.items():
+        assert encoding.saved_bytes == max(encode(stored[name], form).saved_bytes for form in FORMATS)
+    assert encodings["deformation.weights_out"].form == "float16"
+    assert choice.after is not None
+    assert choice.after.megabytes < known.fitted.megabytes
+
+
+def test_precision_is_judged_in_main_memory_however_training_draws(make_known: MakeKnown) -> None:
+    known = make_known()
+    on_a_gpu = Bench(replace(known.bench.settings, backend="cuda"), known.bench.data)
+    _, encodings, _ = choose_precision(known.fitted, on_a_gpu)
+    _, expected, _ = choose_precision(known.fitted, known.bench)
+    assert {name: e.form for name, e in encodings.items()} == {name: e.form for name, e in expected.items()}
+
+
+def test_milliseconds_end_when_the_picture_is_there(make_known: MakeKnown, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A GPU returns from drawing before it has drawn; fetching what it drew waits for it."""
+    known = make_known()
+
+    class Unfinished:
+        def cpu(self) -> None:
+            time.sleep(0.05)
+
+    monkeypatch.setattr(Rasterizer, "draw", lambda *_: SimpleNamespace(color=Unfinished()))
+    assert known.bench.measure(known.fitted, psnr=30.0).milliseconds >= 50.0
 
 
 @pytest.mark.parametrize(("directional", "degree"), [(0.0, 0), (0.4, 1)])

@@ -2,23 +2,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
-from surrogate.data import Example
 from surrogate.deformation import BilinearDeformation
-from surrogate.gaussians import Gaussians
 from surrogate.needs.fitted import Fitted
 from surrogate.needs.visualized_color_degree import NAME, choose_visualized_color_degree
-from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.source import Source
 from surrogate.stage_run import TrainingData
 from tests.surrogate.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
+from tests.surrogate.needs.conftest import stored_picture
 
 SETTINGS = TrainingSettings(
     visualization_steps=2000,
@@ -44,16 +40,9 @@ def lit(directional: float) -> TrainingData:
     """The blobs as they are, but for colours that depend on the direction by so much, whatever the isovalue."""
     truth = BLOBS.gaussians(0.5).with_color_degree(1)
     truth.colors[:, 3:] = directional * torch.randn(len(truth), 9, generator=torch.Generator().manual_seed(3))
-    images = [seen(truth, camera, place) for camera in BLOBS.cameras() for place in (-1.0, 1.0)]
+    places = torch.tensor([[0.0, -1.0], [0.0, 1.0]])
+    images = [stored_picture(truth, camera, place) for camera in BLOBS.cameras() for place in places]
     return TrainingData(images[:18], images[18:], None)
-
-
-def seen(truth: Gaussians, camera: Camera, place: float) -> Example:
-    with torch.no_grad():
-        drawn = Rasterizer().draw(truth, camera)
-    rgba = torch.cat([drawn.color, drawn.alpha[..., None]], dim=2).numpy().clip(0, 1)
-    rgba[..., :3] = np.minimum(rgba[..., :3], rgba[..., 3:])
-    return Example(camera, torch.tensor([0.0, place]), np.round(255.0 * rgba).astype(np.uint8))
 
 
 def asked(

@@ -1,0 +1,1 @@
+"""All scenes' results on one page, read from runs/."""

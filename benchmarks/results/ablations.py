@@ -1,0 +1,80 @@
+"""The tables of what each choice of training is worth, in groups of variants that answer one question."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.results.studies import StudyResults
+from surrogate.ablation.comparison import Row
+from surrogate.ablation.table import equal_steps, unequal_times, verdict
+from surrogate.ablation.variants import DEFAULT, Variant
+from surrogate.report_tables import NOTHING, number, table
+
+HEADER = ("", "variant", "changed", "PSNR (dB)", "difference (dB)", "SSIM", "steps", "seconds", "seeds")
+DESIGNS = {"deformation", "visualization_deformation"}
+SIZES = {"gaussians", "latent_size", "visualization_latent_size", "value_bins"}
+GROUPS = ("reference", "deformation field", "start", "training strategy", "size")
+
+
+def group_of(variant: Variant) -> str:
+    """Which question a variant answers, of `GROUPS`."""
+    changed = {*variant.changes, *variant.factors}
+    if variant.name == DEFAULT:
+        return "reference"
+    if changed & DESIGNS or variant.steps_of:
+        return "deformation field"
+    if "initialization" in changed:
+        return "start"
+    return "size" if changed <= SIZES else "training strategy"
+
+
+def study_lines(study: StudyResults) -> list[str]:
+    """A study as Markdown: a table by groups, the best of a group first, and what it says in sentences."""
+    rows = [row for row in study.rows if row.results]
+    groups = {name: [row for row in rows if group_of(row.variant) == name] for name in GROUPS}
+    cells = [
+        (f"**{name}**" if place == 0 else "", *_cells(row))
+        for name, members in groups.items()
+        for place, row in enumerate(members)
+    ]
+    return [_introduction(study), "", *table(HEADER, cells), "", " ".join(_sentences(study.rows)), ""]
+
+
+def _introduction(study: StudyResults) -> str:
+    images = sorted({result.images for result in study.results})
+    return (
+        f"{study.budget:g} s of processor time for each fit, as many steps as fit into that unless it takes another's; "
+        f"{' or '.join(map(str, images))} validation images; nothing is fitted to need.  PSNR ± standard deviation over seeds; "
+        "difference from the default, or as said, ± its standard error."
+    )
+
+
+def _sentences(rows: Sequence[Row]) -> list[str]:
+    failed = [f"{row.variant.name} ({row.failures[0].error})" for row in rows if not row.results and row.failures]
+    lost = [f"Without a result: {'; '.join(failed)}."] if failed else []
+    return [verdict(rows), *equal_steps(rows), *unequal_times(rows), *lost]
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (
+        row.variant.name,
+        row.variant.what,
+        _with(row.psnr, row.spread),
+        _difference(row),
+        number(row.mean("ssim"), 4),
+        f"{row.mean('steps'):,.0f}",
+        f"{row.mean('seconds'):,.0f}",
+        str(len(row.results)),
+    )
+
+
+def _difference(row: Row) -> str:
+    if row.difference is None:
+        return NOTHING
+    sign = "+" if row.difference >= 0.0 else "-"
+    otherwise = f" from {row.reference}" if row.variant.steps_of else ""
+    return f"{sign}{_with(abs(row.difference), row.error)}{otherwise}"
+
+
+def _with(value: float | None, error: float | None) -> str:
+    return number(value) if error is None else f"{number(value)} ± {number(error)}"

@@ -1,0 +1,95 @@
+"""The parts of a scene's report that tables have rows about: the base appearance, and each variation of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.results.scenes import SceneResults
+from surrogate.report_tables import NOTHING, metric_number, number, spread_number
+from surrogate.report_variations import NAMES
+
+BASE = "base"
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What is known of one part.
+
+    Attributes
+    ----------
+    kind : "base", or that of the variation.
+    what : that it shows, in words.
+    record : of the report, with means by metric, row and column.
+    spreads : the same over seeds; None for fewer than two.
+    ceiling : the entry of `ceiling.json` about it; None without one.
+    """
+
+    scene: str
+    kind: str
+    what: str
+    record: Mapping[str, Any]
+    spreads: Mapping[str, Any] | None
+    ceiling: Mapping[str, Any] | None
+
+    def has(self, row: str, column: str) -> bool:
+        """Whether the data set has such images."""
+        return bool(self.record["images"][row][column])
+
+    def figure(self, metric: str, row: str, column: str) -> str:
+        """A mean, with the standard deviation over seeds where that is known."""
+        if self.spreads is not None and metric in self.spreads:
+            return spread_number(metric, self.spreads[metric][row][column])
+        return metric_number(metric, self.record[metric][row][column])
+
+    def seeds(self) -> str:
+        """How many seeds a figure is the mean of."""
+        return "1" if self.spreads is None else str(len(self.spreads["seeds"]))
+
+    def best_trivial(self, row: str, column: str) -> str:
+        """The best trivial predictor on the same images: its PSNR in dB, and its name."""
+        known = [
+            (value, entry["name"])
+            for entry in self.record["trivial_predictors"]
+            if (value := self._of(entry, row, column)) is not None
+        ]
+        if not known:
+            return NOTHING
+        value, name = max(known)
+        return f"{number(value)} ({name.split(' (')[0]})"
+
+    def beside_ceiling(self) -> str:
+        """PSNR in dB of the same Gaussians fitted alone, and of the surrogate on the same images."""
+        if self.ceiling is None:
+            return NOTHING
+        return f"{number(self.ceiling['psnr'])} ({number(self.ceiling['surrogate']['psnr'])})"
+
+    def _of(self, entry: Mapping[str, Any], row: str, column: str) -> float | None:
+        """A predictor's PSNR; those of settings are about unseen ones, by column alone."""
+        if self.kind == BASE:
+            value = entry["psnr"].get(row, {}).get(column)
+        else:
+            value = entry["psnr"].get(column) if row == "unseen_settings" else None
+        return None if value is None else float(value)
+
+
+def parts_of(scenes: Iterable[SceneResults]) -> list[Part]:
+    """All parts of all reports, scene by scene, the base first."""
+    return [part for scene in scenes for part in _parts(scene)]
+
+
+def _parts(scene: SceneResults) -> list[Part]:
+    report, repeats = scene.report, scene.repeats
+    if report is None:
+        return []
+    varied: Sequence[Mapping[str, Any]] = report["variations"]
+    names = {parameter["name"] for one in varied for parameter in one["parameters"]}
+    base = next((entry for entry in scene.ceilings if not names & set(entry["parameters"])), None)
+    parts = [Part(scene.name, BASE, scene.base, report, repeats, base)]
+    for number_of, one in enumerate(varied):
+        own = {parameter["name"] for parameter in one["parameters"]}
+        ceiling = next((entry for entry in scene.ceilings if own & set(entry["parameters"])), None)
+        spreads = None if repeats is None else {"seeds": repeats["seeds"], **repeats["variations"][number_of]}
+        parts.append(Part(scene.name, one["kind"], NAMES[one["kind"]], one, spreads, ceiling))
+    return parts

@@ -1,0 +1,71 @@
+"""What made the numbers of a table: command, commit, machine and seed, scene by scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.results.scenes import SceneResults
+from benchmarks.results.studies import StudyResults
+
+
+@dataclass(frozen=True)
+class Made:
+    """From which commits, on which machines and with which seeds something was made, in words; equal ones share a line."""
+
+    commits: str
+    machines: str
+    seeds: str
+
+    @classmethod
+    def of(cls, records: Iterable[Mapping[str, Any]], seeds: Iterable[int]) -> Made:
+        """From records with a "commit" and a "machine"."""
+        records, seeds = list(records), list(seeds)
+        return cls(
+            ", ".join(dict.fromkeys(f"`{record['commit']}`" for record in records)),
+            "; ".join(dict.fromkeys(_machine(record["machine"] or {}) for record in records)),
+            f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
+        )
+
+    def __str__(self) -> str:
+        return f"commit {self.commits}, {self.machines}, {self.seeds}"
+
+
+def report_sources(scenes: Sequence[SceneResults]) -> str:
+    """Of tables that are made of reports, ceilings and seeds; "" without any."""
+    commands: dict[Made, list[str]] = {}
+    for scene in scenes:
+        for command, made in _of_scene(scene):
+            commands.setdefault(made, []).append(f"`{command}`")
+    lines = [f"{', '.join(names)}: {made}" for made, names in commands.items()]
+    return f"<sub>{'; '.join(lines)}.</sub>" if lines else ""
+
+
+def study_sources(scene: str, study: StudyResults) -> str:
+    """Of the table of an ablation."""
+    results = study.results
+    seeds = sorted({int(result.settings["seed"]) for result in results})
+    command = f"{study.kind.command(scene)} --seconds {study.budget:g} --seeds {len(seeds)}"
+    made = Made.of(({"machine": result.machine, "commit": result.commit} for result in results), seeds)
+    return f"<sub>`{command}`: {made}.</sub>"
+
+
+def _of_scene(scene: SceneResults) -> list[tuple[str, Made]]:
+    """The commands that made a scene's numbers."""
+    if scene.report is None:
+        return []
+    found = [(f"surrogate evaluate scenes/{scene.name}.toml", Made.of([scene.report], [scene.report["seed"]]))]
+    if scene.repeats is not None:
+        seeds, machines, commits = (scene.repeats[name] for name in ("seeds", "machines", "commits"))
+        made = Made.of(({"machine": machine, "commit": commit} for machine in machines for commit in commits), seeds)
+        found.append((f"surrogate repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
+    if scene.ceilings:
+        seeds = sorted({int(entry["seed"]) for entry in scene.ceilings})
+        found.append((f"surrogate ceiling scenes/{scene.name}.toml", Made.of(scene.ceilings, seeds)))
+    return found
+
+
+def _machine(machine: Mapping[str, Any]) -> str:
+    cores = machine.get("cores", "?")
+    return f"{machine.get('processor', 'an unknown processor')}, {cores} core{'' if cores == 1 else 's'}"

@@ -1,0 +1,153 @@
+"""A member's scalar fields, under the names by which appearances show them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from catalogs.appearance import Appearance, check_fields, field_of, shown_fields
+from insitu.adapters import as_grid
+from insitu.boxes import box_of, same_box
+
+if TYPE_CHECKING:
+    from render.grids import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """The fields of one member, all on the same points.
+
+    Attributes
+    ----------
+    grids : by name, at least one, in the order in which appearances show them; "" is an only one that they do not name.
+    """
+
+    grids: Mapping[str, Grid]
+
+    @property
+    def first(self) -> Grid:
+        """One that speaks for the shape and the place of all."""
+        return next(iter(self.grids.values()))
+
+    def shown_by(self, appearance: Appearance) -> Grid:
+        """The field that an appearance shows."""
+        return self.grids[field_of(appearance)]
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest finite value by name."""
+        return {name: (float(grid.values.min()), float(grid.values.max())) for name, grid in self.grids.items()}
+
+
+def as_fields(
+    data: Any,
+    appearances: Sequence[Appearance],
+    *,
+    known: Sequence[Appearance] | None = None,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    array: str | None = None,
+    nan: str = "refuse",
+) -> Fields:
+    """What `appearances` show of a member.
+
+    Parameters
+    ----------
+    data : one field, anything that `as_grid` takes; several of them by name, all of one shape and place; or a pyvista or VTK data
+        set, whose arrays are chosen by the names of the fields.
+    appearances : those that the member is shown with.
+    known : all of the catalog's, by default the same; a mapping may hold what one of these shows.
+    spacing, origin, array, nan : as in `as_grid`, for all fields.
+
+    Raises ValueError or TypeError naming the field and the appearance that shows it where one is missing, of another shape or
+    place, or not acceptable; ValueError where a mapping holds a field that none shows, or several of which none is named.
+    """
+    check_fields(known or appearances)
+    names = shown_fields(appearances) or ("",)
+    several = isinstance(data, Mapping)
+    if several:
+        check_names(list(data), appearances, known or appearances)
+    elif names != ("",):
+        _check_nameable(data, appearances, array)
+    grids = {}
+    for name in names:
+        held = data if not several else data[name] if name else next(iter(data.values()))
+        chosen = array if several else name or array
+        try:
+            grids[name] = as_grid(held, spacing=spacing, origin=origin, array=chosen, nan=nan)
+        except (TypeError, ValueError) as error:
+            if not name:
+                raise
+            kind = TypeError if isinstance(error, TypeError) else ValueError
+            raise kind(f"field {name!r}, which {_shows(name, appearances)} shows: {error}") from error
+    _check_same_points(grids)
+    return Fields(grids)
+
+
+def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: Sequence[Appearance]) -> None:
+    """Raise ValueError unless a member's fields, called `names`, are what `appearances` show, and others what `known` ones do."""
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"the fields of a member are held by name, {{'speed': array}}, got the names {list(names)}")
+    wanted, shown = shown_fields(appearances), shown_fields(known)
+    if shown in ((), ("",)):
+        if len(names) > 1:
+            raise ValueError(
+                f"the member has the fields {list(names)}, but appearance {_shows('', known)} does not say which of them it shows: "
+                f"give every appearance its field, such as field={names[0]!r}, or pass one field alone"
+            )
+        return
+    for name in wanted:
+        if name not in names:
+            raise ValueError(
+                f"appearance {_shows(name, appearances)} shows the field {name!r}, but the member has {list(names)}: "
+                "add it, or let the appearance name one of these"
+            )
+    unused = [name for name in names if name not in shown]
+    if unused:
+        raise ValueError(
+            f"the member has the fields {unused}, which no appearance shows (they show {list(shown)}): leave them out, or add an "
+            f"appearance with field={unused[0]!r}"
+        )
+
+
+def time_of(data: Any) -> float | None:
+    """The simulation time that a field, or the first of several, states; None where it does not."""
+    held = next(iter(data.values()), None) if isinstance(data, Mapping) else data
+    return getattr(held, "time", None)
+
+
+def _check_nameable(data: Any, appearances: Sequence[Appearance], array: str | None) -> None:
+    """Raise ValueError unless the names of fields say what to take of `data`."""
+    name = shown_fields(appearances)[0]
+    if not hasattr(data, "GetClassName"):
+        raise ValueError(
+            f"appearance {_shows(name, appearances)} shows the field {name!r}, but the member is one {type(data).__name__} without "
+            f"a name: pass {{{name!r}: ...}}, or a data set with an array of this name"
+        )
+    if array is not None:
+        raise ValueError(
+            f"array={array!r} would choose one array, but appearance {_shows(name, appearances)} names the field {name!r}, which "
+            "is the array that it shows: leave array out"
+        )
+
+
+def _check_same_points(grids: Mapping[str, Grid]) -> None:
+    (first, grid), *others = grids.items()
+    for name, other in others:
+        if other.shape != grid.shape or not same_box(box_of(other), box_of(grid)):
+            raise ValueError(
+                f"the fields of a member share shape, spacing and origin, but {name!r} is {_place(other)} and {first!r} is "
+                f"{_place(grid)}: resample one of them, or render it into a catalog of its own"
+            )
+
+
+def _place(grid: Grid) -> str:
+    nz, ny, nx = grid.shape
+    low, high = (tuple(f"{x:.6g}" for x in corner) for corner in box_of(grid))
+    return f"{nx} x {ny} x {nz} from ({', '.join(low)}) to ({', '.join(high)})"
+
+
+def _shows(field: str, appearances: Sequence[Appearance]) -> str:
+    """The name of the first appearance that shows a field."""
+    return next((a.name for a in appearances if field_of(a) == field), "")

@@ -1,0 +1,88 @@
+"""The page from end to end: every table with what made it, pictures beside it, and what is missing."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from benchmarks.page import PROJECT
+from benchmarks.results.page import write
+from benchmarks.results.scenes import read_scenes
+from surrogate.cli import main
+from tests.benchmarks.results.made import make_catalog, make_results, make_scene, make_study
+
+
+def page(root: Path) -> str:
+    return write(root / "docs", read_scenes(root / "scenes", root / "runs")).read_text()
+
+
+def test_tables_stand_with_what_made_them_and_gaps_with_what_makes_them(tmp_path: Path) -> None:
+    catalog = make_results(tmp_path, "vortex", 30.0, seeds=(30.0, 32.0))
+    make_study(tmp_path, "vortex", catalog, {"default": (30.0,), "joint": (29.0,)})
+    make_scene(tmp_path, "absent")
+    text = page(tmp_path)
+    assert "| `vortex` | 31.00 ± 1.41 | 31.00 ± 1.41 |" in text
+    assert "| `vortex` | 1,005 ± 7 | 1.00 ± 0.71 | 45 | 100 ± 1 | 1.50 | 0.25 | – | 2 |" in text
+    assert (
+        "<sub>`surrogate evaluate scenes/vortex.toml`, `surrogate ceiling scenes/vortex.toml`: commit `c0ffee`, abacus, 2 cores, "
+        "seed 0; `surrogate repeat scenes/vortex.toml --seeds 2`: commit `abc`, abacus, 2 cores, seeds 0, 1.</sub>"
+    ) in text
+    assert (
+        "`surrogate ablate scenes/vortex.toml --seconds 60 --seeds 1`: commit `bead`, abacus, 2 cores, seed 0." in text
+    )
+    assert "| `absent` | everything | `make results SCENES=absent` |" in text
+    for section in text.split("\n## ")[1:]:
+        if any(line.startswith("| `vortex` |") for line in section.splitlines()):
+            assert "<sub>" in section
+
+
+def test_pictures_are_copied_and_those_of_an_earlier_page_removed(tmp_path: Path) -> None:
+    make_results(tmp_path, "vortex", 30.0)
+    (tmp_path / "docs").mkdir()
+    for name in ("results_gone_comparison.png", "other.png"):
+        (tmp_path / "docs" / name).write_bytes(b"old")
+    assert "![vortex](results_vortex_comparison.png)" in page(tmp_path)
+    assert (tmp_path / "docs/results_vortex_comparison.png").read_bytes() == b"a picture"
+    assert sorted(p.name for p in (tmp_path / "docs").iterdir()) == [
+        "other.png",
+        "results.md",
+        "results_vortex_comparison.png",
+    ]
+
+
+def test_the_same_results_make_the_same_page(tmp_path: Path) -> None:
+    make_results(tmp_path, "vortex", 30.0, seeds=(30.0, 32.0))
+    assert page(tmp_path) == page(tmp_path)
+    assert str(tmp_path) not in page(tmp_path)
+
+
+def test_what_the_commands_made_stands_on_the_page(tmp_path: Path) -> None:
+    scene = make_scene(tmp_path, "blobs")
+    make_catalog(tmp_path, "blobs")
+    for command in ("train", "repeat", "ceiling", "evaluate"):
+        more = ["--seeds", "2"] if command == "repeat" else []
+        result = CliRunner().invoke(main, [command, str(scene), "--runs", str(tmp_path / "runs"), *more])
+        assert result.exit_code == 0, result.output
+    (results,) = read_scenes(tmp_path / "scenes", tmp_path / "runs")
+    assert [gap.what for gap in results.gaps] == ["the ablation of the base appearance"]
+    assert results.report is not None
+    assert results.report["repeats"] == results.repeats
+    spread = results.report["repeats"]["psnr"]["unseen_views"]["unseen_parameters"]
+    text = page(tmp_path)
+    assert f"| `blobs` | pictures made elsewhere | {spread['mean']:.2f} ± {spread['deviation']:.2f} |" in text
+    assert f"{results.ceilings[0]['psnr']:.2f} ({results.ceilings[0]['surrogate']['psnr']:.2f})" in text
+    assert (tmp_path / "docs/results_blobs_comparison.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize("runs", ["nowhere", "runs"])
+def test_without_results_no_page_is_written(tmp_path: Path, runs: str) -> None:
+    make_scene(tmp_path, "absent")
+    (tmp_path / "runs").mkdir()
+    folders = ["--runs", tmp_path / runs, "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
+    command = [sys.executable, "-m", "benchmarks.results", *map(str, folders)]
+    found = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=120)
+    assert found.returncode == 2
+    assert "make" in found.stderr.splitlines()[-1]
+    assert not (tmp_path / "docs").exists()

@@ -1,0 +1,83 @@
+"""Numbers stand in the cells that they belong to: report, seeds, ceiling and best trivial predictor."""
+
+from pathlib import Path
+
+from benchmarks.results.parts import parts_of
+from benchmarks.results.quality import quality_tables
+from benchmarks.results.scenes import SceneResults
+from surrogate.repeats.spread import summarize_repeats
+from tests.benchmarks.results.made import ceiling_entry, report_of
+from tests.surrogate.repeats.made import scores_of
+
+TITLES = [
+    "Novel views",
+    "Unseen simulation parameters",
+    "Unseen isovalues",
+    "Unseen transfer functions",
+    "Unseen views and unseen parameters at once",
+]
+
+
+def scene(**known: object) -> SceneResults:
+    return SceneResults("vortex", "A vortex", Path("runs/vortex"), "volume rendering", **known)  # type: ignore[arg-type]
+
+
+def shown(results: SceneResults) -> dict[str, list[dict[str, str]]]:
+    """The rows of every table by its title, their cells by column."""
+    found = {}
+    for quality in quality_tables(parts_of([results])):
+        cells = [
+            [cell.strip() for cell in line.strip("|").split("|")] for line in quality.lines if line.startswith("|")
+        ]
+        found[quality.title] = [dict(zip(cells[0], row, strict=True)) for row in cells[2:]]
+    return found
+
+
+def test_a_report_alone_fills_the_tables() -> None:
+    rows = shown(scene(report=report_of("vortex", "mark", 30.0)))
+    assert list(rows) == TITLES
+    assert rows["Unseen isovalues"] == rows["Unseen transfer functions"] == []
+    (views,), (parameters,), (joint,) = rows[TITLES[0]], rows[TITLES[1]], rows[TITLES[4]]
+    assert views["scene"] == "`vortex`"
+    assert views["**unseen views**, PSNR (dB)"] == "30.00"
+    assert views["ceiling (surrogate there), dB"] == "–"
+    assert parameters["best trivial predictor, dB"] == joint["best trivial predictor, dB"] == "31.00 (nearest member)"
+    assert (joint["what"], joint["PSNR (dB)"], joint["SSIM"]) == ("volume rendering", "30.00", "30.0000")
+    assert (joint["seeds"], joint["images"]) == ("1", "7")
+    assert joint["FLIP"] == "0.0125"
+    assert "LPIPS" not in joint
+
+
+def test_seeds_give_means_and_deviations() -> None:
+    repeats = summarize_repeats([scores_of(0, 30.0, varied=20.0), scores_of(1, 32.0, varied=22.0)])
+    rows = shown(scene(report=report_of("vortex", "mark", 30.0, isovalues=20.0), repeats=repeats))
+    (views,), (isovalues,) = rows[TITLES[0]], rows[TITLES[2]]
+    assert views["**unseen views**, PSNR (dB)"] == "31.00 ± 1.41"  # distances 1, 1 from 31: sqrt(2 / 1)
+    assert views["seeds"] == "2"
+    assert isovalues["**unseen isovalues**, PSNR (dB)"] == "21.00 ± 1.41"
+    assert rows[TITLES[4]][0]["FLIP"] == "0.0125"  # which seeds do not have
+
+
+def test_each_part_stands_beside_its_own_ceiling() -> None:
+    ceilings = [ceiling_entry("mark", 33.0), ceiling_entry("mark", 23.0, "iso=1.5", isovalue=1.5)]
+    rows = shown(scene(report=report_of("vortex", "mark", 30.0, isovalues=20.0), ceilings=ceilings))
+    base, isovalues = rows[TITLES[4]]
+    assert base["ceiling (surrogate there), dB"] == "33.00 (32.50)"
+    assert isovalues["ceiling (surrogate there), dB"] == "23.00 (22.50)"
+    assert isovalues["what"] == "isovalues"
+    assert isovalues["best trivial predictor, dB"] == "31.00 (nearest trained setting)"
+    assert isovalues["FLIP"] == "–"
+
+
+def test_cells_without_images_have_no_row() -> None:
+    report = report_of("vortex", "mark", 30.0)
+    report["images"]["unseen_views"]["unseen_parameters"] = 0
+    rows = shown(scene(report=report))
+    assert rows[TITLES[4]] == []
+    assert len(rows[TITLES[0]]) == 1
+
+
+def test_without_any_report_every_table_says_so() -> None:
+    for quality in quality_tables(parts_of([scene()])):
+        assert quality.lines == ["No scene has a report of such images yet."]
+        assert quality.scenes == []

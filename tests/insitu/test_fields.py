@@ -1,0 +1,164 @@
+"""Which fields a member is taken to have, and everything that is refused before it is rendered."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalogs.appearance import Isosurface
+from insitu.fields import as_fields, check_names, time_of
+from insitu.kept import KeptField
+from render import to_grid
+
+VALUES = np.random.default_rng(0).random((3, 4, 5)).astype(np.float32)
+PLACED: dict[str, Any] = {"spacing": (1.0, 2.0, 3.0), "origin": (4.0, 5.0, 6.0)}
+UNNAMED = [Isosurface("one", 0.5), Isosurface("two", 0.6)]
+NAMED = [Isosurface("one", 0.5, field="q"), Isosurface("two", 0.6, field="speed"), Isosurface("three", 0.7, field="q")]
+
+
+def data_set(**arrays: np.ndarray) -> Any:
+    import pyvista
+
+    mesh = pyvista.ImageData(dimensions=(5, 4, 3), **PLACED)
+    for name, values in arrays.items():
+        mesh[name] = values.ravel()
+    return mesh
+
+
+def held(scale: float) -> KeptField:
+    return KeptField(VALUES * scale, PLACED["spacing"], PLACED["origin"], 1.5)
+
+
+HOLDERS = {
+    "arrays": ({"speed": VALUES * 2, "q": VALUES}, PLACED),
+    "lists": ({"speed": (VALUES * 2).tolist(), "q": VALUES.tolist()}, PLACED),
+    "fields that know their place": ({"q": held(1), "speed": held(2)}, {}),
+    "both": ({"q": held(1), "speed": VALUES * 2}, PLACED),
+    "grids": ({"q": to_grid(VALUES, **PLACED), "speed": to_grid(VALUES * 2, **PLACED)}, {}),
+    "a data set": (data_set(q=VALUES, pressure=VALUES * 3, speed=VALUES * 2), {}),
+    "a data set each": ({"q": data_set(a=VALUES), "speed": data_set(b=VALUES * 2)}, {}),
+}
+
+
+@pytest.mark.parametrize("case", HOLDERS)
+def test_fields_are_found_by_name_whatever_holds_them(case: str) -> None:
+    data, placed = HOLDERS[case]
+    found = as_fields(data, NAMED, **placed)
+    assert list(found.grids) == ["q", "speed"]
+    for appearance, scale in zip(NAMED, (1, 2, 1), strict=True):
+        grid = found.shown_by(appearance)
+        assert np.array_equal(grid.values, VALUES * np.float32(scale))
+        assert (grid.spacing, grid.origin) == (PLACED["spacing"], PLACED["origin"])
+    assert found.ranges["speed"] == (float(2 * VALUES.min()), float(2 * VALUES.max()))
+
+
+@pytest.mark.parametrize("data", [VALUES, {"q": VALUES}, {"whatever": VALUES}])
+def test_the_only_field_needs_no_name(data: Any) -> None:
+    found = as_fields(data, UNNAMED, **PLACED)
+    assert list(found.grids) == [""]
+    assert found.first is found.shown_by(UNNAMED[1])
+    assert np.array_equal(found.first.values, VALUES)
+
+
+def test_only_what_a_member_shows_is_looked_at() -> None:
+    broken = {"q": np.full((3, 4, 5), np.nan), "speed": VALUES}
+    assert list(as_fields(broken, NAMED[1:2], known=NAMED, **PLACED).grids) == ["speed"]
+    assert list(as_fields({"speed": VALUES}, NAMED[1:2], known=NAMED, **PLACED).grids) == ["speed"]
+
+
+def test_holes_are_each_fields_own() -> None:
+    holed = VALUES.copy()
+    holed[1, 2, 3] = np.nan
+    found = as_fields({"q": VALUES, "speed": holed}, NAMED, nan="transparent")
+    assert found.grids["q"].holes is None
+    assert found.grids["speed"].holes is not None
+    assert found.grids["speed"].holes.sum() == 1
+
+
+def cells(mesh: Any) -> Any:
+    mesh.cell_data["speed"] = np.zeros(24)
+    return mesh
+
+
+WRONG: dict[str, tuple[Any, list[Isosurface], dict[str, Any], list[str]]] = {
+    "a field is missing": (
+        {"q": VALUES},
+        NAMED,
+        {},
+        ["appearance two", "'speed'", "the member has ['q']", "let the appearance name one of these"],
+    ),
+    "all are missing": ({"Q": VALUES, "U": VALUES}, NAMED, {}, ["appearance one", "'q'", "['Q', 'U']"]),
+    "a field that none shows": (
+        {"q": VALUES, "speed": VALUES, "p": VALUES},
+        NAMED,
+        {},
+        ["['p'], which no appearance shows", "['q', 'speed']", "leave them out"],
+    ),
+    "nobody says which": (
+        {"q": VALUES, "speed": VALUES},
+        UNNAMED,
+        {},
+        ["['q', 'speed']", "appearance one", "give every appearance its field", "field='q'"],
+    ),
+    "some do not say which": ({"q": VALUES}, [NAMED[0], UNNAMED[1]], {}, ["['one'] name the field", "['two'] do not"]),
+    "nothing at all": ({}, NAMED, {}, ["by name", "[]"]),
+    "a number for a name": ({3: VALUES, "q": VALUES}, NAMED, {}, ["by name", "[3, 'q']"]),
+    "no name": ({"": VALUES}, UNNAMED, {}, ["by name", "['']"]),
+    "an array without names": (VALUES, NAMED, {}, ["appearance one", "'q'", "one ndarray without a name", "pass {'q'"]),
+    "another shape": (
+        {"q": VALUES, "speed": VALUES[:, :, :4]},
+        NAMED,
+        {},
+        ["share shape, spacing and origin", "'speed' is 4 x 4 x 3", "'q' is 5 x 4 x 3", "resample"],
+    ),
+    "another place": (
+        {"q": held(1), "speed": KeptField(VALUES, PLACED["spacing"], (0.0, 0.0, 0.0), None)},
+        NAMED,
+        {},
+        ["'speed' is 5 x 4 x 3 from (0, 0, 0)", "from (4, 5, 6)"],
+    ),
+    "another spacing": (
+        {"q": held(1), "speed": KeptField(VALUES, (1.0, 2.0, 3.5), PLACED["origin"], None)},
+        NAMED,
+        {},
+        ["'speed' is 5 x 4 x 3 from (4, 5, 6) to (8, 11, 13)", "to (8, 11, 12)"],
+    ),
+    "points and cells": (cells(data_set(q=VALUES)), NAMED, {}, ["'speed' is 4 x 3 x 2", "'q' is 5 x 4 x 3"]),
+    "NaN in one": (
+        {"q": VALUES, "speed": np.where(VALUES > 0.9, np.nan, VALUES)},
+        NAMED,
+        {},
+        ["field 'speed', which two shows", "NaN", "(z, y, x)"],
+    ),
+    "text in one": ({"q": np.full((3, 4, 5), "x"), "speed": VALUES}, NAMED, {}, ["field 'q', which one", "numbers"]),
+    "two-dimensional": ({"q": VALUES[0], "speed": VALUES[0]}, NAMED, {}, ["field 'q'"]),
+    "an array that the data set lacks": (data_set(q=VALUES), NAMED, {}, ["field 'speed', which two shows", "no array"]),
+    "an array beside names": (data_set(q=VALUES), NAMED, {"array": "q"}, ["array='q'", "leave array out"]),
+    "several arrays without names": (data_set(q=VALUES, speed=VALUES), UNNAMED, {}, ["name the array", "'speed'"]),
+    "an unknown policy": ({"q": VALUES, "speed": VALUES}, NAMED, {"nan": "ignore"}, ["field 'q'", "'ignore'"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_named_with_its_remedy(case: str) -> None:
+    data, appearances, options, said = WRONG[case]
+    with pytest.raises((ValueError, TypeError)) as caught:
+        as_fields(data, appearances, **options)
+    for words in said:
+        assert words in str(caught.value)
+
+
+def test_names_alone_are_checked_before_there_are_fields() -> None:
+    check_names(["speed", "q"], NAMED, NAMED)
+    check_names(["q"], NAMED[:1], NAMED)
+    check_names(["anything"], UNNAMED, UNNAMED)
+    with pytest.raises(ValueError, match="'speed', but the member has"):
+        check_names(["q"], NAMED, NAMED)
+
+
+def test_the_time_is_the_fields() -> None:
+    assert time_of(held(1)) == time_of({"q": held(1), "speed": VALUES}) == 1.5
+    assert time_of(VALUES) is time_of({"q": VALUES}) is time_of(SimpleNamespace()) is None
