@@ -33,7 +33,7 @@ from surrogate.stage_run import StageRun, TrainingData
 from surrogate.threads import one_torch_thread
 
 FILE = "ceiling.json"
-VERSION = 1
+VERSION = 2
 REPORT_SECONDS = 0.5
 
 
@@ -75,7 +75,7 @@ def measure_ceiling(
     reaches on exactly these images, None without it.  What is there with the same settings and catalog is not fitted again; each
     entry is kept once it is finished.
 
-    Raises ValueError where no test member of the catalog has views to learn from and others to be judged by.
+    Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
     """
     source, known = Source(settings, catalog), (load_ceiling(path) or {}).get("entries", [])
     mark, entries = fingerprint(settings, catalog), []
@@ -102,18 +102,26 @@ def load_ceiling(path: Path) -> dict[str, Any] | None:
 
 
 def subjects(source: Source) -> list[Subject]:
-    """The middle test member under the base appearance, and one under the middle unseen setting of each variation that is shown."""
-    members = [m for m in source.catalog.members if m.split == "test" and {"train", "test"} <= set(m.view_splits)]
-    shown = [m for m in members if source.appearance in m.appearances]
+    """The middle test member under the base appearance, and one under the middle unseen setting of each variation that is shown.
+
+    Where no test member has views to learn from, it is the training member with the most test views: what it reaches alone says
+    what views and Gaussians allow, but nothing of unseen parameters.
+    """
+    members = [m for m in source.catalog.members if {"train", "test"} <= set(m.view_splits)]
+    shown = [m for m in members if m.split == "test" and source.appearance in m.appearances]
+    if not shown:
+        seen = [m for m in members if m.split == "train" and source.appearance in m.appearances]
+        most = max((m.view_splits.count("test") for m in seen), default=0)
+        shown = [m for m in seen if m.view_splits.count("test") == most]
     if not shown:
         raise ValueError(
-            f"catalog {source.catalog.path} has no test member with views to learn from and views that test: there is no "
-            "unseen member that could be fitted alone"
+            f"catalog {source.catalog.path} has no member with views to learn from and views that test: there is none that "
+            "could be fitted alone"
         )
     found = [Subject(middle(shown, source.catalog.plan.space), source.appearance)]
     for variation in source.variations:
         appearance = _middle_setting(variation)
-        shown = [m for m in members if appearance in m.appearances]
+        shown = [m for m in members if m.split == "test" and appearance in m.appearances]
         if shown:
             found.append(Subject(middle(shown, source.catalog.plan.space), appearance, variation))
     return found
@@ -161,6 +169,7 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
     return {
         "mark": mark,
         "member": subject.member.name,
+        "split": subject.member.split,
         "appearance": subject.appearance,
         "parameters": {**subject.member.parameters, **subject.varied},
         "gaussians": form.gaussians,

@@ -190,14 +190,15 @@ def _ceiling_section(record: Mapping[str, Any]) -> list[str]:
     return [
         "## Beside the ceiling",
         "",
-        "As many Gaussians, fitted for as many steps to one unseen member alone, on the same test views of that member.",
+        "As many Gaussians, fitted for as many steps to one member alone, on the same test views of that member: an unseen one, "
+        "or a training member where the data set has no unseen one with views to learn from.",
         "",
         *table(
             ("appearance", "member", "fitted alone (dB)", "surrogate (dB)", "SSIM alone", "SSIM"),
             [
                 (
                     entry["appearance"],
-                    entry["member"],
+                    f"{entry['member']} ({'unseen' if entry['split'] == 'test' else 'seen'})",
                     number(entry["psnr"]),
                     number(entry["surrogate"]["psnr"]),
                     number(entry["ssim"], 4),

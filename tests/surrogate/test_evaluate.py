@@ -153,12 +153,19 @@ def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
     assert "fitted alone" not in (report / "report.md").read_text()
     for mark, stands in (("another run", False), (surrogate.training["fingerprint"], True)):
         reached = {"fingerprint": mark, "gaussians": 3, "psnr": 31.25, "ssim": 0.9125}
-        entry = {"appearance": "disk", "member": "lone", "psnr": 37.75, "ssim": 0.9875, "surrogate": reached}
+        entry = {
+            "appearance": "disk",
+            "member": "lone",
+            "split": "test",
+            "psnr": 37.75,
+            "ssim": 0.9875,
+            "surrogate": reached,
+        }
         (tmp_path / "ceiling.json").write_text(json.dumps({"version": ceiling.VERSION, "entries": [entry]}))
         assert is_current(report, surrogate) != stands
         record = write_report(report, "disks", surrogate, catalog, evaluation)
         assert record["ceilings"] == ([entry] if stands else [])
-        row = "| disk | lone | 37.75 | 31.25 | 0.9875 | 0.9125 |"
+        row = "| disk | lone (unseen) | 37.75 | 31.25 | 0.9875 | 0.9125 |"
         assert (row in (report / "report.md").read_text()) == stands
         assert is_current(report, surrogate)
 
