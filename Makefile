@@ -9,7 +9,7 @@ BIN     := .venv/bin
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
 
-.PHONY: help setup dataset train evaluate repeat results ablate browse test test-fast lint clients bench clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization browse test test-fast lint clients bench clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
@@ -57,9 +57,15 @@ results: $(SETUP)
 	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) || failed="$$failed page"; \
 	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
-# About five hours on two cores that have nothing else to do; an interrupted study goes on with what is missing.
+# About five hours on two cores; an interrupted study goes on with what is missing, and processes share it out:
+# `taskset -c 0 make ablate`, `taskset -c 1 make ablate`, ...
 ablate: dataset
 	$(BIN)/surrogate ablate scenes/$(SCENE).toml --runs $(RUNS)
+
+# The designs of F_vis, trained on the same finished surrogate.
+ablate-visualization: dataset
+	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
+	$(BIN)/surrogate ablate scenes/$(SCENE).toml --visualization --runs $(RUNS)
 
 browse: dataset
 	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb

@@ -1,4 +1,4 @@
-"""C++ kernels behind plain arrays: splatting, the image loss and bilinear offsets, with gradients.  No torch, no logic.
+"""C++ kernels behind plain arrays: splatting, image loss, bilinear offsets, transfer functions, with gradients.  No torch or logic.
 
 The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are copied); the same
 input gives bitwise the same output for any number of threads.
@@ -12,18 +12,26 @@ input gives bitwise the same output for any number of threads.
     image_loss(image, target, ssim_weight, threads, instruction_set="")
             -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)
             target: floats, or bytes that are 255 times as large; channels that only the image has are not compared
-    add_bilinear(latents, modes, rows, threads, instruction_set="") -> rows + latents @ modes
-            rows: five arrays (N, width) or (N,), whose columns side by side are those of modes (L, columns)
+    add_bilinear(factors, rows, threads, instruction_set="") -> (rows + latents @ modes) + latents @ modes ...
+            factors: one or two pairs of latents (N, L) and modes (L, columns), added one after the other
+            rows: five arrays (N, width) or (N,), side by side; the last one, and the modes, end in zeros where they are narrower
     bilinear_gradients(latents, modes, gradients, threads, instruction_set="")
             -> gradients by latents (N, L) and by modes (L, columns), from those by the five arrays
+    transfer(weights, changes, logits, colors, low, high, least_depth, threads, instruction_set="")
+            -> logits (N,) and colors (N, 3 or more) of Gaussians under a changed transfer function
+            weights (N, B), of which the absolute values count; changes (B, 4); low and high: three numbers each
+    transfer_gradient(weights, changes, logits, colors, low, high, least_depth, by_logits, by_colors, threads, instruction_set="")
+            -> gradient by the weights (N, B)
+    hat_means(values, color_points, opacity_points, samples, most_opaque) -> extinctions, and those times colours (B, 4), float64
+            values (B,) increasing; control points (P, 4) and (Q, 2), a field value first, increasing
     peak(instruction_set="", threads=1, seconds=0.2) -> (gigaflops, gigabytes per second)
             the most that this machine does: float32 multiply-adds (two operations each) in a fixed loop without memory, and a
             triad over 192 MB (read and written)
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
-Arguments mean what `surrogate.splatting.render` and `surrogate.losses.image_loss` say.  A drawing reads the Gaussians' arrays
-again in the backward pass: they must not have changed in between.
+Arguments mean what `surrogate.splatting.render`, `surrogate.losses.image_loss` and the modules of `surrogate.deformation` say.  A
+drawing reads the Gaussians' arrays again in the backward pass: they must not have changed in between.
 """
 
 from __future__ import annotations
@@ -37,9 +45,12 @@ __all__ = [
     "backward_over",
     "bilinear_gradients",
     "forward",
+    "hat_means",
     "image_loss",
     "instruction_sets",
     "peak",
+    "transfer",
+    "transfer_gradient",
 ]
 
 

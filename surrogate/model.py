@@ -125,7 +125,8 @@ class Surrogate:
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
         bounds.
         """
-        varied = {n: v for n, v in parameters.items() if n in self.visualization_names}
+        of_vis = self.visualization_names
+        varied = {n: v for n, v in parameters.items() if n in of_vis}
         values = self.space.values({n: v for n, v in parameters.items() if n not in varied})  # type: ignore[misc]  # [P]
         normalized, named = self._placed(values)
         with torch.no_grad():

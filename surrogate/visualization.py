@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,7 +13,7 @@ from torch import Tensor
 from catalogs.appearance import TransferFunction
 from catalogs.variations import Variation
 from surrogate.checkpoints import part_of
-from surrogate.deformation import Deformation, load_deformation
+from surrogate.deformation import Deformation, deformed_in_turn, load_deformation
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.gaussians import Gaussians
 
@@ -41,15 +42,14 @@ class Visualization:
         """
         count = len(self.variation.space)
         alone = parameters[:-count]  # [P]
-        if torch.isnan(parameters[-count:]).any():
+        if any(map(math.isnan, parameters[-count:].tolist())):
             return simulation.deformed(gaussians, alone)
-        return self.deformation.deformed(self.simulated(gaussians, simulation, alone), parameters)
+        acted_on = self.simulation or simulation
+        return self._wide(deformed_in_turn(gaussians, (acted_on, alone), (self.deformation, parameters)))
 
     def simulated(self, gaussians: Gaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
         """What F_vis acts on: the Gaussians at normalized simulation parameters (P,)."""
-        deformed = (self.simulation or simulation).deformed(gaussians, parameters)
-        degree = max(self.color_degree, gaussians.color_degree)
-        return deformed if degree == deformed.color_degree else deformed.with_color_degree(degree)
+        return self._wide((self.simulation or simulation).deformed(gaussians, parameters))
 
     def under(
         self, gaussians: Gaussians, simulation: Deformation, parameters: Tensor, function: TransferFunction
@@ -64,6 +64,11 @@ class Visualization:
                 f'{self.variation.space.names}: train with visualization_deformation = "values" for any transfer function'
             )
         return self.deformation.under(self.simulated(gaussians, simulation, parameters), function)
+
+    def _wide(self, gaussians: Gaussians) -> Gaussians:
+        """The same with colours of the degree that is shown, or of their own where that is higher."""
+        degree = max(self.color_degree, gaussians.color_degree)
+        return gaussians if degree == gaussians.color_degree else gaussians.with_color_degree(degree)
 
     def of(self, rows: Tensor) -> Visualization:
         """The same for some of the Gaussians, by index (M,)."""

@@ -111,6 +111,8 @@ def visualization_stage(
         return known[place]
 
     def gaussians_at(parameters: Tensor) -> Gaussians:
+        if tuned is not None:
+            return visualization.gaussians_at(gaussians, simulation, parameters)
         return of_vis.deformed(rest_at(parameters), parameters)
 
     return Stage(

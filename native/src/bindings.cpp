@@ -1,4 +1,4 @@
-// Arrays in, arrays out: the Python face of drawing and of the image loss, with the checks of what comes in.
+// Arrays in, arrays out: the Python face of drawing, of the image loss and of all the rest, with the checks of what comes in.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -20,77 +19,18 @@
 #include <tuple>
 #include <vector>
 
-#include "bilinear.hpp"
+#include "arrays.hpp"
+#include "deformation_bindings.hpp"
 #include "drawing.hpp"
+#include "instruction_sets.hpp"
 #include "loss.hpp"
 #include "peak.hpp"
-
-namespace nb = nanobind;
 
 namespace gs {
 namespace {
 
-using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const double, nb::shape<4, 4>, nb::c_contig, nb::device::cpu>;
 using Bytes = nb::ndarray<const uint8_t, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<nb::numpy, float, nb::c_contig>;
-
-std::vector<const Kernels*> available() {
-    std::vector<const Kernels*> found;
-#if defined(GS_X86)
-    const bool haswell = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi");
-    if (haswell && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-        __builtin_cpu_supports("avx512vl"))
-        found.push_back(&kernels_avx512);
-    if (haswell) found.push_back(&kernels_avx2);
-#endif
-    found.push_back(&kernels_baseline);
-    return found;
-}
-
-constexpr const char* kVariable = "GS_SURROGATE_INSTRUCTION_SET";
-
-// An empty name stands for what the environment says, else for the best.
-const Kernels& kernels_named(const std::string& asked) {
-    const char* from_environment = asked.empty() ? std::getenv(kVariable) : nullptr;
-    const std::string name = from_environment ? from_environment : asked;
-    std::string names;
-    for (const Kernels* kernels : available()) {
-        if (name.empty() || name == kernels->name) return *kernels;
-        names += (names.empty() ? "" : ", ") + std::string(kernels->name);
-    }
-    throw std::invalid_argument("instruction set '" + name + "'" + (from_environment ? std::string(" of ") + kVariable : "") +
-                                " is none of this machine's: " + names);
-}
-
-Output new_array(const std::vector<size_t>& shape) {
-    size_t count = 1;
-    for (size_t extent : shape) count *= extent;
-    float* data = static_cast<float*>(std::calloc(std::max<size_t>(count, 1), sizeof(float)));
-    if (!data) throw std::bad_alloc();
-    nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
-    return Output(data, shape.size(), shape.data(), owner);
-}
-
-void require(bool holds, const std::string& what) {
-    if (!holds) throw std::invalid_argument(what);
-}
-
-std::string shape_of(const Input& array) {
-    std::string text = "[";
-    for (size_t k = 0; k < array.ndim(); ++k) text += (k ? ", " : "") + std::to_string(array.shape(k));
-    return text + "]";
-}
-
-void require_shape(const Input& array, const char* name, const std::vector<size_t>& shape) {
-    bool fits = array.ndim() == shape.size();
-    std::string wanted;
-    for (size_t k = 0; k < shape.size(); ++k) {
-        fits = fits && array.shape(k) == shape[k];
-        wanted += (k ? ", " : "") + std::to_string(shape[k]);
-    }
-    require(fits, std::string(name) + " must have shape [" + wanted + "], got " + shape_of(array));
-}
 
 void require_finite(const Input& array, const char* name, size_t columns) {
     constexpr uint32_t kExponent = 0x7f800000;
@@ -238,70 +178,6 @@ Loss bound_image_loss(Input image, Target target, double ssim_weight, int thread
     return {loss.difference, loss.similarity, gradient};
 }
 
-using Five = std::array<Input, kParts>;
-
-// The tensors of `rows`, each [N, width] or, where that is 1, also [N].
-ParameterTable<const float> parameter_table(const Five& rows, size_t count) {
-    ParameterTable<const float> table{};
-    size_t columns = 0;
-    for (int part = 0; part < kParts; ++part) {
-        const Input& array = rows[size_t(part)];
-        require((array.ndim() == 1 || array.ndim() == 2) && array.shape(0) == count,
-                "tensor " + std::to_string(part) + " must have shape [" + std::to_string(count) + "] or [" +
-                    std::to_string(count) + ", columns], got " + shape_of(array));
-        table.parts[part] = array.data();
-        table.widths[part] = array.ndim() == 1 ? 1 : int(array.shape(1));
-        columns += size_t(table.widths[part]);
-    }
-    require(columns <= size_t(kMostColumns), "a Gaussian has " + std::to_string(columns) + " parameters: at most " +
-                                                 std::to_string(kMostColumns) + " are supported");
-    return table;
-}
-
-void require_latents(const Input& latents, const Input& modes, size_t columns) {
-    require(latents.ndim() == 2 && latents.shape(1) >= 1 && latents.shape(1) <= size_t(kMostLatent),
-            "latents must have shape [N, 1 to " + std::to_string(kMostLatent) + "], got " + shape_of(latents));
-    require_shape(modes, "modes", {latents.shape(1), columns});
-}
-
-size_t columns_of(const ParameterTable<const float>& table) {
-    size_t columns = 0;
-    for (int width : table.widths) columns += size_t(width);
-    return columns;
-}
-
-std::vector<Output> bound_add_bilinear(Input latents, Input modes, Five rows, int threads, const std::string& instruction_set) {
-    const size_t count = latents.ndim() == 2 ? latents.shape(0) : 0;
-    const ParameterTable<const float> base = parameter_table(rows, count);
-    require_latents(latents, modes, columns_of(base));
-    const Kernels& kernels = kernels_named(instruction_set);
-    std::vector<Output> made;
-    ParameterTable<float> out{};
-    for (int part = 0; part < kParts; ++part) {
-        const Input& array = rows[size_t(part)];
-        made.push_back(new_array(array.ndim() == 1 ? std::vector<size_t>{count} : std::vector<size_t>{count, array.shape(1)}));
-        out.parts[part] = made.back().data();
-        out.widths[part] = base.widths[part];
-    }
-    nb::gil_scoped_release released;
-    add_bilinear(latents.data(), int(latents.shape(1)), modes.data(), int64_t(count), base, kernels, threads, out);
-    return made;
-}
-
-std::tuple<Output, Output> bound_bilinear_gradients(Input latents, Input modes, Five gradients, int threads,
-                                                    const std::string& instruction_set) {
-    const size_t count = latents.ndim() == 2 ? latents.shape(0) : 0;
-    const ParameterTable<const float> gradient = parameter_table(gradients, count);
-    require_latents(latents, modes, columns_of(gradient));
-    const Kernels& kernels = kernels_named(instruction_set);
-    std::tuple<Output, Output> made{new_array({count, latents.shape(1)}), new_array({modes.shape(0), modes.shape(1)})};
-    float *by_latents = std::get<0>(made).data(), *by_modes = std::get<1>(made).data();
-    nb::gil_scoped_release released;
-    bilinear_gradients(latents.data(), int(latents.shape(1)), modes.data(), int64_t(count), gradient, kernels, threads,
-                       by_latents, by_modes);
-    return made;
-}
-
 std::tuple<double, double> bound_peak(const std::string& instruction_set, int threads, double seconds) {
     require(threads >= 1 && threads <= 4096, "threads must lie in 1 to 4096, got " + std::to_string(threads));
     require(seconds > 0 && seconds <= 60, "seconds must lie in (0, 60], got " + std::to_string(seconds));
@@ -334,9 +210,7 @@ NB_MODULE(_kernels, m) {
           "background"_a = nb::none(), "alpha_cap"_a = 0.999f);
     m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
     m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
-    m.def("add_bilinear", &bound_add_bilinear, "latents"_a, "modes"_a, "rows"_a, "threads"_a, "instruction_set"_a = "");
-    m.def("bilinear_gradients", &bound_bilinear_gradients, "latents"_a, "modes"_a, "gradients"_a, "threads"_a,
-          "instruction_set"_a = "");
+    bind_deformations(m);
     m.def("peak", &bound_peak, "instruction_set"_a = "", "threads"_a = 1, "seconds"_a = 0.2);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,

@@ -19,6 +19,8 @@ namespace {
 #include "tiles.inc"
 #include "image_loss.inc"
 #include "bilinear.inc"
+#include "logarithms.inc"
+#include "transfer.inc"
 #include "peak.inc"
 
 }  // namespace
@@ -37,6 +39,8 @@ extern const Kernels GS_KERNELS = {
     loss_rows,
     bilinear_forward,
     bilinear_backward,
+    transfer,
+    transfer_backward,
     kChains * GS_WIDTH,
     multiply_adds,
     triad,

@@ -98,6 +98,11 @@ struct Frame {
 constexpr int kParts = 5;          // tensors that a Gaussian's parameters lie in
 constexpr int kMostColumns = 64;   // of a Gaussian's parameters, all tensors together
 constexpr int kMostLatent = 256;
+constexpr int kMostProducts = 2;   // added at once
+constexpr int kChanges = 4;        // of a transfer function at a value: the extinction, and that times red, green and blue
+constexpr int kWidest = 16;        // floats in the widest vector
+
+constexpr int padded(int count) { return (count + kWidest - 1) / kWidest * kWidest; }
 
 // A table [N, sum of widths] whose columns lie in several tensors.
 template <class Float>
@@ -110,6 +115,18 @@ struct ParameterTable {
 struct BilinearTables {
     const float *latents, *modes, *transposed;
     int latent, columns, stride, latent_stride;
+};
+
+// What a changed transfer function acts on, see transfer.inc.
+struct Transfer {
+    const float* weights;  // [N, values]
+    const float* logits;   // [N]
+    const float* colors;   // [N, color_columns], of which the first three change
+    int values, color_columns;
+    float low[3], high[3];  // the range of the function's colours
+    float least_depth;
+    const float* changes;  // [kChanges, stride], zeros beyond the values
+    int stride;
 };
 
 struct Kernels {
@@ -133,10 +150,14 @@ struct Kernels {
     void (*loss_rows)(const ImagePair&, int first, int last, float l1_weight, float ssim_weight, float* scratch,
                       float* gradient, double* difference, double* similarity);
     // Bilinear offsets of Gaussians [first, last) and their derivatives, see bilinear.inc.
-    void (*bilinear_forward)(const BilinearTables&, const ParameterTable<const float>& base, int64_t first, int64_t last,
-                             const ParameterTable<float>& out);
+    void (*bilinear_forward)(const BilinearTables*, int number, const ParameterTable<const float>& base, int64_t first,
+                             int64_t last, const ParameterTable<float>& out);
     void (*bilinear_backward)(const BilinearTables&, const ParameterTable<const float>& gradient, int64_t first, int64_t last,
                               float* by_latents, float* by_modes);
+    // Gaussians [first, last) under a changed transfer function, and the derivative by the weights, see transfer.inc.
+    void (*transfer)(const Transfer&, int64_t first, int64_t last, float* logits, float* colors);
+    void (*transfer_backward)(const Transfer&, int64_t first, int64_t last, const float* by_logits, const float* by_colors,
+                              float* by_weights);
     // What the machine can do at most, see peak.inc.
     int multiply_adds_per_round;
     float (*multiply_adds)(int64_t rounds, float factor, float term);

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from surrogate.deformation.bilinear import BilinearDeformation
 from surrogate.deformation.field import FieldDeformation
+from surrogate.deformation.in_turn import deformed_in_turn
 from surrogate.deformation.offsets import Deformation, LearntDeformation, Offsets
 from surrogate.deformation.values import ValuesDeformation
 
@@ -27,6 +28,7 @@ __all__ = [
     "LearntDeformation",
     "Offsets",
     "ValuesDeformation",
+    "deformed_in_turn",
     "load_deformation",
 ]
 

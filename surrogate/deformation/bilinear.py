@@ -18,12 +18,11 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-import native
 from surrogate.deformation.offsets import Offsets
+from surrogate.deformation.products import Factors, add_products
 from surrogate.gaussians import Gaussians
 from surrogate.sampling import generator
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.cpu import cores
 
 _WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; colours are the rest
 _FIRST_COLUMNS = {"means": 0, "log_scales": 3, "quats": 6, "opacity_logits": 10, "colors": 11}
@@ -178,14 +177,19 @@ class BilinearDeformation:
             biases_out=(back @ self.biases_out.double().unflatten(0, (self.latent_size, columns))).flatten().float(),
         )
 
+    @property
+    def has_kernel(self) -> bool:
+        """Whether it lies where the C++ kernel can add it, in the kernel's precision."""
+        return self.latents.is_cpu and self.latents.dtype == torch.float32
+
+    def factors(self, parameters: Tensor) -> Factors:
+        """The latents (N, L) and the modes (L, C) at normalized `parameters` (P,), whose product are the offsets."""
+        return self.latents, self.embedding(parameters)
+
     def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
         """The Gaussians with their offsets: on a CPU in float32 by the kernel, else as `offsets` defines it."""
-        if self.latents.is_cpu and self.latents.dtype == torch.float32:
-            *others, colors = gaussians.tensors().values()
-            moving, still = colors.split([len(self.units) - 11, colors.shape[1] - len(self.units) + 11], dim=1)
-            *deformed, moved = _AddProducts.apply(self.latents, self.embedding(parameters), *others, moving)
-            whole = torch.cat([moved, still], dim=1) if still.shape[1] else moved
-            return Gaussians(deformed[0], deformed[1], deformed[2], deformed[3], whole)
+        if self.has_kernel:
+            return add_products(gaussians, [self.factors(parameters)])
         return self.offsets(gaussians, parameters).applied_to(gaussians)
 
     def tensors(self) -> dict[str, Tensor]:
@@ -204,27 +208,6 @@ class BilinearDeformation:
     def _columns(self, attribute: str) -> slice:
         start = _FIRST_COLUMNS[attribute]
         return slice(start, len(self.units) if attribute == "colors" else start + _WIDTHS[attribute])
-
-
-class _AddProducts(torch.autograd.Function):
-    """latents (N, L) times modes (L, C), added to five tensors with C columns in all, by the C++ kernel.
-
-    torch takes 1.1 ms for each of the three products (N = 20,000, L = 16, C = 14), which are too narrow for its kernels.
-    """
-
-    @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> tuple[Tensor, ...]:
-        latents, modes, *_ = inputs
-        ctx.save_for_backward(latents, modes)
-        arrays = [tensor.detach().contiguous().numpy() for tensor in inputs]
-        return tuple(map(torch.from_numpy, native.add_bilinear(arrays[0], arrays[1], arrays[2:], cores())))
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, ...]:
-        latents, modes = (tensor.detach().contiguous().numpy() for tensor in ctx.saved_tensors)
-        arrays = [gradient.contiguous().numpy() for gradient in gradients]
-        by_latents, by_modes = native.bilinear_gradients(latents, modes, arrays, cores())
-        return torch.from_numpy(by_latents), torch.from_numpy(by_modes), *gradients
 
 
 def _units(settings: TrainingSettings, color_columns: int) -> Tensor:

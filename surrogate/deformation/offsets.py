@@ -28,15 +28,20 @@ class Offsets:
     colors: Tensor  # [N, 3] or more
 
     def applied_to(self, gaussians: Gaussians) -> Gaussians:
-        """The deformed Gaussians."""
+        """The deformed Gaussians, with as many colour columns as the one or the other have: zeros fill the narrower."""
+        columns = max(gaussians.colors.shape[1], self.colors.shape[1])
         return Gaussians(
             gaussians.means + self.means,
             gaussians.log_scales + self.log_scales,
             gaussians.quats + self.quats,
             gaussians.opacity_logits + self.opacity_logits,
-            gaussians.colors
-            + torch.nn.functional.pad(self.colors, (0, gaussians.colors.shape[1] - self.colors.shape[1])),
+            _widened(gaussians.colors, columns) + _widened(self.colors, columns),
         )
+
+
+def _widened(table: Tensor, columns: int) -> Tensor:
+    missing = columns - table.shape[1]
+    return torch.nn.functional.pad(table, (0, missing)) if missing else table  # [N, columns]
 
 
 class Deformation(Protocol):

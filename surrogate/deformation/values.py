@@ -24,14 +24,13 @@ from torch import Tensor
 
 from catalogs.appearance import TransferFunction
 from catalogs.variations import displaced
+from surrogate.deformation.hats import hat_means
 from surrogate.deformation.offsets import Offsets
+from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
 FINE = 1024  # places at which the density of values is taken
-SAMPLES = 32  # of the transfer function between two neighbouring values
-MOST_OPAQUE = 0.999  # an opacity of 1 would be an infinite extinction
-LEAST_DEPTH = 1e-4  # a Gaussian thinner than this is never drawn (alpha 1/255)
 COLOR_SPREAD = 0.1  # how far the colour of a value may lie from a Gaussian's to be thought its own at first
 
 
@@ -67,7 +66,7 @@ class ValuesDeformation:
         values : (B,) increasing, from `placed_values`.
         steps : (4,) what a normalized displacement of 1 means.
         """
-        table = torch.from_numpy(_table(base, values))  # [B, 4]
+        table = torch.from_numpy(hat_means(base, values))  # [B, 4]
         extinctions, emissions = table[:, 0], table[:, 1:]
         colors = emissions / extinctions.clamp(min=1e-9)[:, None]  # [B, 3]
         distances = torch.cdist(gaussians.colors[:, :3].detach().cpu().double(), colors)  # [N, B]
@@ -93,35 +92,28 @@ class ValuesDeformation:
 
     def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
         """Offsets of `gaussians`, those of the member, at parameters (P + 4,), of which the last 4 displace control points."""
-        displacement = parameters[-len(self.steps) :].double().cpu().numpy() * np.array(self.steps)  # [4]
-        return self._offsets(gaussians, displaced(self.base, displacement.tolist()))
+        return self._transfer(self._displaced(parameters)).offsets(gaussians, self.weights)
 
     def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
         """The member's Gaussians under the displaced transfer function."""
-        return self.offsets(gaussians, parameters).applied_to(gaussians)
+        return self.under(gaussians, self._displaced(parameters))
 
     def under(self, gaussians: Gaussians, function: TransferFunction) -> Gaussians:
         """The member's Gaussians under any transfer function."""
-        return self._offsets(gaussians, function).applied_to(gaussians)
+        return self._transfer(function).applied_to(gaussians, self.weights)
+
+    def _displaced(self, parameters: Tensor) -> TransferFunction:
+        placed = parameters[-len(self.steps) :].tolist()  # [4]
+        return displaced(self.base, [step * place for step, place in zip(self.steps, placed, strict=True)])
+
+    def _transfer(self, function: TransferFunction) -> Transfer:
+        units = self.base.opacity_unit_distance / function.opacity_unit_distance
+        changes = units * hat_means(function, self.values) - self._base_means  # [B, 4]
+        return Transfer(changes, tuple(point[1:] for point in function.color_points))
 
     @cached_property
-    def _base_table(self) -> NDArray[np.float64]:
-        return _table(self.base, self.values)  # [B, 4]
-
-    def _offsets(self, gaussians: Gaussians, function: TransferFunction) -> Offsets:
-        table, units = _table(function, self.values), self.base.opacity_unit_distance / function.opacity_unit_distance
-        change = torch.from_numpy(units * table - self._base_table)  # [B, 4]
-        sums = _SizesTimes.apply(self.weights, change.to(self.weights))  # [N, 4]
-        depth_change, emission_change = sums[:, 0], sums[:, 1:]  # [N], [N, 3]
-        before = torch.nn.functional.softplus(gaussians.opacity_logits)  # [N]
-        after = (before + depth_change).clamp(min=LEAST_DEPTH)  # [N]
-        kept = before.clamp(min=LEAST_DEPTH)  # so that no change is none, bit for bit
-        logits = _logit_of_depth(after) - _logit_of_depth(kept)  # [N]
-        base_colors = gaussians.colors[:, :3]  # [N, 3]
-        free = base_colors + (emission_change - base_colors * depth_change[:, None]) / after[:, None]  # [N, 3]
-        colors = _between(free, base_colors, function) - base_colors  # [N, 3]
-        still = torch.zeros_like
-        return Offsets(still(gaussians.means), still(gaussians.log_scales), still(gaussians.quats), logits, colors)
+    def _base_means(self) -> NDArray[np.float64]:
+        return hat_means(self.base, self.values)  # [B, 4]
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""
@@ -171,12 +163,6 @@ class ValuesDeformation:
         return {"base": asdict(self.base), "values": self.values.tolist(), "steps": list(self.steps)}
 
 
-def _between(colors: Tensor, own: Tensor, function: TransferFunction) -> Tensor:
-    """Colours (N, 3) cut to the range of the function's and of the Gaussians' own: thin Gaussians would take on any."""
-    palette = torch.tensor([point[1:] for point in function.color_points]).to(colors)  # [P, 3]
-    return torch.clamp(colors, torch.minimum(own, palette.amin(0)), torch.maximum(own, palette.amax(0)))
-
-
 def placed_values(
     count: int, bounds: tuple[float, float], histogram: NDArray[np.int64] | None, edges: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
@@ -195,45 +181,3 @@ def placed_values(
     density = density / max(density.sum(), 1e-300) + 1.0 / FINE  # [FINE]
     cumulative = np.concatenate([[0.0], np.cumsum(density)])  # [FINE + 1]
     return np.interp(np.linspace(0.0, cumulative[-1], count), cumulative, fine)
-
-
-def _table(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Extinction, and extinction times colour, at each of B increasing values: (B, 4), in units of the function's distance.
-
-    Each is the mean over the values around, weighted by the hat function that linear interpolation between the values gives.
-    """
-    inside = (np.arange(SAMPLES) + 0.5) / SAMPLES  # [S], places between two values
-    fine = values[:-1, None] + np.diff(values)[:, None] * inside  # [B - 1, S]
-    extinctions = -np.log1p(-np.minimum(function.opacities(fine), MOST_OPAQUE))  # [B - 1, S]
-    columns = np.concatenate([extinctions[..., None], extinctions[..., None] * function.colors(fine)], axis=2)
-    lengths = np.diff(values)[:, None]  # [B - 1, 1]
-    rising = (
-        lengths * np.einsum("s,bsc->bc", inside, columns) / SAMPLES
-    )  # [B - 1, 4], to the upper value of each interval
-    falling = lengths * np.einsum("s,bsc->bc", 1.0 - inside, columns) / SAMPLES
-    total = np.pad(rising, ((1, 0), (0, 0))) + np.pad(falling, ((0, 1), (0, 0)))  # [B, 4]
-    weight = np.pad(lengths, ((1, 0), (0, 0))) / 2.0 + np.pad(lengths, ((0, 1), (0, 0))) / 2.0  # [B, 1]
-    return total / weight
-
-
-class _SizesTimes(torch.autograd.Function):
-    """Absolute weights (N, B) times a table (B, 4), with a gradient for the weights alone.
-
-    The gradient at zero is not zero as that of torch's absolute value is: a weight of zero could never grow.
-    """
-
-    @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
-        weights, table = inputs
-        ctx.save_for_backward(weights, table)
-        return weights.abs() @ table
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        weights, table = ctx.saved_tensors
-        return torch.copysign(torch.ones((), dtype=weights.dtype), weights).mul_(gradients[0] @ table.T), None
-
-
-def _logit_of_depth(depths: Tensor) -> Tensor:
-    """The logit of the opacity 1 - exp(-depth), (N,): ln(exp(depth) - 1), without overflow."""
-    return depths + torch.log(-torch.expm1(-depths))

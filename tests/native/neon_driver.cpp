@@ -7,6 +7,7 @@
 #include "bilinear.hpp"
 #include "drawing.hpp"
 #include "loss.hpp"
+#include "transfer.hpp"
 
 namespace {
 
@@ -24,9 +25,9 @@ void write(const std::vector<float>& values) {
 }  // namespace
 
 int main() {
-    const auto sizes = read<int32_t>(5);  // Gaussians, width, height, threads, latent
+    const auto sizes = read<int32_t>(6);  // Gaussians, width, height, threads, latent, field values
     const size_t count = size_t(sizes[0]), pixels = size_t(sizes[1]) * size_t(sizes[2]);
-    const int threads = sizes[3], latent = sizes[4];
+    const int threads = sizes[3], latent = sizes[4], values = sizes[5];
     const auto camera = read<double>(18);  // rotation, translation, fx, fy, cx, cy, near, dilation
     gs::View view{};
     for (int k = 0; k < 9; ++k) view.rotation[k] = camera[size_t(k)];
@@ -38,6 +39,9 @@ int main() {
     const auto opacities = read<float>(count), colors = read<float>(3 * count);
     const auto gradient = read<float>(4 * pixels), target = read<float>(4 * pixels);
     const auto latents = read<float>(count * size_t(latent)), modes = read<float>(size_t(latent) * 14);
+    const auto other_latents = read<float>(count * size_t(latent)), other_modes = read<float>(size_t(latent) * 23);
+    const auto weights = read<float>(count * size_t(values)), changes = read<float>(4 * size_t(values)), logits = read<float>(count);
+    const auto by_logits = read<float>(count), by_new_colors = read<float>(3 * count);
 
     std::vector<float> picture(4 * pixels);
     const gs::Gaussians gaussians{means.data(), scales.data(), quats.data(), opacities.data(), colors.data(), int64_t(count)};
@@ -59,12 +63,22 @@ int main() {
 
     std::vector<float> moved[5];
     gs::ParameterTable<const float> base{{means.data(), scales.data(), quats.data(), opacities.data(), colors.data()}, {3, 3, 4, 1, 3}};
-    gs::ParameterTable<float> out{{}, {3, 3, 4, 1, 3}};
+    gs::ParameterTable<float> out{{}, {3, 3, 4, 1, 12}};
     for (int k = 0; k < 5; ++k) {
         moved[k].resize(count * size_t(out.widths[k]));
         out.parts[k] = moved[k].data();
     }
-    gs::add_bilinear(latents.data(), latent, modes.data(), int64_t(count), base, gs::kernels_baseline, threads, out);
-    for (const auto& values : moved) write(values);
+    const gs::Product products[2] = {{latents.data(), modes.data(), latent, 14},
+                                     {other_latents.data(), other_modes.data(), latent, 23}};
+    gs::add_bilinear(products, 2, int64_t(count), base, gs::kernels_baseline, threads, out);
+    for (const auto& numbers : moved) write(numbers);
+
+    std::vector<float> new_logits(count), new_colors(3 * count), by_weights(count * size_t(values));
+    const gs::Transfer transfer{weights.data(), logits.data(), colors.data(), values, 3, {0.1f, 0.0f, 0.3f}, {0.8f, 0.9f, 0.5f}, 1e-4f,
+                                nullptr, 0};
+    gs::apply_transfer(transfer, changes.data(), int64_t(count), gs::kernels_baseline, threads, new_logits.data(), new_colors.data());
+    gs::transfer_gradient(transfer, changes.data(), int64_t(count), by_logits.data(), by_new_colors.data(), gs::kernels_baseline,
+                          threads, by_weights.data());
+    for (const auto* numbers : {&new_logits, &new_colors, &by_weights}) write(*numbers);
     return 0;
 }

@@ -13,14 +13,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
+from torch import Tensor
 
 from catalogs.cameras import Camera
+from surrogate.deformation.transfer import Transfer
+from surrogate.gaussians import Gaussians
 from surrogate.losses import image_loss_reference, structural_similarity
 from surrogate.splatting import render_over
 from surrogate.splatting.rendering import DILATION
 
 COMPILER, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64"
-SOURCES = ("kernels", "drawing", "bilinear", "loss", "parallel")
+SOURCES = ("kernels", "drawing", "bilinear", "loss", "parallel", "transfer")
 FLAGS = [
     "-std=c++17",
     "-O3",
@@ -35,7 +39,8 @@ FLAGS = [
     "-DGS_WIDTH=4",
 ]
 PROJECT = Path(__file__).resolve().parents[2]
-COUNT, LATENT, BACKGROUND = 300, 16, (1.0, 0.5, 0.25)
+COUNT, LATENT, VALUES, BACKGROUND = 300, 16, 33, (1.0, 0.5, 0.25)
+PALETTE = ((0.1, 0.0, 0.3), (0.8, 0.9, 0.5))
 
 pytestmark = [
     pytest.mark.slow,
@@ -69,11 +74,14 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
         random.uniform(0.0, 1.0, (COUNT, 3)),
     ]
     gradient, target = random.normal(size=(50, 70, 4)), random.uniform(size=(50, 70, 4))
-    latents, modes = random.normal(size=(COUNT, LATENT)), random.normal(size=(LATENT, 14))
-    floats = [array.astype("<f4") for array in (*gaussians, gradient, target, latents, modes)]
+    factors = [random.normal(size=shape) for columns in (14, 23) for shape in ((COUNT, LATENT), (LATENT, columns))]
+    changes = random.normal(0, 0.3, (VALUES, 4)) + np.array([0.2, 0, 0, 0])  # mostly thicker: no digits are lost
+    asked = [random.normal(0, 0.3, (COUNT, VALUES)), changes, random.normal(size=COUNT)]
+    upstream = [random.normal(size=COUNT), random.normal(size=(COUNT, 3))]
+    floats = [a.astype("<f4") for a in (*gaussians, gradient, target, *factors, *asked, *upstream)]
     intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, 0.02, DILATION]
     view = np.concatenate([camera.rotation.ravel(), camera.world_to_camera[:3, 3], intrinsics]).astype("<f8")
-    sizes = np.array([COUNT, camera.width, camera.height, threads, LATENT], "<i4")
+    sizes = np.array([COUNT, camera.width, camera.height, threads, LATENT, VALUES], "<i4")
     content = b"".join(array.tobytes() for array in (sizes, view, *floats))
     answer = subprocess.run([EMULATOR, str(program)], input=content, capture_output=True, check=True).stdout
 
@@ -84,10 +92,25 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
     loss = image_loss_reference(drawn, aim)
     (by_picture,) = torch.autograd.grad(loss, drawn)
     values = [(drawn - aim).abs().mean().item(), structural_similarity(drawn, aim).mean().item()]
-    moved = np.concatenate([array.reshape(COUNT, -1) for array in floats[:5]], axis=1) + latents @ modes
+    moved = np.pad(np.concatenate([array.reshape(COUNT, -1) for array in floats[:5]], axis=1), ((0, 0), (0, 9)))
+    moved = moved + np.pad(factors[0] @ factors[1], ((0, 0), (0, 9))) + factors[2] @ factors[3]
     rows = np.split(moved, np.cumsum([3, 3, 4, 1]), axis=1)
-    expected = [picture.detach().numpy(), *(g.numpy() for g in gradients), np.array(values), by_picture.numpy(), *rows]
+    changed = definition_of_transfer(*(torch.from_numpy(array).double() for array in (*floats[11:16], floats[4])))
+    pictures = [picture.detach().numpy(), *(g.numpy() for g in gradients), np.array(values), by_picture.numpy()]
+    expected = [*pictures, *rows, *changed]
 
     got = np.split(np.frombuffer(answer, "<f4"), np.cumsum([array.size for array in expected])[:-1])
     for found, wanted in zip(got, expected, strict=True):
         assert np.abs(found - wanted.ravel()).max() < 1e-5 * np.abs(wanted).max()
+
+
+def definition_of_transfer(
+    weights: Tensor, changes: Tensor, logits: Tensor, by_logits: Tensor, by_colors: Tensor, colors: Tensor
+) -> list[NDArray[np.float64]]:
+    """New logits and colours, and the gradient by the weights."""
+    still = torch.zeros(COUNT, 3, dtype=torch.float64)
+    shown = Gaussians(still, still, torch.zeros(COUNT, 4, dtype=torch.float64), logits, colors)
+    found = Transfer(changes.numpy(), PALETTE).offsets(shown, weights.requires_grad_()).applied_to(shown)
+    loss = (found.opacity_logits * by_logits).sum() + (found.colors * by_colors).sum()
+    (by_weights,) = torch.autograd.grad(loss, weights)
+    return [tensor.detach().numpy() for tensor in (found.opacity_logits, found.colors, by_weights)]

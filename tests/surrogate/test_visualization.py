@@ -138,6 +138,22 @@ def test_an_isovalue_acts_on_the_tuned_f_sim() -> None:
     assert same(visual.gaussians_at(*fitted, place), visual.deformation.deformed(tuned, place))
 
 
+@pytest.mark.parametrize("color_degree", [0, 1])
+@pytest.mark.parametrize("moving", [3, 12])
+def test_both_deformations_at_once_are_one_after_the_other_bit_for_bit(color_degree: int, moving: int) -> None:
+    fitted, place = base(), torch.tensor([0.3, -0.4])
+    visual = of_isovalue(fitted, color_degree)
+    wide = fitted.gaussians.with_color_degree(1)
+    of_vis = shaken(BilinearDeformation.create(wide, 2, SMALL, color_columns=moving))
+    visual = replace(visual, deformation=of_vis)
+    shown, rest = visual.gaussians_at(*fitted, place), visual.simulated(*fitted, place[:1])
+    assert same(shown, of_vis.deformed(rest, place))
+    assert shown.color_degree == max(color_degree, moving // 12)
+    expected = of_vis.offsets(rest, place).applied_to(rest)
+    for name in NAMES:  # the definition in float32: some roundings of numbers of size 10
+        torch.testing.assert_close(getattr(shown, name), getattr(expected, name), rtol=0, atol=1e-5)
+
+
 def test_a_wider_colour_shows_the_same_picture_at_the_base() -> None:
     fitted = base()
     camera = Normalization.of_box(BLOBS.bounds).camera(BLOBS.cameras()[3])

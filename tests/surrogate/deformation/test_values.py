@@ -14,7 +14,8 @@ from scipy.integrate import quad
 
 from catalogs.appearance import TransferFunction
 from surrogate.deformation import Offsets, ValuesDeformation, load_deformation
-from surrogate.deformation.values import _table, placed_values
+from surrogate.deformation.hats import hat_means
+from surrogate.deformation.values import placed_values
 from surrogate.gaussians import NAMES, Gaussians
 
 BASE = TransferFunction(
@@ -76,17 +77,6 @@ def logit_of_depth(depth: float) -> float:
 def depths(logits: torch.Tensor) -> NDArray[np.float64]:
     """-ln(1 - o)."""
     return -np.log1p(-1.0 / (1.0 + np.exp(-logits.detach().double().numpy())))
-
-
-@pytest.mark.parametrize("values", [EVEN, UNEVEN, np.array([-1.0, 3.0])], ids=["even", "uneven", "two"])
-@pytest.mark.parametrize("function", [BASE, OTHER, RECOLORED, CLEAR], ids=["base", "other", "recolored", "clear"])
-def test_the_table_holds_means_under_hat_functions(function: TransferFunction, values: NDArray[np.float64]) -> None:
-    fine = np.linspace(-1, 3, 400_001)  # [F]
-    hats = np.stack([np.interp(fine, values, row) for row in np.eye(len(values))])  # [B, F]
-    tau = -np.log1p(-np.minimum(function.opacities(fine), 0.999))
-    columns = np.stack([tau, *(tau * function.colors(fine).T)], axis=1)  # [F, 4]
-    expected = (hats @ columns) / hats.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(_table(function, values), expected, rtol=2e-3, atol=2e-3)
 
 
 @pytest.mark.parametrize("values", [EVEN, UNEVEN], ids=["even", "uneven"])
@@ -170,7 +160,7 @@ def test_at_first_every_gaussian_has_its_depth_under_the_base(base: TransferFunc
     shown = some(40)
     shown.colors[:2] = torch.tensor([[0.0, 0.0, 0.0], [-0.2, -0.1, 0.0]])  # like what can't be seen
     deformation = ValuesDeformation.create(shown, base, EVEN, STEPS)
-    found = (deformation.weights.double() @ torch.from_numpy(_table(base, EVEN)[:, 0])).numpy()
+    found = (deformation.weights.double() @ torch.from_numpy(hat_means(base, EVEN)[:, 0])).numpy()
     np.testing.assert_allclose(found, depths(shown.opacity_logits), rtol=1e-5)
 
 

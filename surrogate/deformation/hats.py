@@ -1,0 +1,37 @@
+"""Means of transfer functions around field values: by the C++ kernel, and by its readable twin."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import native
+from catalogs.appearance import TransferFunction
+
+SAMPLES = 32  # of the transfer function between two neighbouring values
+MOST_OPAQUE = 0.999  # an opacity of 1 would be an infinite extinction
+
+
+def hat_means(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Extinction, and extinction times colour, at each of B increasing values: (B, 4), in units of the function's distance.
+
+    Each is the mean over the values around, weighted by the hat function that linear interpolation between the values gives.
+    """
+    points = np.array(function.color_points), np.array(function.opacity_points)  # [P, 4], [Q, 2]
+    return native.hat_means(values, *points, SAMPLES, MOST_OPAQUE)
+
+
+def hat_means_reference(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same in numpy: the definition that the kernel is tested against."""
+    inside = (np.arange(SAMPLES) + 0.5) / SAMPLES  # [S], places between two values
+    fine = values[:-1, None] + np.diff(values)[:, None] * inside  # [B - 1, S]
+    extinctions = -np.log1p(-np.minimum(function.opacities(fine), MOST_OPAQUE))  # [B - 1, S]
+    columns = np.concatenate([extinctions[..., None], extinctions[..., None] * function.colors(fine)], axis=2)
+    lengths = np.diff(values)[:, None]  # [B - 1, 1]
+    rising = (
+        lengths * np.einsum("s,bsc->bc", inside, columns) / SAMPLES
+    )  # [B - 1, 4], to the upper value of each interval
+    falling = lengths * np.einsum("s,bsc->bc", 1.0 - inside, columns) / SAMPLES
+    total = np.pad(rising, ((1, 0), (0, 0))) + np.pad(falling, ((0, 1), (0, 0)))  # [B, 4]
+    weight = np.pad(lengths, ((1, 0), (0, 0))) / 2.0 + np.pad(lengths, ((0, 1), (0, 0))) / 2.0  # [B, 1]
+    return total / weight
