@@ -24,6 +24,7 @@ from surrogate.gaussians import Gaussians
 from surrogate.sampling import generator
 from surrogate.settings import TrainingSettings
 
+USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
 _WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; colours are the rest
 _FIRST_COLUMNS = {"means": 0, "log_scales": 3, "quats": 6, "opacity_logits": 10, "colors": 11}
 
@@ -198,8 +199,20 @@ class BilinearDeformation:
         return {name: getattr(self, name) for name in names}
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
-        """Adam's rate for each of `tensors`."""
-        return {n: settings.latent_rate if n == "latents" else settings.embedding_rate for n in self.tensors()}
+        """Adam's rate for each of `tensors`, as the settings say up to `USUAL_SIZE` modes and `USUAL_WIDTH`, then in proportion less.
+
+        Adam moves every number by about its rate, and an offset is a sum over modes, a mode one over hidden units: with the same
+        rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).
+        """
+        fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
+        hidden = settings.embedding_rate * narrower
+        return {
+            "latents": settings.latent_rate * fewer,
+            "weights_in": hidden,
+            "biases_in": hidden,
+            "weights_out": hidden * fewer,
+            "biases_out": settings.embedding_rate * fewer,
+        }
 
     def record(self) -> dict[str, Any]:
         """The offset units (C,), which are not trained; zero for what holds still."""
