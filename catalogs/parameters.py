@@ -50,13 +50,14 @@ class ParameterSpace:
     def values(self, parameters: Mapping[str, float]) -> NDArray[np.float64]:
         """`parameters` by name as an array (P,) in this space's order.
 
-        Raises ValueError for missing, unknown or non-finite parameters; warns (UserWarning) about values out of bounds.
+        Raises ValueError for missing or unknown parameters and for what is no finite number; warns (UserWarning) about values
+        out of bounds.
         """
         missing = [n for n in self.names if n not in parameters]
         unknown = [n for n in parameters if n not in self.names]
         if missing or unknown:
             raise ValueError(f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}")
-        values = np.array([float(parameters[n]) for n in self.names], dtype=np.float64)  # [P]
+        values = np.array([_number(n, parameters[n]) for n in self.names], dtype=np.float64)  # [P]
         for parameter, value in zip(self.parameters, values, strict=True):
             if not np.isfinite(value):
                 raise ValueError(f"parameter {parameter.name} must be finite, got {value}")
@@ -101,3 +102,10 @@ class ParameterSpace:
             np.array([p.low for p in self.parameters], dtype=np.float64),
             np.array([p.high for p in self.parameters], dtype=np.float64),
         )
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"parameter {name} must be a number, got {value!r}") from None

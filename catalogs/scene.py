@@ -267,7 +267,7 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
     return family, VariedMembers(family.variation, float(share), compared)
 
 
-def _field_family(base: str, known: Sequence[str], *, appearances: Sequence[str]) -> Family:
+def _field_family(base: str, known: Sequence[str], *, appearances: Sequence[str] = ()) -> Family:
     """Appearances of the scene's own, which are shown instead of `base`; raises ValueError naming those that are not `known`."""
     variation = field_variation(base, appearances=appearances)
     unknown = [setting.appearance for setting in variation.settings if setting.appearance not in known]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -19,6 +20,17 @@ from numpy.typing import NDArray
 from catalogs import durable
 
 FIELDS = "fields"  # names of the fields in an archive of several
+DAMAGED = (
+    KeyError,
+    ValueError,
+    TypeError,
+    OSError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +102,7 @@ def load_summaries(path: Path) -> dict[str, FieldSummary]:
         with np.load(path, allow_pickle=False) as archive:
             names = [str(name) for name in archive[FIELDS]] if FIELDS in archive else [""]
             found = {name: FieldSummary._of_arrays(archive, _prefix(number)) for number, name in enumerate(names)}
-    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGED as error:
         raise ValueError(f"{path} is no field summary: {error}") from error
     if len(found) != len(names) or not found:
         raise ValueError(f"{path} is no field summary: it is of the fields {names}")

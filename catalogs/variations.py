@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -142,9 +142,10 @@ class Variation:
         """
         if self.kind != "field":
             return tuple(self.space.values(dict.fromkeys(self.space.names, 0.0) | dict(asked)).tolist())
-        if asked[APPEARANCE] == self.base:
+        name = asked[APPEARANCE] if isinstance(asked[APPEARANCE], str) else ""
+        if name == self.base:
             return None
-        setting = self.setting(asked[APPEARANCE])
+        setting = self.setting(name)
         if setting is None:
             known = [self.base, *(s.appearance for s in self.settings)]
             raise ValueError(f"{APPEARANCE} must be one of {known}, got {asked[APPEARANCE]!r}")
@@ -273,9 +274,12 @@ def transfer_function_family(
 
 def field_variation(base: str, *, appearances: Sequence[str]) -> Variation:
     """Other `appearances` of the catalog, by name, any one of which is shown instead of `base`: mostly those of other fields."""
-    names = tuple(appearances) if not isinstance(appearances, str) else (appearances,)
-    if not names or len(set(names)) != len(names) or base in names:
-        raise ValueError(f"appearances must name some beside the base {base}, each once, got {list(names)}")
+    listed = [appearances] if isinstance(appearances, str) else appearances
+    names: tuple[str, ...] = tuple(listed) if isinstance(listed, Iterable) else ()
+    if not names or not all(isinstance(n, str) for n in names) or len(set(names)) != len(names) or base in names:
+        raise ValueError(
+            f"appearances must name some beside the base {base}, each once, got {list(names) or appearances!r}"
+        )
     rows = np.eye(len(names)).tolist()
     settings = tuple(Setting(name, tuple(row), "train") for name, row in zip(names, rows, strict=True))
     return Variation("field", base, ParameterSpace(tuple(Parameter(name, 0.0, 1.0) for name in names)), settings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 import threading
 import warnings
@@ -14,7 +13,6 @@ from typing import Any
 import click
 
 WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
-NOT_IN_NAMES = r"[^A-Za-z0-9_.+=-]"  # of appearances
 SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
 
 
@@ -270,7 +268,10 @@ def _pilots(space: Any, members: Any, source: Any, count: int, nan: str) -> dict
     for member in pilot_members(members, space, count):
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
         for name, field in source.field(member, lambda fraction: None).items():
-            fields.setdefault(name, {})[member.name] = as_grid(field, nan=nan)
+            try:
+                fields.setdefault(name, {})[member.name] = as_grid(field, nan=nan)
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"field {name!r} of {member.name}: {error}") from error
     return fields
 
 
@@ -285,12 +286,12 @@ def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[s
 def _suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str, tuple[Any, Any]]:
     """What is in each field, and how it may be shown; one of several fields is named by its appearance."""
     from insitu.probe import probe_fields
-    from insitu.suggestion import suggest
+    from insitu.suggestion import appearance_names, suggest
 
-    suggested = {}
+    suggested, names = {}, appearance_names(list(fields))
     for name, grids in fields.items():
         found = probe_fields(grids)
-        of = {"name": f"dvr-{re.sub(NOT_IN_NAMES, '-', name)}", "field": name} if len(fields) > 1 else {}
+        of = {"name": names[name], "field": name} if len(fields) > 1 else {}
         suggested[name] = found, suggest(found, list(grids.values()), alpha=alpha, **of)
     return suggested
 

@@ -17,6 +17,7 @@ from catalogs.appearance import Appearance, VolumeRendering, field_of, shown_fie
 from catalogs.catalog import Catalog, CatalogPlan, MemberWriter
 from catalogs.members import known_appearances
 from catalogs.parameters import SPLITS, ParameterSpace
+from catalogs.plan import CatalogError, json_values, name_problem
 from catalogs.scene import ViewPlan
 from catalogs.summary import FieldSummary
 from catalogs.variations import Variation
@@ -142,6 +143,7 @@ class Session:
         known, shown = self._known_and_shown(appearances)
         looked_at = shown if self._catalog else known  # a new catalog's sample distances need all fields
         name = name or member_name(parameters)
+        recorded = _recorded(name, provenance, time)
         with _repeated_warnings() as resampled:
             fields = as_fields(
                 field, looked_at, known=known, spacing=spacing, origin=origin, array=array, nan=nan or self._nan
@@ -153,15 +155,13 @@ class Session:
             notes = _notes(fields.first, parameters, catalog)
             for note in notes:
                 warnings.warn(note, stacklevel=2)
-            recorded: dict[str, Any] = {**(provenance or {}), "bounds": box_of(fields.first)}
-            if time is not None:
-                recorded["time"] = float(time)
+            recorded["bounds"] = box_of(fields.first)
             if resampled or notes:
                 recorded["warnings"] = [*resampled, *notes]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # out of bounds is already said and recorded
                 opened = catalog.begin_member(
-                    name, parameters, split=split, provenance=recorded, appearances=appearances
+                    name, parameters, split=split, provenance=recorded, appearances=[a.name for a in shown]
                 )
             with opened as writer:
                 drawn = self._draw(fields, catalog, writer, memory)
@@ -315,10 +315,11 @@ def render_member(
 
 
 def member_name(parameters: Mapping[str, float]) -> str:
-    """A member's default name: its parameters, or their digest where that would be long."""
+    """A member's default name: its parameters, or their digest where that would be long or no name."""
     text = "_".join(f"{name}-{float(value)!r}" for name, value in parameters.items())
     text = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
-    return text if len(text) <= LONGEST_NAME else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]
+    fits = len(text) <= LONGEST_NAME and name_problem(text) is None
+    return text if fits else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
@@ -326,6 +327,15 @@ class _Drawn:
     render: float
     write: float
     images: int
+
+
+def _recorded(name: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
+    """What a member's record says by itself; refuses what no catalog takes before a new one is made for it."""
+    problem = name_problem(name)
+    if problem:
+        raise CatalogError(f"a member can't be called so: {problem}")
+    told = {**(provenance or {}), **({} if time is None else {"time": float(time)})}
+    return json_values(told, f"the provenance of member {name}")
 
 
 def _summaries(fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan) -> dict[str, FieldSummary]:

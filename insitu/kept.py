@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,6 +12,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from catalogs.summary import DAMAGED
 
 ALONE = ""  # the name of a field that is not one of several
 
@@ -55,7 +56,7 @@ def kept_field(folder: Path, name: str, identity: Mapping[str, Any]) -> KeptFiel
                 return None
             found = {str(known): _read(stored, f"{number}/") for number, known in enumerate(stored["names"])}
             return found.get(ALONE, found)
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+    except DAMAGED:
         return None
 
 

@@ -12,6 +12,11 @@ from insitu.ensemble import FieldSource
 from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
 from insitu.simulations import Field, simulation
 
+KEYS = {  # of a scene's `[source]`: those that must be there, and those that may
+    "simulation": ({"simulation", "resolution", "time"}, {"fields"}),
+    "hdf5": ({"path"}, {"dataset", "fields"}),
+}
+
 
 @dataclass(frozen=True)
 class SimulationSource:
@@ -56,14 +61,13 @@ class Ensemble:
 def ensemble_of(scene: Scene) -> Ensemble:
     """The ensemble behind a scene of kind "simulation" or "hdf5".
 
-    Raises ValueError naming a wrong key of `[source]`, FileNotFoundError for absent data.
+    Raises ValueError naming a wrong key of `[source]` or another kind, FileNotFoundError for absent data.
     """
     table = dict(scene.source)
     kind = table.pop("kind")
-    needed, more = {
-        "simulation": ({"simulation", "resolution", "time"}, {"fields"}),
-        "hdf5": ({"path"}, {"dataset", "fields"}),
-    }[kind]
+    if kind not in KEYS:
+        raise ValueError(f"scene {scene.path}: a source of kind {kind} has no fields, its images were made elsewhere")
+    needed, more = KEYS[kind]
     known = needed | more
     unknown = sorted(set(table) - known)
     if unknown:

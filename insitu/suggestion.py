@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -28,6 +30,8 @@ BINS = 64
 SMOOTHING = 2.5  # bins: members between the pilots have their background between the pilots' backgrounds
 POINTS = 12
 VISIBLE = 1.0 / 255.0
+LONGEST_NAME = 60
+NOT_IN_NAMES = r"[^A-Za-z0-9_.+=-]"  # of appearances
 PROBE_VIEWS = ViewPlan(frequency=1, width=96, height=96)
 
 # Blue to red through pale tones, dark at neither end: neighbouring values part, and nothing vanishes on white or black.
@@ -40,6 +44,16 @@ COLORS = (
     (0.93, 0.43, 0.16),
     (0.72, 0.10, 0.20),
 )
+
+
+def appearance_names(fields: Sequence[str]) -> dict[str, str]:
+    """A name for the appearance of each of several fields: like the field's as far as names allow, and no two alike."""
+    names: dict[str, str] = {}
+    for field in fields:
+        stem = f"dvr-{re.sub(NOT_IN_NAMES, '-', field)[:LONGEST_NAME]}"
+        tried = (stem if number == 1 else f"{stem}-{number}" for number in itertools.count(1))
+        names[field] = next(name for name in tried if name not in names.values())
+    return names
 
 
 @dataclass(frozen=True)

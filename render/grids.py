@@ -100,6 +100,7 @@ def to_grid(
     Parameters
     ----------
     data : a 3-D array indexed (z, y, x) of real numbers, a VTK or pyvista data set, or a `Grid` (returned as it is).
+        What is masked in a masked array counts as NaN.
     spacing, origin : world units in the order (x, y, z), for arrays only (default: 1 and 0); data sets have their own.
     array : name of the point or cell array of a data set; may be left out where there is only one.
     nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
@@ -125,7 +126,15 @@ def to_grid(
         return _grid(values, spacing, origin, nan, outside)
     if array is not None:
         raise ValueError(f"array={array!r} names an array of a VTK data set, but the data are {type(data).__name__}")
-    return _grid(np.asarray(data), spacing if spacing is not None else 1.0, origin if origin is not None else 0.0, nan)
+    values = _unmasked(data) if isinstance(data, np.ma.MaskedArray) else np.asarray(data)
+    return _grid(values, spacing if spacing is not None else 1.0, origin if origin is not None else 0.0, nan)
+
+
+def _unmasked(data: Any) -> NDArray[Any]:
+    """A masked array of real numbers as plain values, NaN where it is masked."""
+    if data.dtype.kind not in "fiub" or not np.ma.is_masked(data):
+        return np.asarray(data.data)
+    return np.asarray(data.astype(data.dtype if data.dtype.kind == "f" else np.float64).filled(np.nan))
 
 
 def _grid(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 MOST_SHARING = 16  # Gaussians that may come to share one place at once
+LEAST_DEPTH = 1e-300  # so that its logarithm is finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +94,17 @@ def share(opacity_logits: Tensor, log_scales: Tensor, sharing: Tensor) -> tuple[
 
     Equation 9 of Kheradmand et al.: o' = 1 - (1 - o)^(1/n), and scales are multiplied by
     o / sum_{i=1..n} sum_{k=0..i-1} binom(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1).
+
+    It is taken on optical depths, -ln(1 - o), of which each has an n-th: what is seen in some members only may have an opacity
+    of 1e-17 in the canonical Gaussians, where 1 - o is 1 and a scale would be multiplied by 1e-17 / 0.
     """
-    opacity = opacity_logits.double().sigmoid()  # [D]
-    each = 1.0 - (1.0 - opacity) ** (1.0 / sharing)  # [D]
-    total = torch.zeros_like(each)  # [D]
+    depth = torch.nn.functional.softplus(opacity_logits.double()).clamp(min=LEAST_DEPTH)  # [D]
+    each_depth = depth / sharing  # [D]
+    each = -torch.expm1(-each_depth)  # [D]
+    total = torch.zeros_like(each)  # [D], over `each`
     for i in range(1, int(sharing.max()) + 1):
-        terms = sum(math.comb(i - 1, k) * (-1) ** k / math.sqrt(k + 1) * each ** (k + 1) for k in range(i))
+        terms = sum(math.comb(i - 1, k) * (-1) ** k / math.sqrt(k + 1) * each**k for k in range(i))
         total += torch.where(sharing >= i, terms, 0.0)
-    factor = opacity / total  # [D]
-    return torch.logit(each, eps=1e-6).float(), log_scales + factor.log().float()[:, None]
+    factor = -torch.expm1(-depth) / each / total  # [D]
+    logits = each_depth + each.log()  # [D], ln(o' / (1 - o'))
+    return logits.float(), log_scales + factor.log().float()[:, None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,8 @@ from torch import Tensor
 
 from surrogate.data import Example
 from surrogate.densify import plan_relocation, relocate
+from surrogate.divergence import as_drawn, divergence, first_infinite
+from surrogate.gaussians import Gaussians
 from surrogate.losses import deformation_size, image_loss
 from surrogate.metrics import WHITE
 from surrogate.optimizer import Adam
@@ -53,11 +56,14 @@ class StageRun:
         self._behind = WHITE if data.background is None else data.background
 
     def advance(self) -> float:
-        """One step: draw, compare, move, and relocate where it is due.  Returns the loss."""
+        """One step: draw, compare, move, and relocate where it is due.  Returns the loss.
+
+        Raises ValueError where training has diverged.
+        """
         settings, item = self.settings, self._order[self.step]
         example = self.data.examples[item]
         gaussians = self.stage.gaussians_at(example.parameters)
-        picture = self._rasterizer.draw_over(gaussians, example.camera, self._behind)  # [H, W, 4]
+        picture = self._drawn(gaussians, example)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
         loss = image_loss(picture, target, ssim_weight=settings.ssim_weight)
         if self._hard is not None:
@@ -76,10 +82,25 @@ class StageRun:
                 torch.maximum(self._peaks, gaussians.opacities(), out=self._peaks)
                 if self._relocation_due():
                     self._relocate()
-        return float(loss.detach())
+        value = float(loss.detach())
+        if not math.isfinite(value):
+            raise divergence(self.stage.name, self.step, self.stage.steps, f"the loss is {value}")
+        return value
+
+    def require_finite(self) -> None:
+        """Raise ValueError where training has diverged: where not all that is trained, or that the next image shows, is finite."""
+        with torch.no_grad():
+            shown = as_drawn(self.stage.gaussians_at(self.data.examples[self._order[self.step]].parameters))
+        found = first_infinite(self.stage.tensors) or first_infinite(shown)
+        if found:
+            raise divergence(self.stage.name, self.step, self.stage.steps, found)
 
     def validate(self) -> float | None:
-        """Mean PSNR (dB) over the validation images, full frame, on white or their own background; None where there are none."""
+        """Mean PSNR (dB) over the validation images, full frame, on white or their own background; None where there are none.
+
+        Raises ValueError where training has diverged.
+        """
+        self.require_finite()
         if not self.data.validation:
             return None
         return mean_psnr(self.stage.gaussians_at, self.data.validation, self._rasterizer, self._behind)
@@ -109,6 +130,14 @@ class StageRun:
             self._hard.restore(tensors)
         moments = {n: (tensors[f"moments.first.{n}"], tensors[f"moments.second.{n}"]) for n in self.stage.tensors}
         self._adam.restore(moments, step)
+
+    def _drawn(self, gaussians: Gaussians, example: Example) -> Tensor:
+        """The picture (H, W, 4) that is compared with an example."""
+        try:
+            return self._rasterizer.draw_over(gaussians, example.camera, self._behind)
+        except ValueError:
+            self.require_finite()  # which says what is wrong with the training, where that's why
+            raise
 
     def _relocation_due(self) -> bool:
         interval = self.settings.relocation_interval

@@ -65,7 +65,7 @@ def train(
     SIGTERM write a checkpoint first and then act as ever.
 
     Raises ValueError where `directory` holds a run of other settings or another catalog (nothing is overwritten), or
-    the catalog has nothing to learn from; RuntimeError where another process is training there.
+    the catalog has nothing to learn from, or training diverges; RuntimeError where another process is training there.
     """
     directory = Path(directory)
     source = Source(settings, catalog)
@@ -73,11 +73,11 @@ def train(
         kind_of(variation, settings)  # says at once what can't be had
     mark = fingerprint(settings, catalog)
     if Surrogate.exists(directory):
-        finished = Surrogate.load(directory)
-        _check_mark(finished.training.get("fingerprint"), mark, directory)
-        return finished
+        return _finished(directory, mark)
     directory.mkdir(parents=True, exist_ok=True)
     with locked(directory), one_torch_thread():
+        if Surrogate.exists(directory):  # another process has just finished it
+            return _finished(directory, mark)
         checkpoint = Checkpoint.load(directory)
         if checkpoint is not None:
             _check_mark(checkpoint.record["fingerprint"], mark, directory)
@@ -273,6 +273,7 @@ class _Run:
             self._tell(run, done)
             now = time.perf_counter()
             if interruption.requested or now - self._saved > self._settings.checkpoint_seconds:
+                run.require_finite()  # the checkpoint before stays
                 self._checkpoint(run).save(self._directory)
                 self._saved = now
                 interruption.act()
@@ -376,6 +377,12 @@ def _restored(checkpoint: Checkpoint) -> Needs:
     deformation = load_deformation(record["kind"], part_of(tensors, "deformation"), record)
     gaussians = Gaussians(**part_of(tensors, "gaussians"))
     return Needs(Fitted(gaussians, deformation), int(checkpoint.record["needs"]))
+
+
+def _finished(directory: Path, mark: str) -> Surrogate:
+    finished = Surrogate.load(directory)
+    _check_mark(finished.training.get("fingerprint"), mark, directory)
+    return finished
 
 
 def _check_mark(found: str | None, mark: str, directory: Path) -> None:

@@ -28,7 +28,7 @@ def main() -> None:
         parser.error(f"there is no folder {given.runs}: make a data set first, with `make dataset`")
     try:
         scenes = read_scenes(given.scenes, given.runs)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         parser.error(str(error))
     if all(scene.report is None for scene in scenes):
         parser.error(

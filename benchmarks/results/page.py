@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from surrogate.ablation.table import PICTURE
 from surrogate.report_tables import table
 
 PAGE = "results.md"
+PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")
 INTRODUCTION = (
     "Every number on this page was read from `runs/` by `python -m benchmarks.results`, which `make results` ends with; what is "
     "missing stands at the end, with the command that makes it.  Means over test images, which no choice was made on; PSNR of the "
@@ -52,15 +54,19 @@ def pictures_of(scenes: Sequence[SceneResults]) -> dict[Path, str]:
 def write(output: Path, scenes: Sequence[SceneResults]) -> Path:
     """Write the page and copies of its pictures into the folder `output`, each whole; pictures of an earlier page that are
     no longer shown are removed."""
-    pictures = pictures_of(scenes)
+    pictures, earlier = pictures_of(scenes), _pictures_on(output / PAGE)
     durable.make_folder(output)
     for path, name in pictures.items():
         durable.replace(output / name, path.read_bytes())
     durable.replace(output / PAGE, page(scenes, pictures).encode())
-    for path in output.glob("results_*.png"):
-        if path.name not in pictures.values():
-            path.unlink()
+    for name in earlier - set(pictures.values()):
+        (output / name).unlink(missing_ok=True)
     return output / PAGE
+
+
+def _pictures_on(path: Path) -> set[str]:
+    """Names of the copies that a page shows; none without one."""
+    return set(PICTURE_LINK.findall(path.read_text(encoding="utf-8", errors="replace"))) if path.is_file() else set()
 
 
 def _quality_section(quality: QualityTable, scenes: Sequence[SceneResults]) -> list[str]:

@@ -84,12 +84,17 @@ def _parts(scene: SceneResults) -> list[Part]:
     if report is None:
         return []
     varied: Sequence[Mapping[str, Any]] = report["variations"]
-    names = {parameter["name"] for one in varied for parameter in one["parameters"]}
+    names = {name for one in varied for name in _ceiling_names(one)}
     base = next((entry for entry in scene.ceilings if not names & set(entry["parameters"])), None)
     parts = [Part(scene.name, BASE, scene.base, report, repeats, base)]
     for number_of, one in enumerate(varied):
-        own = {parameter["name"] for parameter in one["parameters"]}
+        own = _ceiling_names(one)
         ceiling = next((entry for entry in scene.ceilings if own & set(entry["parameters"])), None)
         spreads = None if repeats is None else {"seeds": repeats["seeds"], **repeats["variations"][number_of]}
         parts.append(Part(scene.name, one["kind"], NAMES[one["kind"]], one, spreads, ceiling))
     return parts
+
+
+def _ceiling_names(varied: Mapping[str, Any]) -> set[str]:
+    """The visualization parameters that a ceiling of a variation is measured at; those of a field, all seen, have none."""
+    return set() if varied["kind"] == "field" else {parameter["name"] for parameter in varied["parameters"]}

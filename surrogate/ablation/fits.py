@@ -115,6 +115,11 @@ class VisualizationFits:
             raise ValueError(f"catalog {catalog.path} has no variation of {self._source.appearance}: there is no F_vis")
         if not surrogate.visualizations or surrogate.training.get("appearance") != self._source.appearance:
             raise ValueError(f"the surrogate has no F_vis of {self._source.appearance}: train the scene first")
+        if not _is_of(surrogate, self._source):
+            raise ValueError(
+                f"the surrogate has other parameters or another box than catalog {catalog.path}: delete or rename its folder and "
+                "train the scene again"
+            )
         if not all(self._cases(variation) for variation in self._source.variations):
             raise ValueError(f"catalog {catalog.path} has no validation images of its variations, {WITHOUT_JUDGES}")
         degree = max(v.color_degree for v in surrogate.visualizations)
@@ -153,6 +158,7 @@ class VisualizationFits:
                 run.advance()
                 if run.step % REPORT_STEPS == 0:
                     progress(TrainingProgress(run.stage.name, run.step, run.stage.steps))
+            run.require_finite()
             found.append(visualization.copy())
         cpu = torch.device("cpu")
         return replace(self._surrogate, visualizations=tuple(v.to(cpu) for v in found))
@@ -180,6 +186,13 @@ class VisualizationFits:
         visualization = new_visualization(*fitted, learnt.variation, source, degree)
         stage = visualization_stage(*fitted, visualization, settings)
         return visualization, StageRun(stage, settings, learnt.data)
+
+
+def _is_of(surrogate: Surrogate, source: Source) -> bool:
+    """Whether what the surrogate knows means the same in the catalog."""
+    own, there = surrogate.normalization, source.normalization
+    same_box = own.extent == there.extent and (own.center == there.center).all()
+    return bool(same_box) and surrogate.space == source.catalog.plan.space
 
 
 def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:

@@ -86,7 +86,9 @@ def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> Trainin
     Raises ValueError where the time is over before the first step.
     """
     if pace.start >= seconds:
-        raise ValueError(f"it takes {pace.start:.0f} s before the first step, and the budget is {seconds:g} s")
+        raise ValueError(
+            f"it takes {round(pace.start, 1):g} s before the first step, and the budget is {seconds:g} s: --seconds allows more"
+        )
     before = steps_of(settings)
     per_step = (pace.seconds(settings) - pace.start) / sum(before)
     return with_steps(settings, round((seconds - pace.start) / per_step))

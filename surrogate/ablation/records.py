@@ -13,6 +13,7 @@ from surrogate.ablation.variants import VARIANTS, Variant
 from surrogate.settings import TrainingSettings
 
 TIME_TOLERANCE = 0.15  # of the budget
+Stamp = tuple[int, int]  # of a file: another one after it was replaced
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,14 @@ class Records:
             variant.budgets,
         )
         return found if same and kept == self.result(variant, seed).settings else None
+
+    def stamp(self, variant: Variant, seed: int) -> Stamp | None:
+        """Tells a result that is kept from one that has taken its place since, however alike; None without any."""
+        try:
+            found = self._path(variant.name, seed).stat()
+        except OSError:
+            return None
+        return found.st_ino, found.st_mtime_ns
 
     def of(self, variant: Variant) -> list[Result]:
         """All that this study knows of a variant, by seed."""

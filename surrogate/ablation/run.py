@@ -6,11 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from catalogs import durable
 from surrogate.ablation import table
 from surrogate.ablation.comparison import Row, compared
 from surrogate.ablation.fits import Fits
-from surrogate.ablation.records import Result
+from surrogate.ablation.records import Records, Result
 from surrogate.ablation.study import Standing, Study
+
+LOCK = ".page.lock"
 
 
 def ablate(
@@ -27,11 +30,19 @@ def ablate(
     `options` and errors are those of `Study`.
     """
     study = Study(fits, folder, **options)
+    durable.make_folder(folder)
+    durable.remove_abandoned(folder)
 
     def keep(result: Result) -> None:
-        table.write(scene, study.records)
+        _write_page(scene, study.records)
         tell(result)
 
     study.run(progress=progress, tell=keep)
-    table.write(scene, study.records)
+    _write_page(scene, study.records)
     return compared(study.records)
+
+
+def _write_page(scene: str, records: Records) -> None:
+    """One process after the other, or the last to write might not know the last result."""
+    with durable.locked(records.folder / LOCK):
+        table.write(scene, records)

@@ -6,7 +6,7 @@ import contextlib
 import math
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from catalogs import durable
 from surrogate.ablation.clock import clock
 from surrogate.ablation.fits import Fits
 from surrogate.ablation.pace import Pace, scheduled, with_steps
-from surrogate.ablation.records import Records, Result
+from surrogate.ablation.records import Records, Result, Stamp
 from surrogate.ablation.variants import Variant, selected
 from surrogate.checkpoints import locked
 from surrogate.progress import TrainingProgress
@@ -27,6 +27,8 @@ PROBE = 0.1  # of the budget, spent on measuring the pace first
 LONGEST = 10.0  # budgets, that a fit may take whose steps are given
 WORK = "fits"  # where each is trained, and locked by the process that does
 MODEL = "surrogate"
+
+_One = tuple[Variant, int]  # with its seed
 
 
 @dataclass(frozen=True)
@@ -77,13 +79,15 @@ class Study:
         longest: float | None = None,
         again: bool = False,
     ) -> None:
-        for name, value in (("seconds", seconds), ("seeds", seeds), ("longest", longest or 1.0)):
+        longest = LONGEST * seconds if longest is None else longest
+        for name, value in (("seconds", seconds), ("seeds", seeds), ("longest", longest)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, got {value}")
         self.variants, self.seeds = selected(only, fits.variants), seeds
-        self.longest, self._again = longest or LONGEST * seconds, again
+        self.longest, self._again = longest, again
         self.records = Records(folder, fits.mark, fits.base, seconds, fits.variants)
         self._fits = fits
+        self._rejected: dict[_One, Stamp | None] = {}
 
     def run(
         self,
@@ -93,42 +97,84 @@ class Study:
     ) -> None:
         """Fit what is missing; `tell` is given each result once it is kept, failures included.
 
-        An interruption loses the current fit only.  What another process is fitting is left to it.
+        An interruption loses the current fit only.  What another process is fitting is left to it, with what takes the steps of
+        that, and looked at again after the others: that process may have been killed.
         """
         watch = _Watch(self.records.budget, progress)
-        # Every variant once before any has its second seed.  Asked anew each time: one may take the steps of one before it.
-        left = [(variant, seed) for seed in range(self.seeds) for variant in self.variants]
+        # Every variant once before any has its second seed.
+        left, fitted = [(variant, seed) for seed in range(self.seeds) for variant in self.variants], True
+        self._rejected = {one: self.records.stamp(*one) for one in left if self._is_to_be_repeated(*one)}
+        while left and fitted:
+            left, fitted = self._passed_over(left, watch, tell)
+
+    def _passed_over(
+        self, left: Sequence[_One], watch: _Watch, tell: Callable[[Result], None]
+    ) -> tuple[list[_One], bool]:
+        """Fit what is missing; what was left to other processes, and whether anything was fitted."""
+        passed, fitted = [], False
+        # Asked anew each time: one may take the steps of one before it.
         while left := [one for one in left if not self._is_finished(*one)]:
-            variant, seed = left.pop(0)
+            (variant, seed), *left = left
             with self._claimed(variant, seed) as work:
-                if work is not None:
-                    watch.begin(variant.name, seed, len(left))
-                    result = self._attempted(variant, seed, work, watch)
-                    self.records.save(result)
-                    watch.end()
-                    tell(result)
+                if work is None:
+                    passed.append((variant, seed))
+                    continue
+                watch.begin(variant.name, seed, len(left))
+                result = self._attempted(variant, seed, work, watch)
+                self._keep(variant, result)
+                watch.end()
+                fitted = True
+                tell(result)
+        return passed, fitted
+
+    def _keep(self, variant: Variant, result: Result) -> None:
+        """Save a result, but no failure in the place of one that can still be used."""
+        before = self.records.find(variant, result.seed)
+        usable = before is not None and not before.error and not variant.steps_of
+        if not (result.error and usable):
+            self.records.save(result)
 
     @contextlib.contextmanager
     def _claimed(self, variant: Variant, seed: int) -> Iterator[Path | None]:
         """Where to train, while no other process does; None where one does or has just done so."""
-        folder = self.records.folder / WORK / f"{variant.name}.seed{seed}"
-        durable.make_folder(folder)
+        folder = self._folder(variant.name, seed)
         with contextlib.ExitStack() as stack:
             try:
                 stack.enter_context(locked(folder))
-                free = not self._is_finished(variant, seed)
+                free = not self._is_finished(variant, seed) and not self._is_awaited(variant, seed)
             except RuntimeError:
                 free = False
             yield folder / MODEL if free else None
 
-    def _is_finished(self, variant: Variant, seed: int) -> bool:
+    def _folder(self, name: str, seed: int) -> Path:
+        folder = self.records.folder / WORK / f"{name}.seed{seed}"
+        durable.make_folder(folder)
+        return folder
+
+    def _is_to_be_repeated(self, variant: Variant, seed: int) -> bool:
+        """Asked at the start: what failed is tried again, as the reason may be gone, but only once by all processes together."""
         result = self.records.find(variant, seed)
-        if result is None or result.error:  # what failed is tried again: the reason may be gone
+        late = self._again and not variant.steps_of
+        return result is not None and bool(result.error or (late and not result.is_timely))
+
+    def _is_finished(self, variant: Variant, seed: int) -> bool:
+        result, rejected = self.records.find(variant, seed), self._rejected.get((variant, seed))
+        if result is None or (rejected is not None and rejected == self.records.stamp(variant, seed)):
             return False
-        if not variant.steps_of:
-            return result.is_timely or not self._again
+        if not variant.steps_of or result.error:
+            return True
         like = self._like(variant, seed)
         return like is not None and like.steps == result.steps
+
+    def _is_awaited(self, variant: Variant, seed: int) -> bool:
+        """Whether another process is fitting that whose steps a variant takes."""
+        if not variant.steps_of or self._like(variant, seed) is not None:
+            return False
+        try:
+            with locked(self._folder(variant.steps_of, seed)):
+                return False
+        except RuntimeError:
+            return True
 
     def _like(self, variant: Variant, seed: int) -> Result | None:
         """The result whose steps a variant takes, if there is one."""

@@ -99,7 +99,7 @@ def _introduction(budget: float, done: Sequence[Row]) -> str:
 
 
 def _is_of_visualization(rows: Sequence[Row]) -> bool:
-    return all(result.steps == result.visualization_steps for row in rows for result in row.results)
+    return any(row.variant in VISUALIZATION_VARIANTS for row in rows)
 
 
 def _cells(row: Row) -> tuple[str, ...]:

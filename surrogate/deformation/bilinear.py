@@ -199,7 +199,7 @@ class BilinearDeformation:
         return {name: getattr(self, name) for name in names}
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
-        """Adam's rate for each of `tensors`, as the settings say up to `USUAL_SIZE` modes and `USUAL_WIDTH`, then in proportion less.
+        """Adam's rate for each of `tensors`: as the settings say up to `USUAL_SIZE` and `USUAL_WIDTH`, then less in proportion.
 
         Adam moves every number by about its rate, and an offset is a sum over modes, a mode one over hidden units: with the same
         rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 import native
+from surrogate.deformation.once import require_no_second_derivative
 from surrogate.gaussians import Gaussians
 from surrogate.splatting.cpu import cores
 
@@ -48,6 +49,7 @@ class _AddProducts(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative()
         arrays = [gradient.numpy() for gradient in gradients]
         by_factors: list[Tensor | None] = []
         for k in range(0, len(ctx.saved_tensors), 2):

@@ -19,6 +19,7 @@ from torch import Tensor
 
 import native
 from surrogate.deformation.offsets import Offsets
+from surrogate.deformation.once import require_no_second_derivative
 from surrogate.gaussians import Gaussians
 from surrogate.splatting.cpu import cores
 
@@ -97,6 +98,7 @@ class _Transferred(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative()
         arguments = _arguments(ctx.transfer, *ctx.saved_tensors)
         by_weights = native.transfer_gradient(*arguments, *(g.numpy() for g in gradients), cores())
         return torch.from_numpy(by_weights), None, None, None
@@ -122,7 +124,7 @@ class _SizesTimes(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         weights, table = ctx.saved_tensors
-        return torch.copysign(torch.ones((), dtype=weights.dtype), weights).mul_(gradients[0] @ table.T), None
+        return torch.copysign(torch.ones((), dtype=weights.dtype), weights) * (gradients[0] @ table.T), None
 
 
 def _logit_of_depth(depths: Tensor) -> Tensor:

@@ -48,13 +48,13 @@ def repeat(
     Scores that are there with the same fingerprint are not made again, nor are models trained again; an
     interrupted training goes on from its last checkpoint.  `tell` is given each seed's scores once they are kept.
 
-    Raises ValueError, before anything is written, for fewer than two seeds and where a folder holds a run of other settings or of
-    another catalog; RuntimeError where another process is training there.
+    Raises ValueError, before anything is written, for fewer than two seeds and where a folder is none, or holds a run of other
+    settings or of another catalog; RuntimeError where another process is training there.
     """
     plan = planned(settings, catalog, run, seeds)
     base = plan[0].mark
     left = [one for one in plan if not _is_scored(run, one, base)]
-    _check(left)
+    _check(left, run)
     watch = RepeatWatch(len(left), progress)
     for one in left:
         watch.begin(one.seed)
@@ -78,8 +78,12 @@ def _is_scored(run: Path, one: Repeat, base: str) -> bool:
     return scores is not None and (scores.fingerprint, scores.base) == (one.mark, base)
 
 
-def _check(plan: Sequence[Repeat]) -> None:
-    """Raise ValueError where the folder of any seed holds something else: an hour later would be too late."""
+def _check(plan: Sequence[Repeat], run: Path) -> None:
+    """Raise ValueError where the folder of any seed is none or holds something else: an hour later would be too late."""
+    folders = [run / SEEDS, *(folder for one in plan for folder in (run / SEEDS / str(one.seed), one.model))]
+    files = [str(path) for path in folders if path.exists() and not path.is_dir()]
+    if files:
+        raise ValueError(f"{' and '.join(files)} must be folders of results: delete or rename these files")
     other = [str(one.model) for one in plan if _mark_in(one.model) not in (None, one.mark)]
     if other:
         raise ValueError(

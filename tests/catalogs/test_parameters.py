@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -36,9 +38,11 @@ def test_a_latin_hypercube_has_one_member_in_every_slice(count: int, seed: int) 
         ({"Re": 150.0}, "missing"),
         ({"Re": 150.0, "Ma": 0.0, "x": 1.0}, "unknown"),
         ({"Re": float("inf"), "Ma": 0.0}, "Re"),
+        ({"Re": "fast", "Ma": 0.0}, "parameter Re must be a number, got 'fast'"),
+        ({"Re": 150.0, "Ma": None}, "parameter Ma must be a number, got None"),
     ],
 )
-def test_wrong_parameters_are_named(values: dict[str, float], message: str) -> None:
+def test_wrong_parameters_are_named(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         SPACE.values(values)
 

@@ -337,7 +337,7 @@ def test_the_scene_of_two_fields() -> None:
         ('appearances = ["surface"]', 'appearances = ["surfaces"]', "['dvr', 'surface'], each an [[appearance]] table"),
         ('appearances = ["surface"]', 'appearances = ["iso=0.2"]', "got ['iso=0.2']"),
         ('appearances = ["surface"]', 'appearances = ["dvr"]', "beside the base dvr"),
-        ('appearances = ["surface"]', "", "'appearances'"),
+        ('appearances = ["surface"]', "", "appearances must name some beside the base dvr"),
         ('appearances = ["surface"]', 'appearances = ["surface"]\nmembers = 0.5', "leave out members and compared"),
         ('appearances = ["surface"]', 'appearances = ["surface"]\ntrain = [1]', "'train'"),
     ],

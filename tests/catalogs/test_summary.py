@@ -82,3 +82,20 @@ def test_an_archive_whose_names_do_not_fit_is_refused(tmp_path: Path, names: lis
         np.savez(path, **{**archive, "fields": np.array(names, dtype=np.str_)})
     with pytest.raises(ValueError, match=r"field\.npz is no field summary"):
         load_summaries(path)
+
+
+def test_an_archive_with_any_bit_flipped_is_read_or_refused(tmp_path: Path) -> None:
+    """The zip format fails in many ways: in its entries, its checksums, and what was compressed."""
+    path = tmp_path / "field.npz"
+    save_summaries(path, {"q": summary(1), "speed": summary(2)})
+    whole, random, refused = path.read_bytes(), np.random.default_rng(0), 0
+    for place, bit in zip(random.integers(len(whole), size=600), random.integers(8, size=600), strict=True):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << int(bit)
+        path.write_bytes(damaged)
+        try:
+            load_summaries(path)
+        except ValueError as error:
+            assert "field.npz" in str(error)  # noqa: PT017 - some flips change nothing
+            refused += 1
+    assert refused > 300

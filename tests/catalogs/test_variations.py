@@ -328,8 +328,8 @@ def test_settings_are_asked_for_by_their_parameters() -> None:
         isovalues.values_of({"isovalue": float("nan")})
 
 
-@pytest.mark.parametrize("appearances", [[], ["dvr"], ["a", "a"], ["a", "dvr"]])
-def test_a_field_needs_others_beside_the_base(appearances: list[str]) -> None:
+@pytest.mark.parametrize("appearances", [[], ["dvr"], ["a", "a"], ["a", "dvr"], [["a"]], ["a", 1], 5, None])
+def test_a_field_needs_others_beside_the_base(appearances: Any) -> None:
     with pytest.raises(ValueError, match="appearances must name some beside the base dvr, each once"):
         field_variation("dvr", appearances=appearances)
 

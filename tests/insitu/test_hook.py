@@ -19,7 +19,9 @@ from catalogs import durable
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.catalog import Catalog
 from catalogs.check import check
+from catalogs.plan import name_problem
 from catalogs.scene import ViewPlan
+from insitu.hook import member_name
 
 PROJECT = Path(__file__).resolve().parents[2]
 FUNCTION = TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
@@ -308,3 +310,26 @@ def test_a_session_renders_many_members_through_one_window(tmp_path: Path) -> No
         for reynolds in (110.0, 150.0, 190.0):
             session.render_member(blob(reynolds / 300.0), {"Re": reynolds}, spacing=SPACING)
     assert len(Catalog.open(tmp_path / "a.cdb").members) == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "../x"}, "a member can't be called so.*'../x'"),
+        ({"name": "12"}, "reads as a number"),
+        ({"time": float("nan")}, "the provenance of member"),
+    ],
+)
+def test_a_first_member_that_cannot_be_recorded_leaves_no_catalog(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        render(tmp_path / "a.cdb", blob(), 150.0, **changes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_parameters_that_are_no_name_get_one(tmp_path: Path) -> None:
+    names = [member_name({name: 1.5}) for name in ("ρ", "σ", "_x", "Re")]
+    assert names[-1] == "Re-1.5"
+    assert len(set(names)) == 4
+    assert all(name_problem(name) is None for name in names)

@@ -49,3 +49,15 @@ def test_the_last_one_takes_the_folder_along(tmp_path: Path) -> None:
     drop_field(folder, "b")
     assert not folder.exists()
     drop_field(folder, "b")
+
+
+def test_a_field_with_any_bit_of_its_archive_flipped_is_not_an_error(tmp_path: Path) -> None:
+    keep_field(tmp_path, "a", {}, KeptField(np.zeros((3, 3, 3), np.float32), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), None))
+    (path,) = tmp_path.iterdir()
+    whole, missing = path.read_bytes(), 0
+    for place in range(0, len(whole), 5):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0b10000
+        path.write_bytes(damaged)
+        missing += kept_field(tmp_path, "a", {}) is None
+    assert missing > len(whole) // 10

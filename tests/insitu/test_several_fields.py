@@ -462,3 +462,52 @@ def test_surfaces_around_a_named_field(tmp_path: Path) -> None:
     areas = [made.images(made.members[0], name)[..., 3].mean() for name in ("iso=1", "iso=3")]
     assert areas[0] > areas[1] > 0
     assert made.plan.fields == ("speed", "q"), "the first appearance's comes first"
+
+
+def test_appearances_may_come_one_by_one(tmp_path: Path) -> None:
+    with insitu.Session(
+        tmp_path / "a.cdb", **options(appearances=iter(LOOKS), variations=iter([VARIATION]))
+    ) as session:
+        session.render_member(
+            {"speed": speed(), "q": blob()}, {"Re": 110.0}, spacing=SPACING, appearances=iter(["surface", "dvr"])
+        )
+    (member,) = Catalog.open(tmp_path / "a.cdb").members
+    assert member.appearances == ("dvr", "surface")
+
+
+def test_data_sets_of_similar_names_are_told_apart(tmp_path: Path) -> None:
+    """What is left of their names in those of appearances is the same."""
+    path, names = tmp_path / "greek.h5", ("α", "β", "x" * 120)
+    with h5py.File(path, "w") as file:
+        for name in names:
+            file[name] = np.stack([blob(w) for w in (0.3, 0.4)])
+        file["params"] = np.array([[100.0], [200.0]])
+        file.attrs.update(names=["Re"], lower=[100.0], upper=[200.0], spacing=[0.1] * 3, origin=[0, 0, 0])
+    asked = [text for name in names for text in ("--array", name)]
+    probed = run("probe", path, *asked, "--preview", tmp_path / "p.png")
+    assert probed.exit_code == 0, probed.output
+    assert len(list(tmp_path.glob("p-*.png"))) == 3
+    asked = [text for name in names for text in ("--dataset", name)]
+    made = run("ensemble", path, "--catalog", tmp_path / "a.cdb", *asked, "--size", 8, "--workers", 1)
+    assert made.exit_code == 0, made.output
+    assert Catalog.open(tmp_path / "a.cdb").plan.fields == names
+
+
+def test_a_pilot_with_nan_is_named_with_its_field(stored: Path, tmp_path: Path) -> None:
+    with h5py.File(stored, "a") as file:
+        file["speed"][2, 3, 4, 5] = np.nan
+    for arguments in (
+        ("probe", stored, "--array", "q", "--array", "speed"),
+        ("ensemble", stored, "--dataset", "speed"),
+    ):
+        more = ("--catalog", tmp_path / "a.cdb") if arguments[0] == "ensemble" else ()
+        found = run(*arguments, *more)
+        assert found.exit_code == 1
+        assert "field 'speed' of member-0002: 1 of 1728 values are NaN" in found.output
+    assert not (tmp_path / "a.cdb").exists()
+
+
+def test_a_scene_of_images_made_elsewhere_has_nothing_to_probe() -> None:
+    found = run("probe", PROJECT / "scenes" / "nyx.toml")
+    assert found.exit_code == 1
+    assert "nyx.toml: a source of kind nerf has no fields" in found.output

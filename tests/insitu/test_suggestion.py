@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from catalogs.plan import name_problem
 from insitu.planning import appearances_from_toml
 from insitu.probe import probe_fields
-from insitu.suggestion import contact_sheet, suggest
+from insitu.suggestion import appearance_names, contact_sheet, suggest
 from render import to_grid
 
 
@@ -70,3 +71,12 @@ def test_the_contact_sheet_is_opaque_white_around_the_members() -> None:
     assert (sheet[..., 3] == 255).all()
     assert (sheet[0, 0] == 255).all()
     assert sheet[..., :3].min() < 200
+
+
+def test_appearances_are_called_like_their_fields_and_no_two_alike() -> None:
+    fields = ["q", "a b", "a-b", "a-b-2", "α", "β", "x" * 200, "x" * 201]
+    names = appearance_names(fields)
+    assert list(names) == fields
+    assert list(names.values())[:4] == ["dvr-q", "dvr-a-b", "dvr-a-b-2", "dvr-a-b-2-2"]
+    assert len(set(names.values())) == len(fields)
+    assert all(name_problem(name) is None for name in names.values())

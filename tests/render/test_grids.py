@@ -106,3 +106,15 @@ def test_holes_take_the_nearest_value_and_the_rest_is_untouched(field: np.ndarra
 
 def test_no_holes_are_no_mask() -> None:
     assert to_grid(FIELD, nan="transparent").holes is None
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int16, np.uint8])
+def test_what_is_masked_is_no_value(dtype: type) -> None:
+    masked = np.ma.masked_array(FIELD.astype(dtype), FIELD == 7)
+    with pytest.raises(ValueError, match=r"1 of 24 values are NaN.*\(0, 1, 3\)"):
+        to_grid(masked)
+    grid = to_grid(masked, nan="transparent")
+    assert grid.holes is not None
+    np.testing.assert_array_equal(grid.holes, FIELD == 7)
+    np.testing.assert_array_equal(grid.values[~grid.holes], FIELD[FIELD != 7])
+    assert to_grid(np.ma.masked_array(FIELD, False)).holes is None

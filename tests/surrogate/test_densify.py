@@ -24,6 +24,28 @@ def test_sharing_keeps_the_centre_and_the_total_light(copies: int, opacity: floa
     assert abs(after.sum() / before.sum() - 1.0) < 1e-4
 
 
+@pytest.mark.parametrize("logit", [-600.0, -100.0, -40.0, -36.0, -20.0, -14.0])
+def test_what_is_next_to_nothing_is_shared_in_equal_parts(logit: float) -> None:
+    """In the canonical Gaussians, of one that is there in some members: log scales became inf, or its logit jumped to -13.8."""
+    logits, log_scales = share(torch.full((3,), logit), torch.zeros(3, 3), torch.tensor([2, 5, 16]))
+    parts = logit - torch.tensor([2.0, 5.0, 16.0]).log()
+    torch.testing.assert_close(logits, parts, rtol=1e-6, atol=0.0)
+    torch.testing.assert_close(log_scales, torch.zeros(3, 3), rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("logit", [17.0, 40.0, 1000.0])
+def test_what_is_opaque_is_shared_by_its_optical_depth(logit: float) -> None:
+    logits, log_scales = share(torch.full((2,), logit), torch.zeros(2, 3), torch.tensor([2, 16]))
+    depths = torch.nn.functional.softplus(logits.double())
+    torch.testing.assert_close(depths, torch.tensor([logit / 2, logit / 16]).double(), rtol=1e-6, atol=0.0)
+    assert bool(log_scales.isfinite().all())
+
+
+def test_what_is_nothing_at_all_stays_finite() -> None:
+    shared = share(torch.tensor([-1e4]), torch.zeros(1, 3), torch.tensor([2]))
+    assert all(bool(found.isfinite().all()) for found in shared)
+
+
 def test_the_dead_move_onto_the_living_in_proportion_to_opacity() -> None:
     peaks = torch.cat([torch.full((1000,), 0.6), torch.full((1000,), 0.2), torch.full((2000,), 0.001)])
     relocation = plan_relocation(peaks, 0.01, np.random.default_rng(0))

@@ -168,6 +168,8 @@ def test_a_surrogate_shows_each_appearance_by_its_name(run: Path) -> None:
             r"appearance must be one of \['dvr', 'speed-dvr', 'surface'\], got 'speed'",
         ),
         ({"p": 0.3, "appearance": 1.0}, r"\['dvr', 'speed-dvr', 'surface'\], got 1.0"),
+        ({"p": 0.3, "appearance": np.array(["dvr", "surface"])}, r"\['dvr', 'speed-dvr', 'surface'\], got array"),
+        ({"p": 0.3, "appearance": None}, r"\['dvr', 'speed-dvr', 'surface'\], got None"),
         ({"appearance": "surface"}, r"missing \['p'\]"),
         ({"p": 0.3, "speed-dvr": 1.0}, r"unknown \['speed-dvr'\]"),
         ({"p": 0.3, "field": "speed"}, r"unknown \['field'\]"),

@@ -1,6 +1,7 @@
 import torch
 
-from surrogate.optimizer import Adam
+from surrogate.optimizer import Adam, without_subnormals
+from surrogate.threads import one_torch_thread
 
 
 def steps(adam: Adam, tensors: dict[str, torch.Tensor], first: int, last: int) -> None:
@@ -45,3 +46,33 @@ def test_a_restored_optimizer_goes_on_bit_for_bit() -> None:
     adam.restore(saved, 13)
     steps(adam, resumed, 13, 30)
     assert all(torch.equal(resumed[name], whole[name]) for name in whole)
+
+
+@one_torch_thread()  # as in training: the processor's mode is one thread's
+def test_moments_of_what_no_picture_shows_end_at_zero_and_not_below_normal_numbers() -> None:
+    """Rounding keeps them at a few of the smallest number for ever: a step of 20,000 latents took 3.5 ms and not 0.35."""
+    seen, unseen = torch.ones(4, 3), torch.zeros(4, 3)
+    tensor = torch.zeros(8, 3, requires_grad=True)
+    adam = Adam({"latents": tensor}, {"latents": 0.1})
+    for step in range(1200):
+        tensor.grad = torch.cat([seen, unseen if step else seen])
+        adam.step(1.0)
+    first, second = adam.moments()["latents"]
+    assert not first[4:].any()
+    assert bool((first[:4] > 0.9).all())
+    assert bool((second > 0).all())
+    assert bool(tensor.isfinite().all())
+
+
+def test_numbers_are_as_before_after_a_step() -> None:
+    tiny = torch.tensor(1e-40)
+    tensor = torch.ones(3, requires_grad=True)
+    tensor.grad = torch.ones(3)
+    Adam({"t": tensor}, {"t": 0.1}).step(1.0)
+    assert float(tiny * 2.0) > 0.0
+    with without_subnormals():
+        assert float(tiny * 2.0) == 0.0
+        with without_subnormals():
+            pass
+        assert float(tiny * 2.0) == 0.0
+    assert float(tiny * 2.0) > 0.0

@@ -51,6 +51,20 @@ def test_a_finished_run_has_nothing_to_do(make_catalog, tmp_path: Path) -> None:
     assert again.training["curve"] == first.training["curve"]
 
 
+def test_what_another_process_finished_meanwhile_is_taken(
+    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It let go of the lock between the look at the folder and the lock on it."""
+    catalog, seen = make_catalog(), []
+    train(QUICK, catalog, tmp_path / "surrogate")
+    before = contents(tmp_path / "surrogate")
+    looks = iter([False])
+    monkeypatch.setattr(Surrogate, "exists", staticmethod(lambda directory: next(looks, True)))
+    train(QUICK, catalog, tmp_path / "surrogate", progress=seen.append)
+    assert seen == []
+    assert contents(tmp_path / "surrogate") == before
+
+
 def test_progress_says_where_training_stands(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("surrogate.training.REPORT_SECONDS", 0.0)
     seen: list[TrainingProgress] = []

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.page import PROJECT
+from benchmarks.results.__main__ import main as results_main
 from benchmarks.results.page import write
 from benchmarks.results.scenes import read_scenes
 from surrogate.cli import main
@@ -41,13 +42,15 @@ def test_tables_stand_with_what_made_them_and_gaps_with_what_makes_them(tmp_path
 def test_pictures_are_copied_and_those_of_an_earlier_page_removed(tmp_path: Path) -> None:
     make_results(tmp_path, "vortex", 30.0)
     (tmp_path / "docs").mkdir()
-    for name in ("results_gone_comparison.png", "other.png"):
+    for name in ("results_gone_comparison.png", "results_of_mine.png", "other.png"):
         (tmp_path / "docs" / name).write_bytes(b"old")
+    (tmp_path / "docs/results.md").write_text("![gone](results_gone_comparison.png)\n![up](../results_of_mine.png)\n")
     assert "![vortex](results_vortex_comparison.png)" in page(tmp_path)
     assert (tmp_path / "docs/results_vortex_comparison.png").read_bytes() == b"a picture"
     assert sorted(p.name for p in (tmp_path / "docs").iterdir()) == [
         "other.png",
         "results.md",
+        "results_of_mine.png",
         "results_vortex_comparison.png",
     ]
 
@@ -85,4 +88,18 @@ def test_without_results_no_page_is_written(tmp_path: Path, runs: str) -> None:
     found = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=120)
     assert found.returncode == 2
     assert "make" in found.stderr.splitlines()[-1]
+    assert not (tmp_path / "docs").exists()
+
+
+def test_a_data_set_that_lost_a_picture_is_named_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    catalog = make_results(tmp_path, "vortex", 30.0)
+    lost = catalog.image_path("train-0", "drawn", 0)
+    lost.unlink()
+    folders = ["--runs", tmp_path / "runs", "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
+    monkeypatch.setattr(sys, "argv", ["benchmarks.results", *map(str, folders)])
+    with pytest.raises(SystemExit):
+        results_main()
+    assert str(lost) in capsys.readouterr().err.splitlines()[-1]
     assert not (tmp_path / "docs").exists()

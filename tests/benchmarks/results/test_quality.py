@@ -81,3 +81,11 @@ def test_without_any_report_every_table_says_so() -> None:
     for quality in quality_tables(parts_of([scene()])):
         assert quality.lines == ["No scene has a report of such images yet."]
         assert quality.scenes == []
+
+
+def test_a_field_called_like_a_parameter_takes_no_ceiling_from_the_base() -> None:
+    report = report_of("vortex", "mark", 30.0, isovalues=20.0)
+    report["variations"][0] |= {"kind": "field", "parameters": [{"name": "p", "low": 0.0, "high": 1.0, "unit": ""}]}
+    base, field = parts_of([scene(report=report, ceilings=[ceiling_entry("mark", 32.0)])])
+    assert base.beside_ceiling() == "32.00 (31.50)"
+    assert field.beside_ceiling() == "–"

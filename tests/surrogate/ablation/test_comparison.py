@@ -97,5 +97,7 @@ def test_the_page_shows_results_and_says_why_there_are_none() -> None:
 
 def test_nothing_but_failures_still_makes_a_page() -> None:
     found = rows_of({NAMED["start-sfm"]: results("start-sfm", [], error="too few points")})
-    assert "| start-sfm | 0 | too few points |" in page("blobs", 2.0, found, pictured=False)
+    lines = page("blobs", 2.0, found, pictured=False)
+    assert "| start-sfm | 0 | too few points |" in lines
+    assert any("surrogate ablate scenes/blobs.toml --seconds 2`" in line for line in lines)
     assert plot(found) is None

@@ -15,6 +15,7 @@ from surrogate.deformation import FieldDeformation, ValuesDeformation
 from surrogate.model import Surrogate
 from surrogate.scoring import mean
 from surrogate.settings import TrainingSettings
+from surrogate.stage_run import StageRun
 from tests.surrogate.varied_blobs import EVERYTHING, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
 
 SCENE = TrainingSettings(gaussians=40, canonical_steps=20, deformation_steps=60, visualization_steps=80)
@@ -93,6 +94,22 @@ def test_a_seed_gives_the_same_again(fits: VisualizationFits, tmp_path: Path) ->
     assert [s.score for s in first] == [s.score for s in second]
 
 
+def test_what_diverges_in_its_last_step_is_said(
+    fits: VisualizationFits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    advance = StageRun.advance
+
+    def spoilt(run: StageRun) -> float:
+        loss = advance(run)
+        with torch.no_grad():
+            next(iter(run.stage.tensors.values()))[0] = torch.nan
+        return loss
+
+    monkeypatch.setattr(StageRun, "advance", spoilt)
+    with pytest.raises(ValueError, match="training diverged in stage isovalue at step 1 of 1, where visualization"):
+        fits.trained(replace(fits.base, visualization_steps=1), tmp_path, lambda _: None)
+
+
 def test_variants_are_what_they_are_called(fits: VisualizationFits, tmp_path: Path) -> None:
     short = replace(fits.base, visualization_steps=2)
     paper = fits.trained(replace(short, visualization_deformation="paper"), tmp_path, lambda _: None)
@@ -109,6 +126,11 @@ def test_variants_are_what_they_are_called(fits: VisualizationFits, tmp_path: Pa
 def test_what_a_study_needs_is_said(surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="train the scene first"):
         VisualizationFits(SCENE, catalog, replace(surrogate, visualizations=()))
+    wider = replace(surrogate.normalization, extent=2.0 * surrogate.normalization.extent)
+    renamed = replace(surrogate.space, parameters=(replace(surrogate.space.parameters[0], name="other"),))
+    for other in (replace(surrogate, normalization=wider), replace(surrogate, space=renamed)):
+        with pytest.raises(ValueError, match=r"other parameters or another box than catalog .*train the scene again"):
+            VisualizationFits(SCENE, catalog, other)
     with pytest.raises(ValueError, match="there is no F_vis"):
         VisualizationFits(replace(SCENE, visualization_steps=0), catalog, surrogate)
     monkeypatch.setattr("surrogate.ablation.fits.validation_rows", lambda *_: [])

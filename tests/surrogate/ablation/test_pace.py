@@ -46,7 +46,9 @@ def test_a_stage_that_is_there_stays_and_no_other_appears(stages: tuple[int, int
 
 
 def test_a_start_that_takes_all_the_time_is_said() -> None:
-    with pytest.raises(ValueError, match="it takes 70 s before the first step, and the budget is 60 s"):
+    with pytest.raises(
+        ValueError, match="it takes 70 s before the first step, and the budget is 60 s: --seconds allows more"
+    ):
         scheduled(SCENE, 60.0, Pace(70.0, 0.01, 0.01))
 
 

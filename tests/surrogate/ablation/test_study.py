@@ -1,8 +1,12 @@
 """Studies on an ensemble of blobs, with budgets of a fraction of a second."""
 
+import contextlib
+import fcntl
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,8 +21,8 @@ from surrogate.ablation import study as module
 from surrogate.ablation.clock import clock
 from surrogate.ablation.fits import BaseFits, base_settings
 from surrogate.ablation.pace import measured
-from surrogate.ablation.records import Result
-from surrogate.ablation.run import ablate
+from surrogate.ablation.records import Records, Result
+from surrogate.ablation.run import LOCK, ablate
 from surrogate.ablation.study import Study
 from surrogate.ablation.variants import VARIANTS, Variant
 from surrogate.checkpoints import locked
@@ -230,6 +234,117 @@ def test_what_another_process_finished_meanwhile_is_not_fitted_again(
     assert conduct(only=["default"]) == []
 
 
+def fitted_after(event: Callable[[str], None]) -> Callable[..., dict]:
+    """In place of `Study._fit`: `event` is told which variant is being fitted."""
+
+    def fit(study: Study, variant: Variant, *_: object) -> dict:
+        event(variant.name)
+        return {"deformation_steps": 10, "psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": BUDGET}
+
+    return fit
+
+
+def test_what_a_killed_process_was_fitting_is_taken_over_in_the_end(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = tmp_path / "fits" / "no-decay.seed0"
+    (taken / "surrogate").mkdir(parents=True)  # what it leaves
+    with contextlib.ExitStack() as other:
+        other.enter_context(locked(taken))
+        killed = fitted_after(lambda name: other.close() if name == "joint" else None)
+        monkeypatch.setattr(module.Study, "_fit", killed)
+        assert names(conduct(only=["joint", "no-decay"])) == [("default", 0), ("joint", 0), ("no-decay", 0)]
+    assert not (taken / "surrogate").exists()
+
+
+@pytest.mark.parametrize("finishes", [True, False])
+def test_what_takes_the_steps_of_a_fit_under_way_waits_for_it_or_is_left_too(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finishes: bool
+) -> None:
+    monkeypatch.setattr(module.Study, "_fit", fitted_after(lambda _: None))
+    conduct(only=["paper"])
+    whole = (tmp_path / "paper.seed0.json").read_bytes()
+    (tmp_path / "paper.seed0.json").unlink()
+    with contextlib.ExitStack() as other:
+        other.enter_context(locked(tmp_path / "fits" / "paper.seed0"))
+
+        def event(name: str) -> None:
+            if finishes and name == "no-decay":
+                (tmp_path / "paper.seed0.json").write_bytes(whole)
+                other.close()
+
+        monkeypatch.setattr(module.Study, "_fit", fitted_after(event))
+        now = [("no-decay", 0), ("default-in-paper-steps", 0)]
+        assert names(conduct(only=["no-decay", "default-in-paper-steps"])) == (now if finishes else now[:1])
+    assert "no result" not in (tmp_path / "ablation.md").read_text()
+
+
+def test_what_fails_is_tried_again_by_one_process_of_several_that_began_together(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: list[str] = []
+
+    def fails(name: str) -> None:
+        tries.append(name)
+        if name == "no-decay" and tries.count("no-decay") == 2:
+            conduct(only=["joint"])  # another process, whose list has come to what follows
+        if name == "joint":
+            raise ValueError("it never works")
+
+    monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
+    conduct(only=["no-decay", "joint"])
+    (tmp_path / "no-decay.seed0.json").unlink()
+    conduct(only=["no-decay", "joint"])
+    assert tries == ["default", "no-decay", "joint", "no-decay", "joint"]
+
+
+def test_a_late_result_stays_where_its_repetition_fails(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    conduct(only=["default"])
+    before = (tmp_path / "default.seed0.json").read_bytes()
+
+    def fails(_: str) -> None:
+        raise MemoryError("no room")
+
+    monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
+    (failed,) = conduct(only=["default"], again=True)
+    assert failed.error == "MemoryError: no room"
+    assert (tmp_path / "default.seed0.json").read_bytes() == before
+
+
+def test_pages_are_written_one_after_the_other_and_leftovers_go(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dead = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import pathlib, sys; from catalogs import durable; "
+            "path = durable.partial_name(pathlib.Path(sys.argv[1])); path.write_text('half'); print(path)",
+            str(tmp_path / "default.seed0.json"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
+    assert Path(dead).exists()
+    held: list[bool] = []
+
+    def write(scene: str, records: Records) -> None:
+        try:
+            with (tmp_path / LOCK).open("w") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held.append(False)
+        except BlockingIOError:
+            held.append(True)
+
+    monkeypatch.setattr("surrogate.ablation.table.write", write)
+    conduct(only=["default"])
+    assert held == [True, True]
+    assert not Path(dead).exists()
+
+
 def test_the_time_of_a_fit_is_its_own() -> None:
     now = clock(SCENE)
     before, began = now(), time.perf_counter()
@@ -251,6 +366,7 @@ def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
     [
         ({"seconds": 0.0}, "seconds must be positive, got 0.0"),
         ({"seeds": 0}, "seeds must be positive"),
+        ({"longest": 0.0}, "longest must be positive, got 0.0"),
         ({"only": ["nonsense"]}, "unknown variants"),
     ],
 )

@@ -4,6 +4,7 @@ import torch
 from surrogate.deformation import BilinearDeformation, Offsets, load_deformation
 from surrogate.encoding import encode
 from surrogate.gaussians import Gaussians
+from surrogate.optimizer import Adam
 from surrogate.settings import TrainingSettings
 
 
@@ -244,3 +245,21 @@ def test_as_many_colour_columns_move_as_are_asked_for(dtype: torch.dtype) -> Non
     torch.testing.assert_close(moved.colors, expected.colors, rtol=0, atol=1e-5)
     loaded = BilinearDeformation.load(deformation.stored(), deformation.record())
     assert loaded.units.shape == (23,)
+
+
+@pytest.mark.parametrize(("size", "width"), [(16, 64), (8, 32), (64, 64), (16, 512), (64, 256)])
+def test_the_first_steps_move_offsets_equally_far_whatever_the_widths(size: int, width: int) -> None:
+    """The function that is learnt moves by about the same, though it is a sum over more modes and hidden units."""
+    settings = TrainingSettings(latent_size=size, hidden_width=width)
+    gaussians = Gaussians(
+        torch.zeros(50, 3), torch.zeros(50, 3), torch.ones(50, 4), torch.zeros(50), torch.zeros(50, 3)
+    )
+    deformation = BilinearDeformation.create(gaussians, 2, settings)
+    tensors = {name: tensor.requires_grad_() for name, tensor in deformation.tensors().items()}
+    adam = Adam(tensors, deformation.rates(settings))
+    for _ in range(5):
+        moved = deformation.deformed(gaussians, torch.tensor([0.5, -0.3]))
+        moved.log_scales.sum().backward()
+        adam.step(1.0)
+    moved = deformation.deformed(gaussians, torch.tensor([0.5, -0.3]))
+    assert 0.2 < float(moved.log_scales.detach().abs().max()) < 1.2

@@ -1,9 +1,12 @@
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from catalogs import durable
 from surrogate.repeats import records
 from surrogate.repeats.records import load, save, scores_beside, scores_path
 from tests.surrogate.repeats.made import scores_of
@@ -68,3 +71,64 @@ def test_a_failed_write_leaves_what_was_there(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(OSError, match="disk full"):
         save(tmp_path, scores_of(0, 40.0))
     assert json.loads(scores_path(tmp_path, 0).read_text())["cells"]["psnr"]["seen_views"]["seen_parameters"] == 30.0
+
+
+def broken(*place: str, value: object) -> Any:
+    """Something that puts `value` at a place of a record."""
+
+    def change(record: Any) -> None:
+        for key in place[:-1]:
+            record = record[key]
+        record[place[-1]] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        broken("cells", value={}),
+        broken("cells", value=None),
+        broken("cells", "psnr", "seen_views", "seen_parameters", value=float("nan")),
+        broken("cells", "ssim", "seen_views", "seen_parameters", value="high"),
+        broken("cells", "images", value={}),
+        broken("variations", value=None),
+        broken("variations", value=[{"kind": "isovalue"}]),
+        broken("gaussians", value="many"),
+        broken("seconds", value=float("inf")),
+        broken("machine", value={}),
+        broken("commit", value=None),
+        broken("seed", value=True),
+    ],
+)
+def test_scores_that_no_table_could_be_made_of_count_as_nothing(tmp_path: Path, change: Any) -> None:
+    """A report would fail on them after everything is measured."""
+    save(tmp_path, scores_of(1, 30.0, varied=20.0))
+    path = scores_path(tmp_path, 1)
+    record = json.loads(path.read_text())
+    change(record)
+    path.write_text(json.dumps(record))
+    assert load(tmp_path, 1) is None
+
+
+def test_an_endless_file_counts_as_nothing(tmp_path: Path) -> None:
+    save(tmp_path, scores_of(0, 30.0))
+    scores_path(tmp_path, 0).write_text("[" * 100_000)
+    assert load(tmp_path, 0) is None
+
+
+@pytest.mark.parametrize("name", ["04", "٤", "4 (copy)", "+4"])
+def test_no_seed_is_counted_twice(tmp_path: Path, name: str) -> None:
+    for seed in (0, 4):
+        save(tmp_path, scores_of(seed, 30.0))
+    shutil.copytree(tmp_path / "seeds" / "4", tmp_path / "seeds" / name)
+    assert [scores.seed for scores in scores_beside(tmp_path, "base")] == [0, 4]
+
+
+def test_what_a_killed_writer_left_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    save(tmp_path, scores_of(0, 30.0))
+    left = durable.partial_name(scores_path(tmp_path, 0))
+    monkeypatch.setattr(durable, "_start_time", lambda process: "another process's")
+    left.write_bytes(b"{")
+    save(tmp_path, scores_of(0, 31.0))
+    assert [path.name for path in scores_path(tmp_path, 0).parent.iterdir()] == ["scores.json"]

@@ -120,6 +120,17 @@ def test_other_settings_are_refused_before_anything_is_trained(catalog: Catalog,
     assert contents(tmp_path / "run") == before
 
 
+@pytest.mark.parametrize("place", ["seeds", "seeds/5", "seeds/5/surrogate"])
+def test_a_file_in_the_place_of_a_folder_is_refused_before_anything_is_trained(
+    catalog: Catalog, tmp_path: Path, place: str
+) -> None:
+    (tmp_path / "run" / place).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "run" / place).write_text("mine")
+    with pytest.raises(ValueError, match=f"run/{place} must be folders.*delete or rename"):
+        repeat(SCENE, catalog, tmp_path / "run", seeds=2)
+    assert not (tmp_path / "run/surrogate").exists()
+
+
 def test_scores_of_other_settings_are_not_taken(catalog: Catalog, tmp_path: Path) -> None:
     old = repeat(SCENE, catalog, tmp_path / "run", seeds=3)
     for folder in ("surrogate", "seeds/5/surrogate"):
