@@ -181,13 +181,13 @@ def ablate(scene: Path, runs: Path, only: tuple[str, ...], visualization: bool, 
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
     loaded, catalog = _open(scene, runs)
-    from surrogate.ablation.fits import BaseFits, Fits, VisualizationFits
+    from surrogate.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
     from surrogate.ablation.records import Result
     from surrogate.ablation.run import ablate as run
     from surrogate.ablation.table import PAGE, verdict
 
     directory, line = loaded.run_directory(runs), _Line()
-    folder = directory / ("ablation-visualization" if visualization else "ablation")
+    folder = directory / (VISUALIZATION_FOLDER if visualization else BASE_FOLDER)
     names = [name.strip() for given in only for name in given.split(",")]
 
     def tell(result: Result) -> None:

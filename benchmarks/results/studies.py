@@ -10,7 +10,7 @@ from pathlib import Path
 
 from catalogs.catalog import Catalog
 from surrogate.ablation.comparison import Row, compared
-from surrogate.ablation.fits import BaseFits, Fits, VisualizationFits
+from surrogate.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
 from surrogate.ablation.records import Records, Result
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
@@ -29,8 +29,8 @@ class StudyKind:
         return " ".join(filter(None, ["surrogate ablate", f"scenes/{scene}.toml", self.option]))
 
 
-BASE = StudyKind("ablation", "the base appearance")
-VISUALIZATION = StudyKind("ablation-visualization", "F_vis alone", "--visualization")
+BASE = StudyKind(BASE_FOLDER, "the base appearance")
+VISUALIZATION = StudyKind(VISUALIZATION_FOLDER, "F_vis alone", "--visualization")
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import torch
 
@@ -29,7 +29,14 @@ from surrogate.training import train
 from surrogate.visualization import Visualization
 from surrogate.visualize import kind_of, new_visualization, visualization_stage
 
-DAY = 86400.0
+BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's run
+# Settings with which all time is given to training itself.
+NOTHING_ELSE: dict[str, Any] = {
+    "fit_to_need": False,
+    "validation_interval": 0,
+    "validation_images": 0,
+    "checkpoint_seconds": 86400.0,
+}
 REPORT_STEPS = 50  # between two looks at the progress
 WITHOUT_JUDGES = (
     "and an ablation must not be judged on test images: at least one member or view of split validation is needed"
@@ -130,10 +137,7 @@ class VisualizationFits:
             canonical_steps=0,
             deformation_steps=0,
             visualization_color_degree=1 if degree else 0,
-            fit_to_need=False,
-            validation_interval=0,
-            validation_images=0,
-            checkpoint_seconds=DAY,
+            **NOTHING_ELSE,
         )
         self.mark = f"{fingerprint(self.base, catalog)} on {surrogate.training.get('fingerprint')}"
 
@@ -205,10 +209,7 @@ def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSetti
         initialization=start,
         color_degree=0 if settings.color_degree == "auto" else settings.color_degree,
         visualization_steps=0,
-        fit_to_need=False,
-        validation_interval=0,
-        validation_images=0,
-        checkpoint_seconds=DAY,
+        **NOTHING_ELSE,
     )
 
 
