@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from benchmarks.results.studies import StudyResults
 from surrogate.ablation.comparison import Row
-from surrogate.ablation.table import equal_steps, unequal_times, verdict
+from surrogate.ablation.table import decibels_cell, difference_cell, equal_steps, unequal_times, verdict
 from surrogate.ablation.variants import DEFAULT, Variant
-from surrogate.report_tables import NOTHING, number, table
+from surrogate.report_tables import number, table
 
 HEADER = ("", "variant", "changed", "PSNR (dB)", "difference (dB)", "SSIM", "steps", "seconds", "seeds")
 DESIGNS = {"deformation", "visualization_deformation"}
@@ -59,22 +59,10 @@ def _cells(row: Row) -> tuple[str, ...]:
     return (
         row.variant.name,
         row.variant.what,
-        _with(row.psnr, row.spread),
-        _difference(row),
+        decibels_cell(row),
+        difference_cell(row),
         number(row.mean("ssim"), 4),
         f"{row.mean('steps'):,.0f}",
         f"{row.mean('seconds'):,.0f}",
         str(len(row.results)),
     )
-
-
-def _difference(row: Row) -> str:
-    if row.difference is None:
-        return NOTHING
-    sign = "+" if row.difference >= 0.0 else "-"
-    otherwise = f" from {row.reference}" if row.variant.steps_of else ""
-    return f"{sign}{_with(abs(row.difference), row.error)}{otherwise}"
-
-
-def _with(value: float | None, error: float | None) -> str:
-    return number(value) if error is None else f"{number(value)} ± {number(error)}"

@@ -106,8 +106,8 @@ def _cells(row: Row) -> tuple[str, ...]:
     return (
         f"**{row.variant.name}**" if row.variant.name == DEFAULT else row.variant.name,
         row.variant.what,
-        number(row.psnr) + _plus_minus(row.spread),
-        _difference(row),
+        decibels_cell(row),
+        difference_cell(row),
         number(row.mean("ssim"), 4),
         f"{row.mean('steps'):,.0f}",
         f"{row.mean('seconds'):,.1f}",
@@ -116,7 +116,13 @@ def _cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def _difference(row: Row) -> str:
+def decibels_cell(row: Row) -> str:
+    """PSNR and its standard deviation over seeds."""
+    return number(row.psnr) + _plus_minus(row.spread)
+
+
+def difference_cell(row: Row) -> str:
+    """The difference in dB from the row's reference, its standard error, and from what if not from the default."""
     if row.difference is None:
         return NOTHING
     otherwise = f" from {row.reference}" if row.variant.steps_of else ""
