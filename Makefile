@@ -9,7 +9,7 @@ BIN     := .venv/bin
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
 
-.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization browse test test-fast lint clients bench clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization browse test test-fast lint clients bench explore clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
@@ -17,6 +17,7 @@ help:
 	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RUNS)/<scene>/seeds/"
 	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS)/<scene>/ablation/"
 	@echo "make test                        every test (make test-fast: the quick ones)"
+	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
 	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
 
@@ -69,6 +70,9 @@ ablate-visualization: dataset
 
 browse: dataset
 	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb
+
+explore: $(SETUP)
+	$(BIN)/surrogate explore $(RUNS)/$(SCENE)
 
 # The Cinema clients conflict with each other and with us, so each lives alone; without network their tests skip.
 CLIENTS := .venv-pycinema/.complete .venv-cinemasci/.complete

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import struct
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import durable
-from catalogs.png import SIGNATURE
+from catalogs.png import SIGNATURE, TEXT_KIND, text_body
 
 FORMATS = {"png": ".png", "exr": ".exr"}
 MOST_CHANNELS = 4
+VALUES_AT_ONCE = 32768
+COLOR_TYPES = {3: 2, 4: 6}  # of a PNG, by channels
 
 
 class ImageError(ValueError):
@@ -55,7 +58,16 @@ def to_float(rgba: NDArray[Any]) -> NDArray[np.float32]:
 
 def to_bytes(rgba: NDArray[Any]) -> NDArray[np.uint8]:
     """The same pixels as uint8, rounded to nearest."""
-    return rgba if rgba.dtype == np.uint8 else (np.clip(rgba, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    if rgba.dtype == np.uint8 or 0 in rgba.shape:
+        return rgba.astype(np.uint8, copy=False)
+    pixels = np.empty(rgba.shape, np.uint8)
+    rows = max(1, VALUES_AT_ONCE // rgba[0].size)
+    for first in range(0, len(rgba), rows):  # whole pictures would leave the cache three times
+        scaled = np.clip(rgba[first : first + rows], 0.0, 1.0)
+        scaled *= 255.0
+        scaled += 0.5
+        pixels[first : first + rows] = scaled
+    return pixels
 
 
 def write_image(path: Path, rgba: NDArray[Any]) -> None:
@@ -70,26 +82,29 @@ def write_image(path: Path, rgba: NDArray[Any]) -> None:
     if path.suffix == ".png":
         durable.write(path, encode_png(straighten(to_bytes(rgba))))
     else:
-        _write_exr(path, to_float(rgba))
+        write_exr(path, to_float(rgba))
 
 
-def encode_png(rgba: NDArray[np.uint8]) -> bytes:
-    """Straight RGBA [H, W, 4] as a PNG file (PNG specification, third edition, sections 5, 9 and 10).
+def encode_png(pixels: NDArray[np.uint8], texts: Mapping[str, str] | None = None) -> bytes:
+    """RGB [H, W, 3] or straight RGBA [H, W, 4] as a PNG file (PNG specification, third edition, sections 5, 9 and 10).
+
+    `texts` are kept by keyword in chunks of type iTXt (section 11.3.3.4); `catalogs.png.text_of` reads them.
 
     Every row has filter 1 ("Sub") and is deflated by run lengths: for rendered pictures as small as a full search at zlib's
     level 1, six times faster, and unlike OpenImageIO's writer it lets the caller notice a full disk.
     """
-    height, width = rgba.shape[:2]
-    rows = rgba.reshape(height, 4 * width)
-    filtered = np.empty((height, 1 + 4 * width), dtype=np.uint8)
+    height, width, channels = pixels.shape
+    rows = pixels.reshape(height, channels * width)
+    filtered = np.empty((height, 1 + channels * width), dtype=np.uint8)
     filtered[:, 0] = 1
-    filtered[:, 1:5] = rows[:, :4]
-    np.subtract(rows[:, 4:], rows[:, :-4], out=filtered[:, 5:])  # modulo 256
+    filtered[:, 1 : 1 + channels] = rows[:, :channels]
+    np.subtract(rows[:, channels:], rows[:, :-channels], out=filtered[:, 1 + channels :])  # modulo 256
     deflate = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
-    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", width, height, 8, COLOR_TYPES[channels], 0, 0, 0)
     chunks = (
         (b"IHDR", header),
         (b"sRGB", b"\0"),
+        *((TEXT_KIND, text_body(keyword, text)) for keyword, text in (texts or {}).items()),
         (b"IDAT", deflate.compress(filtered.tobytes()) + deflate.flush()),
         (b"IEND", b""),
     )
@@ -142,17 +157,36 @@ def image_shape(path: Path) -> tuple[int, int, int]:
     return spec.height, spec.width, spec.nchannels
 
 
-def _write_exr(path: Path, rgba: NDArray[np.float32]) -> None:
+def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] | None = None) -> None:
+    """Write RGB [H, W, 3] or premultiplied RGBA [H, W, 4] as float32, with `texts` as string attributes.
+
+    Raises OSError where the disk refuses.
+    """
     import OpenImageIO as oiio
 
-    height, width = rgba.shape[:2]
+    height, width, channels = pixels.shape
     output = oiio.ImageOutput.create(str(path))
     if output is None:
         raise OSError(f"{path} could not be written: {oiio.geterror()}")
-    opened = output.open(str(path), oiio.ImageSpec(width, height, 4, "float"))
-    written = opened and output.write_image(np.ascontiguousarray(rgba))
+    spec = oiio.ImageSpec(width, height, channels, "float")
+    for name, text in (texts or {}).items():
+        spec.attribute(name, text)
+    opened = output.open(str(path), spec)
+    written = opened and output.write_image(np.ascontiguousarray(pixels))
     if not (output.close() and written):
         raise OSError(f"{path} could not be written: {output.geterror()}")
+
+
+def exr_text(path: Path, name: str) -> str | None:
+    """The string attribute `name` of an EXR file, None where it has none; raises ImageError where it is no image."""
+    import OpenImageIO as oiio
+
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
+    found = source.spec().getattribute(name)
+    source.close()
+    return found if isinstance(found, str) else None
 
 
 def _chunk(kind: bytes, body: bytes) -> bytes:

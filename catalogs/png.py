@@ -17,6 +17,7 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by color type
 KINDS = {0: "gray", 2: "RGB", 3: "palette", 4: "gray with alpha", 6: "RGBA"}
 LARGEST_SIDE = 16384
+TEXT_KIND = b"iTXt"
 
 
 class PngError(ValueError):
@@ -71,6 +72,32 @@ def check_png(path: Path) -> PngHeader:
     if header.is_plain_color:
         _check_pixels(b"".join(compressed), header)
     return header
+
+
+def text_body(keyword: str, text: str) -> bytes:
+    """The body of an iTXt chunk (section 11.3.3.4): not compressed, in no language.
+
+    Raises ValueError for a keyword that is not 1 to 79 characters of Latin-1, or a text that holds a zero.
+    """
+    name = keyword.encode("latin-1", errors="replace")
+    if not 1 <= len(name) <= 79 or name.decode("latin-1") != keyword or "\0" in keyword + text:
+        raise ValueError(f"a text in a PNG has a keyword of 1 to 79 Latin-1 characters and no zeros, got {keyword!r}")
+    return name + b"\0\0\0\0\0" + text.encode()
+
+
+def text_of(data: bytes, keyword: str) -> str | None:
+    """What the PNG file `data` keeps under `keyword` in an uncompressed iTXt chunk; None where it has no such one.
+
+    Raises PngError for another format, or a file that is damaged up to there: the rest is not looked at.
+    """
+    if not data.startswith(SIGNATURE):
+        raise PngError("it is no PNG")
+    start = keyword.encode("latin-1") + b"\0\0\0"  # then a language and a translated keyword, each ended by a zero
+    for kind, body in _chunks(data):
+        content = bytes(body) if kind == TEXT_KIND else b""
+        if content.startswith(start):
+            return content[len(start) :].split(b"\0", 2)[-1].decode("utf-8", errors="replace")
+    return None
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:

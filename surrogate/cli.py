@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from surrogate.explore.commands import export, sweep
+
 if TYPE_CHECKING:
     from catalogs.catalog import Catalog
     from catalogs.scene import Scene
@@ -29,6 +31,10 @@ class _Failure(click.ClickException):
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
+
+
+main.add_command(export)
+main.add_command(sweep)
 
 
 @main.command()
@@ -85,34 +91,6 @@ def evaluate(scene: Path, runs: Path) -> None:
 
 @main.command()
 @click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("-p", "--parameters", multiple=True, metavar="NAME=VALUE", help="One per parameter, e.g. -p Re=1800.")
-@click.option("--view", default=0, show_default=True, help="Number of a viewpoint of the catalog.")
-@click.option(
-    "--background", default="", metavar="R,G,B", help="Colour in [0, 1] behind the picture; else transparent."
-)
-@click.option("-o", "--output", default="surrogate.png", show_default=True, type=click.Path(path_type=Path))
-def render(run: Path, parameters: tuple[str, ...], view: int, background: str, output: Path) -> None:
-    """Draw one picture from the results in RUN (such as runs/tgv-dvr)."""
-    from catalogs.catalog import Catalog, CatalogError
-    from catalogs.images import write_image
-
-    surrogate = _load(run / "surrogate")
-    try:
-        catalog = Catalog.open(run / "catalog.cdb")
-        values = dict(_assignment(text) for text in parameters)
-        cameras = catalog.plan.cameras or catalog.members[0].cameras
-        if not 0 <= view < len(cameras):
-            raise ValueError(f"view must lie in 0..{len(cameras) - 1}, got {view}")
-        behind = [float(part) for part in background.split(",")] if background else surrogate.background
-        picture = surrogate.at(**values).render(cameras[view], background=behind)
-        write_image(output, picture)
-    except (CatalogError, ValueError, OSError) as error:
-        raise _Failure(str(error)) from error
-    click.echo(f"{output}: {picture.shape[1]}x{picture.shape[0]}, view {view}, {values}")
-
-
-@main.command()
-@click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
 def show(run: Path) -> None:
     """Say what the surrogate in RUN is and how it was trained."""
     surrogate = _load(run / "surrogate")
@@ -122,6 +100,26 @@ def show(run: Path) -> None:
     for choice in surrogate.training.get("choices", ()):
         click.echo(f"  needed: {choice['name']:<22} {choice['kept']}")
     click.echo(f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps")
+
+
+@main.command()
+@click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need the printed token.")
+@click.option("--port", default=0, help="Port to listen on.  [default: any that is free]")
+@click.option("--open/--no-open", "open_page", default=False, help="Open the page in this machine's browser.")
+def explore(run: Path, host: str, port: int, open_page: bool) -> None:
+    """Fly through the surrogate in RUN (such as runs/tgv-dvr) in a browser, until Ctrl-C."""
+    from catalogs.catalog import CatalogError
+
+    try:
+        from surrogate.explore.application import explore as serve
+        from surrogate.explore.run import Run
+
+        serve(Run.open(run), host=host, port=port, open_page=open_page, announce=click.echo)
+    except ModuleNotFoundError as error:
+        raise _Failure(f"the explorer needs the package {error.name}: pip install 'gs-surrogate[explore]'") from error
+    except (CatalogError, ValueError, OSError) as error:
+        raise _Failure(str(error)) from error
 
 
 @main.command()
@@ -325,18 +323,6 @@ def _dataset_seconds(folder: Path) -> float | None:
         return float(json.loads((folder / "dataset.json").read_text())["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def _assignment(text: str) -> tuple[str, float | str]:
-    from catalogs.variations import APPEARANCE
-
-    name, sign, value = (part.strip() for part in text.partition("="))
-    try:
-        if not sign:
-            raise ValueError
-        return name, value if name == APPEARANCE else float(value)
-    except ValueError:
-        raise _Failure(f"parameters are given as NAME=VALUE, got {text!r}") from None
 
 
 def _summarize(record: Mapping[str, Any]) -> None:

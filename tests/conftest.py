@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytest_plugins = ["tests.browsers"]
+
 PROJECT = Path(__file__).resolve().parent.parent
 
 # A shell that starts the tests in the background lets them inherit "ignore Ctrl-C"; some of them press it.

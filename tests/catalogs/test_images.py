@@ -16,6 +16,7 @@ from PIL import Image  # an independent decoder
 from catalogs.images import (
     ImageError,
     encode_png,
+    exr_text,
     image_shape,
     premultiply,
     read_image,
@@ -23,9 +24,10 @@ from catalogs.images import (
     straighten,
     to_bytes,
     to_float,
+    write_exr,
     write_image,
 )
-from catalogs.png import check_png
+from catalogs.png import PngError, check_png, text_of
 
 
 def every_pixel() -> np.ndarray:
@@ -42,11 +44,42 @@ def test_the_eight_bit_round_trip_is_exact_for_every_valid_pixel(tmp_path: Path)
     assert np.array_equal(read_image(tmp_path / "all.png"), pixels)
 
 
-@given(arrays.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(4))))
-def test_another_decoder_reads_what_is_encoded(rgba: np.ndarray) -> None:
-    seen = Image.open(io.BytesIO(encode_png(rgba)))
-    assert seen.mode == "RGBA"
-    assert np.array_equal(np.asarray(seen), rgba)
+@given(arrays.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.sampled_from([3, 4]))))
+def test_another_decoder_reads_what_is_encoded(pixels: np.ndarray) -> None:
+    seen = Image.open(io.BytesIO(encode_png(pixels)))
+    assert seen.mode == ("RGB" if pixels.shape[2] == 3 else "RGBA")
+    assert np.array_equal(np.asarray(seen), pixels)
+
+
+@given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])))
+def test_another_decoder_reads_the_texts_of_a_png(text: str) -> None:
+    content = encode_png(np.zeros((2, 3, 3), np.uint8), {"first": "one", "kept here": text})
+    assert Image.open(io.BytesIO(content)).text == {"first": "one", "kept here": text}  # type: ignore[attr-defined]
+    assert text_of(content, "kept here") == text
+    assert text_of(content, "kept") is None
+
+
+@pytest.mark.parametrize(("keyword", "text"), [("", "a"), ("k" * 80, "a"), ("λ", "a"), ("k", "a\0b")])
+def test_texts_that_a_png_cannot_keep_are_refused(keyword: str, text: str) -> None:
+    with pytest.raises(ValueError, match="1 to 79 Latin-1 characters and no zeros"):
+        encode_png(np.zeros((2, 3, 3), np.uint8), {keyword: text})
+
+
+def test_texts_of_damaged_files_are_not_believed() -> None:
+    content = encode_png(np.zeros((2, 3, 3), np.uint8), {"key": "text"})
+    with pytest.raises(PngError, match="checksum"):
+        text_of(content.replace(b"text", b"test"), "key")
+    with pytest.raises(PngError, match="no PNG"):
+        text_of(b"GIF89a", "key")
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_an_exr_keeps_texts_and_every_bit(tmp_path: Path, channels: int) -> None:
+    pixels = np.random.default_rng(2).random((5, 7, channels), dtype=np.float32)
+    write_exr(tmp_path / "a.exr", pixels, {"some-key": '{"Ω": 0.3}'})
+    assert exr_text(tmp_path / "a.exr", "some-key") == '{"Ω": 0.3}'
+    assert exr_text(tmp_path / "a.exr", "other") is None
+    assert np.array_equal(read_stored(tmp_path / "a.exr"), pixels)
 
 
 def test_encoded_pictures_are_whole_and_small(tmp_path: Path) -> None:

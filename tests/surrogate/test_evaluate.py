@@ -241,7 +241,7 @@ def test_the_command_line_trains_evaluates_renders_and_does_nothing_twice(tmp_pa
     assert "report.md" in call("evaluate", str(scene), *runs)
     assert "nothing to do" in call("evaluate", str(scene), *runs)
     out = tmp_path / "picture.png"
-    call("render", str(tmp_path / "runs/disks"), "-p", "shift=0.3", "--view", "4", "-o", str(out))
+    call("export", str(tmp_path / "runs/disks"), "-p", "shift=0.3", "--view", "4", "-o", str(out))
     assert out.is_file()
     assert "bilinear" in call("show", str(tmp_path / "runs/disks"))
 
@@ -269,6 +269,6 @@ def test_wrong_settings_and_parameters_are_named(tmp_path: Path) -> None:
     assert "gausians" in result.output
     scene.write_text(SCENE)
     assert CliRunner().invoke(main, ["train", str(scene), "--runs", str(tmp_path / "runs")]).exit_code == 0
-    wrong = CliRunner().invoke(main, ["render", str(tmp_path / "runs/disks"), "-p", "Re=1"])
+    wrong = CliRunner().invoke(main, ["export", str(tmp_path / "runs/disks"), "-p", "Re=1", "-o", str(tmp_path / "a.png")])
     assert wrong.exit_code == 1
     assert "shift" in wrong.output

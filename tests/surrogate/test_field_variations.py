@@ -195,13 +195,15 @@ def test_older_programs_are_told_by_the_schema(run: Path, tmp_path: Path) -> Non
 
 def test_the_command_draws_a_field(run: Path, tmp_path: Path) -> None:
     drawn = CliRunner().invoke(
-        main, ["render", str(run), "-p", "p=0.3", "-p", "appearance=surface", "-o", str(tmp_path / "a.png")]
+        main, ["export", str(run), "-p", "p=0.3", "-p", "appearance=surface", "-o", str(tmp_path / "a.png")]
     )
     assert drawn.exit_code == 0, drawn.output
     assert (tmp_path / "a.png").is_file()
-    wrong = CliRunner().invoke(main, ["render", str(run), "-p", "p=0.3", "-p", "appearance=speed"])
+    to = ["-o", str(tmp_path / "b.png")]
+    wrong = CliRunner().invoke(main, ["export", str(run), "-p", "p=0.3", "-p", "appearance=speed", *to])
     assert "['dvr', 'speed-dvr', 'surface'], got 'speed'" in wrong.output
-    assert "NAME=VALUE, got 'p=speed'" in CliRunner().invoke(main, ["render", str(run), "-p", "p=speed"]).output
+    assert "NAME=VALUE, got 'p=speed'" in CliRunner().invoke(main, ["export", str(run), "-p", "p=speed", *to]).output
+    assert not (tmp_path / "b.png").exists()
 
 
 def test_an_interrupted_run_ends_where_an_undisturbed_one_does(catalog: Catalog, run: Path, tmp_path: Path) -> None:

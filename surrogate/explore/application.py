@@ -1,0 +1,239 @@
+"""The explorer as a trame application: one page, and what it asks this program for.
+
+Nothing that one tab sets is kept here.  Each frame is asked for with everything it depends on, so tabs can't disturb each other,
+and what the address holds is the whole state.  trame carries the messages (over a tunnel, in Jupyter); exports go over
+plain HTTP, so that a film in the making stops no frame.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import re
+import secrets
+import threading
+import uuid
+import webbrowser
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from aiohttp import web
+from trame.app import get_server
+from trame.ui.html import DivLayout
+from trame.widgets import html
+
+from catalogs.catalog import CatalogError
+from surrogate.explore.expectation import measure
+from surrogate.explore.exports import exported
+from surrogate.explore.facts import facts
+from surrogate.explore.frames import Frames
+from surrogate.explore.guard import Guard
+from surrogate.explore.messages import MessageError, frame_request
+from surrogate.explore.run import Run
+from surrogate.explore.truth import Truth
+
+ALLOWED_CALLS = {"trame.state.get", "trame.trigger", "trame.lifecycle.update"}
+DRAWING_THREADS = 2
+LARGEST_MESSAGE = 1 << 20  # bytes that a browser may send at once
+VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+# Where the page learns how to connect, whatever path a proxy has put before it.
+CONNECT = (
+    "<script>document.documentElement.dataset.sessionManagerUrl = "
+    "`session?path=${encodeURIComponent(location.pathname)}`;</script>"
+)
+
+log = logging.getLogger(__name__)
+
+
+class Explorer:
+    """A trame server that shows one run."""
+
+    def __init__(self, run: Run, *, host: str = "127.0.0.1") -> None:
+        self.run = run
+        self.guard = Guard.of(host)
+        self.secret = secrets.token_urlsafe(24)
+        self.frames = Frames(run.surrogate, None if run.catalog is None else Truth.of(run.catalog, run.surrogate))
+        self._facts = facts(run.surrogate, run.catalog, run.title)
+        self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw")
+        self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export")
+        self._closed = threading.Event()
+        self.server = get_server(f"explorer-{uuid.uuid4().hex}", client_type="vue3")
+        self._build()
+
+    @property
+    def address(self) -> str:
+        """Where the page is, once the server runs."""
+        named = f"[{self.guard.host}]" if ":" in self.guard.host else self.guard.host
+        token = f"?token={self.guard.token}" if self.guard.token else ""
+        return f"http://{named}:{self.server.port}/{token}"
+
+    def start(self, *, port: int = 0, ready: Callable[[str], Any], **options: Any) -> Any:
+        """Start listening (port 0: any that is free) and tell `ready` the address; `options` are those of trame's `start`."""
+        self.server.controller.on_server_ready.add(lambda **_: ready(self.address))
+        # trame would read this program's own command line.
+        self.server.cli.parse_known_args = _defaults(self.server.cli)  # type: ignore[method-assign]
+        self.server.cli.set_defaults(nowscompress=True, authKey=self.secret)  # pictures are compressed already
+        return self.server.start(
+            port=port,
+            host=self.guard.host,
+            timeout=0,
+            open_browser=False,
+            show_connection_info=False,
+            disable_logging=True,
+            **options,
+        )
+
+    def measure_expectation(self) -> None:
+        """Measure in the background what error to expect, or read what was measured before."""
+        threading.Thread(target=self._measure, name="expectation", daemon=True).start()
+
+    def close(self) -> None:
+        """Draw and measure nothing any more."""
+        self._closed.set()
+        for pool in (self._drawing, self._exporting):
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def _measure(self) -> None:
+        def go_on(*_: object) -> None:
+            if self._closed.is_set():
+                raise InterruptedError
+
+        try:
+            self.frames.expectation = measure(self.run.surrogate, self.run.catalog, self.run.folder, go_on)
+        except InterruptedError:
+            pass
+        except (CatalogError, ValueError, OSError) as error:
+            log.warning("what error to expect can't be measured: %s", error)
+
+    def _build(self) -> None:
+        server = self.server
+        server.options["ws_max_msg_size"] = LARGEST_MESSAGE
+        server.state.trame__title = f"{self.run.title} · gs-surrogate"
+        server.state.trame__template_error = STOPPED
+        server.enable_module(
+            {
+                "serve": {"explore": str(_page_folder())},
+                "styles": ["look.css", "explore/explore.css"],
+                "module_scripts": ["explore/explore.js"],
+            }
+        )
+        with DivLayout(server):
+            html.Div(id="explorer-page", __properties=["id"])
+        server.controller.trigger("facts")(self._tell)
+        server.controller.trigger("frame")(self._frame)
+        server.controller.trigger("nearest")(self._nearest)
+        server.controller.on_server_bind.add(self._bind)
+
+    def _bind(self, backend: Any) -> None:
+        """Before anything is served: guard it, and close what a page of ours never calls."""
+        backend.app.middlewares.append(self.guard.middleware())
+        backend.app.router.add_get("/index.html", _index)
+        backend.app.router.add_get("/look.css", _look)
+        backend.app.router.add_post("/session", self._session)
+        backend.app.router.add_post("/export", self._export)
+        for handler in backend._ws_handlers:
+            handler.functionMap = {name: call for name, call in handler.functionMap.items() if name in ALLOWED_CALLS}
+
+    async def _tell(self, *_: Any, **__: Any) -> dict[str, Any]:
+        return self._facts
+
+    async def _frame(self, message: Any = None, *_: Any, **__: Any) -> dict[str, Any]:
+        """Answer a request for pictures; what is wrong with it comes back as `error`."""
+        return await self._worked(lambda: self.frames.answer(frame_request(message, self.run.surrogate)))
+
+    async def _nearest(self, message: Any = None, *_: Any, **__: Any) -> dict[str, Any]:
+        """The stored picture nearest to what a request for pictures shows; `found` is None without one."""
+        return await self._worked(lambda: {"found": self.frames.nearest(frame_request(message, self.run.surrogate))})
+
+    async def _worked(self, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._drawing, work)
+        except Exception as error:
+            return {"error": _said(error)}
+
+    async def _session(self, request: web.Request) -> web.Response:
+        """Where the WebSocket is, and the secret that it takes; only pages of this server can read it."""
+        path = request.query.get("path", "/")
+        prefix = path[: path.rfind("/") + 1] if re.fullmatch(r"/[\w./~%-]*", path) else "/"
+        return web.json_response({"sessionURL": f"ws://USE_HOST{prefix}ws", "secret": self.secret})
+
+    async def _export(self, request: web.Request) -> web.Response:
+        def work(message: Any) -> Any:
+            return exported(message, self.run)
+
+        try:
+            message = json.loads(await request.text())
+            made = await asyncio.get_running_loop().run_in_executor(self._exporting, work, message)
+        except Exception as error:
+            status = 400 if isinstance(error, ValueError) else 500
+            return web.json_response({"error": _said(error)}, status=status)
+        headers = {"Content-Disposition": f'attachment; filename="{made.name}"'}
+        return web.Response(body=made.content, content_type=made.media_type, headers=headers)
+
+
+def explore(
+    run: Run,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    open_page: bool = False,
+    announce: Callable[[str], Any] = print,
+) -> None:
+    """Show a run until Ctrl-C, after announcing its address.  Raises OSError where the port is taken."""
+    explorer = Explorer(run, host=host)
+
+    def ready(address: str) -> None:
+        announce(f"{run.title} at {address} (Ctrl-C stops)")
+        explorer.measure_expectation()
+        if open_page:
+            webbrowser.open(address)
+
+    try:
+        explorer.start(port=port, ready=ready, exec_mode="main")
+    except KeyboardInterrupt:
+        pass
+    finally:
+        explorer.close()
+    announce("stopped")
+
+
+def _said(error: Exception) -> str:
+    if isinstance(error, MessageError | ValueError):
+        return str(error)
+    log.exception("an answer failed", exc_info=error)
+    return f"this failed inside the explorer ({type(error).__name__}); its terminal says more"
+
+
+def _defaults(parser: Any) -> Callable[..., Any]:
+    def parse(args: Any = None, namespace: Any = None) -> Any:
+        return type(parser).parse_known_args(parser, [] if args is None else args, namespace)
+
+    return parse
+
+
+def _page_folder() -> Path:
+    return Path(str(files("surrogate.explore").joinpath("page")))
+
+
+async def _index(_: web.Request) -> web.Response:
+    """trame's page, but in a window that may be enlarged (WCAG 1.4.4)."""
+    from trame_client.module import vue3
+
+    page = (Path(vue3.www) / "index.html").read_text(encoding="utf-8")
+    page = re.sub(r'<meta\s+name="viewport"[^>]*>', VIEWPORT + CONNECT, page)
+    return web.Response(text=page, content_type="text/html")
+
+
+async def _look(_: web.Request) -> web.Response:
+    look = files("catalogs.browse").joinpath("look.css").read_text(encoding="utf-8")
+    return web.Response(text=look, content_type="text/css")
+
+
+STOPPED = """
+<main class="stopped" role="alert"><h1>The explorer has stopped</h1>
+<p>Start it again on its machine and reload this page: the address keeps what you saw.</p></main>
+"""

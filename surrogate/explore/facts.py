@@ -1,0 +1,293 @@
+"""What the page must know before the first picture: one JSON value about a surrogate and, where it is there, its catalog.
+
+    title          as given
+    parameters     [{name, unit, low, high, train, validation}]: the last two are the values of members, sorted, for marks
+    variations     [{kind: "isovalue", unit, low, high, train, validation},
+                    {kind: "transfer_function", unit, bounds: {name: {low, high}}, opacity_points: [[value, opacity] * 4],
+                     opacity_unit_distance, gradient, color_maps: [{name, gradient}]},
+                    {kind: "field", names}]: of a field the base's name first
+    histogram      {field, low, high, edges: [65], heights: [64]}: of the base's field over all members, heights the logarithms of
+                   counts in [0, 1]; null without
+    camera         {direction, up, distance, target, field}: unit vectors, world units, vertical degrees
+    viewpoints     [{direction, up, split, ...}]: stored views; distance, target and field where they differ from `camera`
+    members        [{name, split, values}]: values in the order of `parameters`
+    background     "#rrggbb" that the training images stand on; null where they have alpha
+    size           [width, height] of the training images; null without a catalog
+    truth          whether there is a catalog whose pictures can be shown
+    base           {appearance, field}: what is shown without visualization parameters
+    model          {gaussians, megabytes, seconds, steps, deformation}
+
+A gradient is a list of CSS colour stops whose places are percentages between the first and the last opacity point.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.appearance import TransferFunction, VolumeRendering, field_of
+from catalogs.cameras import Camera, upward
+from catalogs.catalog import Catalog, Member
+from catalogs.variations import Variation
+from surrogate.explore.color_maps import NAMES, color_points
+from surrogate.explore.places import base_name
+from surrogate.explore.setting import base_function
+from surrogate.model import Surrogate
+from surrogate.scoring import spread
+
+MOST_TICKS, MOST_VIEWPOINTS, MOST_MEMBERS, MOST_SUMMARIES = 300, 2000, 5000, 200
+BINS = 64
+OBLIQUE = (0.66, -0.66, 0.36)  # where the first picture is seen from, about: neither along an axis nor from above
+FIELD_DEGREES, FILL = 30.0, 0.9  # of the first camera without a catalog, as in `catalogs.cameras.orbit`
+SAME_DIRECTION = 4  # decimals by which viewpoints of different members are the same
+
+Json = dict[str, Any]
+
+
+def facts(surrogate: Surrogate, catalog: Catalog | None, title: str) -> Json:
+    """All that the module's documentation lists, as JSON values without NaN or infinities.
+
+    Raises CatalogError for a damaged catalog.
+    """
+    members = () if catalog is None else catalog.members
+    views = _views(surrogate, catalog, members)
+    camera = _first(views) if views else _camera_without_catalog(surrogate)
+    found = {
+        "title": title,
+        "parameters": _parameters(surrogate, members),
+        "variations": list(
+            filter(None, (_variation(surrogate, v.variation, catalog) for v in surrogate.visualizations))
+        ),
+        "histogram": None if catalog is None else _histogram(base_field(surrogate, catalog), members),
+        "camera": {name: value for name, value in camera.items() if name != "split"},
+        "viewpoints": [_shortened(view, camera) for view in views],
+        "members": _members(surrogate, members),
+        "background": None if surrogate.background is None else _hexadecimal(surrogate.background),
+        "size": _size(catalog, members),
+        "truth": bool(members),
+        "base": {
+            "appearance": base_name(surrogate),
+            "field": "" if catalog is None else base_field(surrogate, catalog),
+        },
+        "model": {
+            "gaussians": len(surrogate.gaussians),
+            "megabytes": surrogate.megabytes,
+            "seconds": surrogate.training.get("seconds"),
+            "steps": surrogate.training.get("steps"),
+            "deformation": surrogate.deformation.kind,
+        },
+    }
+    clean: Json = _clean(found)
+    json.dumps(clean, allow_nan=False)
+    return clean
+
+
+def base_field(surrogate: Surrogate, catalog: Catalog) -> str:
+    """The name of the field that the base appearance shows; "" for the only one, and for images made elsewhere."""
+    return next((field_of(a) for a in catalog.plan.appearances if a.name == base_name(surrogate)), "")
+
+
+# ---- parameters, members, variations
+
+
+def _parameters(surrogate: Surrogate, members: Sequence[Member]) -> list[Json]:
+    return [
+        {
+            "name": p.name,
+            "unit": p.unit,
+            "low": p.low,
+            "high": p.high,
+            **{
+                split: _ticks([m.parameters[p.name] for m in members if m.split == split and p.name in m.parameters])
+                for split in ("train", "validation")
+            },
+        }
+        for p in surrogate.space.parameters
+    ]
+
+
+def _members(surrogate: Surrogate, members: Sequence[Member]) -> list[Json]:
+    chosen = [members[i] for i in spread(len(members), MOST_MEMBERS)]
+    names = surrogate.space.names
+    return [
+        {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in names]}
+        for m in chosen
+        if set(names) <= set(m.parameters)
+    ]
+
+
+def _ticks(values: Sequence[float]) -> list[float]:
+    unique = sorted(set(values))
+    return [unique[i] for i in spread(len(unique), MOST_TICKS)]
+
+
+def _variation(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
+    """A variation; None for transfer functions around a base that nobody knows any more."""
+    if variation.kind == "field":
+        return {"kind": "field", "names": [variation.base, *(s.appearance for s in variation.settings)]}
+    if variation.kind == "transfer_function":
+        return _functions(surrogate, variation, catalog)
+    (parameter,) = variation.space.parameters
+    values = {
+        split: _ticks([s.values[0] for s in variation.settings if s.split == split])
+        for split in ("train", "validation")
+    }
+    return {"kind": "isovalue", "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **values}
+
+
+def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
+    recolorable = base_function(surrogate)
+    base = recolorable or _stored_function(variation.base, catalog)
+    if base is None:
+        return None
+    low, high = base.opacity_points[0][0], base.opacity_points[-1][0]
+    spanned = base.color_points[0][0], base.color_points[-1][0]
+    maps = NAMES if recolorable is not None else ()
+    return {
+        "kind": "transfer_function",
+        "unit": next((p.unit for p in variation.space.parameters if p.unit), ""),
+        "bounds": {p.name: {"low": p.low, "high": p.high} for p in variation.space.parameters},
+        "opacity_points": [list(point) for point in base.opacity_points],
+        "opacity_unit_distance": base.opacity_unit_distance,
+        "gradient": _gradient(base.color_points, low, high),
+        "color_maps": [{"name": n, "gradient": _gradient(color_points(n, *spanned), low, high)} for n in maps],
+    }
+
+
+def _stored_function(appearance: str, catalog: Catalog | None) -> TransferFunction | None:
+    shown = () if catalog is None else catalog.plan.appearances
+    found = next((a for a in shown if a.name == appearance), None)
+    return found.transfer_function if isinstance(found, VolumeRendering) else None
+
+
+def _gradient(points: Sequence[tuple[float, float, float, float]], low: float, high: float) -> str:
+    """CSS colour stops of colour points (value, red, green, blue), 0 % at the value `low` and 100 % at `high`."""
+    stops = []
+    for value, *color in points:
+        red, green, blue = (round(255.0 * channel) for channel in color)
+        stops.append(f"rgb({red} {green} {blue}) {100.0 * (value - low) / (high - low):.3f}%")
+    return ", ".join(stops)
+
+
+def _histogram(field: str, members: Sequence[Member]) -> Json | None:
+    """Of the field over members' summaries, of very many evenly chosen ones; damaged summaries are left out."""
+    found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    for member in (members[i] for i in spread(len(members), MOST_SUMMARIES)):
+        try:
+            summary = member.summary(field)
+        except ValueError:
+            continue
+        if summary is None:
+            continue
+        counts, edges = np.asarray(summary.histogram, np.float64), np.asarray(summary.bin_edges, np.float64)
+        proper = np.isfinite(edges).all() and (np.diff(edges) > 0).all() and np.isfinite(counts).all()
+        if proper and len(counts) and (counts >= 0).all():
+            found.append((counts, edges))
+    if not found:
+        return None
+    low, high = min(float(edges[0]) for _, edges in found), max(float(edges[-1]) for _, edges in found)
+    places = np.linspace(low, high, BINS + 1)  # [BINS + 1]
+    below = [np.interp(places, edges, np.concatenate([[0.0], np.cumsum(counts)])) for counts, edges in found]
+    heights = np.log1p(np.diff(np.sum(below, axis=0)).clip(0.0))  # [BINS]
+    heights = heights / max(float(heights.max()), 1e-300)
+    return {"field": field, "low": low, "high": high, "edges": places.tolist(), "heights": heights.tolist()}
+
+
+# ---- cameras
+
+
+def _views(surrogate: Surrogate, catalog: Catalog | None, members: Sequence[Member]) -> list[Json]:
+    """The stored viewpoints as orbits with their split: the shared ones, or those of all members, each direction once."""
+    if catalog is None:
+        return []
+    middle = np.mean(np.array(catalog.plan.bounds), axis=0)  # [3]
+    shared = [(catalog.plan.cameras, catalog.plan.view_splits)] if catalog.plan.cameras else []
+    found: dict[tuple[float, ...], Json] = {}
+    for cameras, splits in shared or [(m.cameras, m.view_splits) for m in members]:
+        for camera, split in zip(cameras, splits, strict=True):
+            view = {**orbit_of(camera, middle), "split": split}
+            found.setdefault(tuple(round(x, SAME_DIRECTION) + 0.0 for x in [*view["direction"], *view["up"]]), view)
+    views = list(found.values())
+    return [views[i] for i in spread(len(views), MOST_VIEWPOINTS)]
+
+
+def orbit_of(camera: Camera, middle: NDArray[np.float64]) -> Json:
+    """A camera (world units) as the page has it: direction, up, distance, target and field, as in the module's documentation.
+
+    Its target is the point of its axis that is nearest to the `middle` (3,), if it looks that way.
+    """
+    towards = middle - camera.position  # [3]
+    along = float(towards @ camera.forward)
+    distance = along if along > 0 else max(float(np.linalg.norm(towards)), 1e-6)
+    target = camera.position + distance * camera.forward  # [3]
+    if np.abs(target - middle).max() < 1e-6 * distance:
+        target, distance = middle, float(np.linalg.norm(towards))
+    return {
+        "direction": (-camera.forward).tolist(),
+        "up": camera.up.tolist(),
+        "distance": distance,
+        "target": target.tolist(),
+        "field": camera.vertical_fov_degrees,
+    }
+
+
+def _first(views: Sequence[Json]) -> Json:
+    """That which is seen from about `OBLIQUE`."""
+    return max(views, key=lambda view: float(np.dot(view["direction"], OBLIQUE)))
+
+
+def _camera_without_catalog(surrogate: Surrogate) -> Json:
+    """From `OBLIQUE` at the distance where the ball around the normalized box fills the picture."""
+    direction = np.array(OBLIQUE) / np.linalg.norm(OBLIQUE)  # [3]
+    up = upward(direction)
+    across = up - (up @ direction) * direction  # [3]
+    half = math.tan(math.radians(FIELD_DEGREES) / 2.0)
+    return {
+        "direction": direction.tolist(),
+        "up": (across / np.linalg.norm(across)).tolist(),
+        "distance": math.sqrt(3.0) * surrogate.normalization.extent / math.sin(math.atan(FILL * half)),
+        "target": surrogate.normalization.center.tolist(),
+        "field": FIELD_DEGREES,
+    }
+
+
+def _shortened(view: Mapping[str, Any], camera: Mapping[str, Any]) -> Json:
+    """The view without what it shares with `camera`; every view keeps its direction, up and split."""
+    kept = ("direction", "up", "split")
+    return {name: value for name, value in view.items() if name in kept or not _alike(value, camera[name])}
+
+
+def _alike(first: Any, second: Any) -> bool:
+    return bool(np.allclose(first, second, rtol=1e-9, atol=0.0))
+
+
+def _size(catalog: Catalog | None, members: Sequence[Member]) -> list[int] | None:
+    if catalog is None:
+        return None
+    camera = next(iter((*catalog.plan.cameras, *(m.cameras[0] for m in members[:1]))), None)
+    return None if camera is None else [camera.width, camera.height]
+
+
+# ---- JSON
+
+
+def _hexadecimal(color: Sequence[float]) -> str:
+    return "#" + "".join(f"{round(255.0 * min(1.0, max(0.0, channel))):02x}" for channel in color)
+
+
+def _clean(value: Any) -> Any:
+    """The same in plain JSON types, None for what is no finite number, "?" for half characters, which have no UTF-8."""
+    if isinstance(value, Mapping):
+        return {str(name): _clean(part) for name, part in value.items()}
+    if isinstance(value, str):
+        return str(value).encode(errors="replace").decode()
+    if isinstance(value, list | tuple):
+        return [_clean(part) for part in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value

@@ -1,0 +1,221 @@
+"""What a browser may ask for: every message is checked whole before anything is drawn.
+
+Messages are JSON-like values from outside and are believed in nothing: types, lengths, ranges and sizes are all bounded here, so
+that the rest of the explorer deals with frozen dataclasses only.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from catalogs.cameras import Camera
+from catalogs.parameters import Parameter
+from catalogs.variations import APPEARANCE, POINT_PARAMETERS
+from surrogate.explore.color_maps import NAMES as COLOR_MAPS
+from surrogate.explore.setting import Setting, base_function
+from surrogate.model import Surrogate
+
+Color = tuple[float, float, float]
+
+MOST_SETTINGS = 64
+LEAST_SIDE, MOST_SIDE = 8, 2048
+MOST_PIXELS = 4 * 1024 * 1024  # of all pictures of one frame together
+LEAST_FIELD, MOST_FIELD = 1.0, 150.0  # vertical field of view, degrees
+BEYOND = 1.0  # how far parameters may lie outside their bounds, in widths of these
+FARTHEST = 1e6  # how far cameras may stand away, in half sizes of the volume
+
+
+class MessageError(ValueError):
+    """A message asks for what can't be had; its one sentence goes back to the browser."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRequest:
+    """Pictures of one or more settings from one camera.
+
+    Attributes
+    ----------
+    settings : what they show, one picture each.
+    camera : its size is that of each picture.
+    background : straight RGB in [0, 1] that the pictures stand on.
+    form : "jpeg" while something moves, "png" at rest.
+    difference : whether the absolute difference of the first two pictures follows them.
+    truth : whether the catalog's picture of the first setting and the difference to it follow, where there is one.
+    """
+
+    settings: tuple[Setting, ...]
+    camera: Camera
+    background: Color
+    form: Literal["jpeg", "png"]
+    difference: bool = False
+    truth: bool = False
+
+
+def frame_request(message: Any, surrogate: Surrogate) -> FrameRequest:
+    """The request that `message` is; raises MessageError saying what is wrong with it."""
+    fields = _mapping(message, "the message")
+    listed = _sequence(fields.get("settings"), "settings", 1, MOST_SETTINGS)
+    settings = tuple(setting_of(record, surrogate) for record in listed)
+    camera = camera_of(fields.get("camera"), fields.get("size"), surrogate)
+    if camera.width * camera.height * len(settings) > MOST_PIXELS:
+        raise MessageError(
+            f"{len(settings)} pictures of {camera.width}x{camera.height} are more than {MOST_PIXELS:,} pixels: ask for smaller ones"
+        )
+    form: Any = fields.get("form", "jpeg")
+    if form not in ("jpeg", "png"):
+        raise MessageError(f"form must be jpeg or png, got {_shown(form)}")
+    difference, truth = _flag(fields, "difference"), _flag(fields, "truth")
+    if difference and len(settings) != 2:
+        raise MessageError(f"a difference is between two settings, got {len(settings)}")
+    if truth and len(settings) != 1:
+        raise MessageError(f"the truth stands beside one setting, got {len(settings)}")
+    return FrameRequest(settings, camera, color_of(fields.get("background", "#000000")), form, difference, truth)
+
+
+def setting_of(record: Any, surrogate: Surrogate) -> Setting:
+    """A setting of the surrogate: all simulation parameters, the visualization parameters of one variation or none."""
+    fields = _mapping(record, "a setting")
+    parameters = _mapping(fields.get("parameters"), "parameters")
+    if set(parameters) != set(surrogate.space.names):
+        raise MessageError(
+            f"parameters must be exactly {list(surrogate.space.names)}, got {_shown(sorted(parameters))}"
+        )
+    visualization = _mapping(fields.get("visualization", {}), "visualization")
+    color_map = fields.get("color_map", "")
+    if not isinstance(color_map, str) or color_map not in ("", *COLOR_MAPS):
+        raise MessageError(f"color_map must be one of {', '.join(COLOR_MAPS)} or empty, got {_shown(color_map)}")
+    setting = Setting(
+        {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters},
+        _visualization(visualization, surrogate),
+        color_map,
+    )
+    if color_map or visualization:
+        _check_function(setting, surrogate)
+    return setting
+
+
+def _visualization(given: Mapping[str, Any], surrogate: Surrogate) -> dict[str, float | str]:
+    if not given:
+        return {}
+    for variation in (v.variation for v in surrogate.visualizations):
+        if not set(given) <= set(variation.asked_names):
+            continue
+        if variation.kind == "field":
+            appearances = [variation.base, *(s.appearance for s in variation.settings)]
+            if given[APPEARANCE] not in appearances:
+                raise MessageError(f"{APPEARANCE} must be one of {appearances}, got {_shown(given[APPEARANCE])}")
+            return {APPEARANCE: str(given[APPEARANCE])}
+        return {p.name: within(given[p.name], p) for p in variation.space.parameters if p.name in given}
+    known = [list(v.variation.asked_names) for v in surrogate.visualizations]
+    raise MessageError(f"visualization must be of one of {known or 'no'} parameters, got {_shown(sorted(given))}")
+
+
+def _check_function(setting: Setting, surrogate: Surrogate) -> None:
+    """Raise MessageError where the setting's transfer function can't be had: control points cross, or colours are fixed."""
+    displaced = set(setting.visualization) <= set(POINT_PARAMETERS)
+    if setting.color_map and not displaced:
+        raise MessageError("a colour map belongs to a transfer function, not to isosurfaces or other appearances")
+    if not displaced or (not setting.color_map and base_function(surrogate) is None):
+        return
+    try:
+        setting.transfer_function(surrogate)
+    except ValueError as error:
+        raise MessageError(str(error)) from None
+
+
+def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
+    """A camera from `position`, `target`, `up` (3,) in world units and `field` in degrees, of `size` (width, height)."""
+    fields = _mapping(record, "camera")
+    width, height = (_side(side) for side in _sequence(size, "size", 2, 2))
+    field = _number(fields.get("field"), "camera.field")
+    if not LEAST_FIELD <= field <= MOST_FIELD:
+        raise MessageError(f"camera.field must lie in {LEAST_FIELD:g} to {MOST_FIELD:g} degrees, got {field:g}")
+    position, target, up = (_point(fields.get(name), f"camera.{name}") for name in ("position", "target", "up"))
+    center, extent = surrogate.normalization.center, surrogate.normalization.extent
+    for name, point in (("position", position), ("target", target)):
+        far = max(abs(x - c) for x, c in zip(point, center.tolist(), strict=True)) / extent
+        if far > FARTHEST:
+            raise MessageError(f"camera.{name} is {far:.3g} half sizes of the volume away: at most {FARTHEST:g}")
+    length = math.hypot(*up)
+    if not 1e-6 < length < 1e6:
+        raise MessageError(f"camera.up must have a length of about 1, got {length:g}")
+    try:
+        camera = Camera.look_at(position, target, vertical_fov_degrees=field, width=width, height=height, up=up)
+    except ValueError as error:
+        raise MessageError(f"this is no camera: {error}") from None
+    return camera
+
+
+def color_of(value: Any) -> Color:
+    """Straight RGB in [0, 1] of "#rrggbb"."""
+    if not isinstance(value, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", value):
+        raise MessageError(f"a colour is written #rrggbb, got {_shown(value)}")
+    red, green, blue = (int(value[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return red, green, blue
+
+
+def within(value: Any, parameter: Parameter) -> float:
+    """A number for a parameter, at most `BEYOND` its bounds; raises MessageError for anything else."""
+    number, width = _number(value, parameter.name), parameter.high - parameter.low
+    if not parameter.low - BEYOND * width <= number <= parameter.high + BEYOND * width:
+        raise MessageError(
+            f"{parameter.name} = {number:g} lies too far outside its bounds [{parameter.low:g}, {parameter.high:g}] to say "
+            "anything about it"
+        )
+    return number
+
+
+def _mapping(value: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise MessageError(f"{name} must be an object of named values, got {_shown(value)}")
+    return value
+
+
+def _sequence(value: Any, name: str, least: int, most: int) -> Sequence[Any]:
+    if not isinstance(value, list | tuple) or not least <= len(value) <= most:
+        count = f"{least} to {most}" if least < most else str(least)
+        raise MessageError(f"{name} must be a list of {count}, got {_shown(value)}")
+    return value
+
+
+def _number(value: Any, name: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise MessageError(f"{name} must be a number, got {_shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise MessageError(f"{name} must be finite, got {_shown(value)}")
+    return number
+
+
+def _point(value: Any, name: str) -> tuple[float, float, float]:
+    x, y, z = (_number(part, name) for part in _sequence(value, name, 3, 3))
+    return x, y, z
+
+
+def _side(value: Any) -> int:
+    number = _number(value, "size")
+    if number != int(number) or not LEAST_SIDE <= number <= MOST_SIDE:
+        raise MessageError(f"a side of a picture has {LEAST_SIDE} to {MOST_SIDE} pixels, got {number:g}")
+    return int(number)
+
+
+def _flag(fields: Mapping[str, Any], name: str) -> bool:
+    value = fields.get(name, False)
+    if not isinstance(value, bool):
+        raise MessageError(f"{name} must be true or false, got {_shown(value)}")
+    return value
+
+
+def _shown(value: Any) -> str:
+    """A few characters of whatever came."""
+    if isinstance(value, str | bytes | list | tuple | dict) and len(value) > 200:
+        return f"{type(value).__name__} of {len(value)}"
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

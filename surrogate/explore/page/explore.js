@@ -1,0 +1,389 @@
+// The explorer's page: one state, controls that change it, and a stream of frames that show it.
+
+import * as connection from "./connection.js";
+import { digits, element, field, section } from "./elements.js";
+import { exportPanel } from "./exports.js";
+import { listen } from "./hands.js";
+import { cameraOf, PRESETS, seenFrom } from "./orbit.js";
+import { build, plan } from "./panes.js";
+import { decoded, paint, sizeFor } from "./pictures.js";
+import { slider } from "./sliders.js";
+import { addressOf, BACKGROUNDS, firstSetting, FULL_SIZES, messageOf, rangeOf, sweepable, stateOf, variation } from "./state.js";
+import { Stream } from "./stream.js";
+import { transferEditor } from "./transfer.js";
+
+const MOVING = 256; // pictures of about so many pixels squared while something moves
+const MOST_DECIBELS = 60; // what the program says of equal pictures
+const MODE_NAMES = { view: "Explore", compare: "Compare", sweep: "Sweep" };
+const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
+
+class Explorer {
+  constructor(place, facts) {
+    this.facts = facts;
+    this.state = stateOf(location.hash, facts);
+    this.panes = [];
+    this.times = []; // of frames on the screen in the last second
+    this.counted = { moving: 0, whole: 0 };
+    this.stream = new Stream(moving => this.request(moving), (...shown) => this.show(...shown), error => this.fail(error));
+    this.layOut(place);
+    this.arrange();
+    this.refresh();
+    listen(this.stage, () => this.state.orbit, orbit => this.look(orbit), facts.camera, () => this.stream.settle());
+    new ResizeObserver(() => this.resized()).observe(this.stage);
+    window.addEventListener("hashchange", () => {
+      if (location.hash === this.written) return;
+      this.state = stateOf(location.hash, facts);
+      this.arrange();
+      this.refresh();
+      this.stream.settle();
+    });
+    this.stream.settle();
+  }
+
+  get setting() { return this.state.settings[this.state.active]; }
+
+  // ---- the page
+
+  layOut(place) {
+    const { facts } = this;
+    this.stage = element("div", {
+      id: "stage", tabindex: 0, role: "application", "aria-label":
+        "The ensemble: drag or use the arrow keys to turn it, with Shift to move it, wheel or + and − to come nearer, Home to reset",
+    });
+    this.tabs = element("div", { role: "tablist", "aria-label": "What the window shows" }, ...Object.entries(MODE_NAMES).map(([mode, name]) =>
+      element("button", { role: "tab", id: `mode-${mode}`, "aria-controls": "stage-panel", onclick: () => this.set({ mode }), onkeydown: event => stepTab(event) }, name)));
+    this.alert = element("p", { id: "alert", role: "alert", hidden: true });
+    this.status = element("p", { id: "status" });
+    this.expected = element("p", { id: "expected", role: "status" });
+    this.colorbar = element("div", { id: "colorbar", hidden: true },
+      element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
+    this.side = element("aside", { "aria-label": "Controls" });
+    place.replaceChildren(
+      element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs),
+      element("main", { id: "stage-panel", role: "tabpanel" }, this.stage, this.alert, this.colorbar,
+        element("footer", { id: "caption" }, this.expected, this.status)),
+      this.side,
+    );
+  }
+
+  /** Build what depends on the mode and on which kind of visualization is shown. */
+  arrange() {
+    const { state, facts } = this;
+    for (const tab of this.tabs.children) {
+      const chosen = tab.id === `mode-${state.mode}`;
+      tab.setAttribute("aria-selected", chosen);
+      tab.tabIndex = chosen ? 0 : -1;
+    }
+    document.getElementById("stage-panel").setAttribute("aria-labelledby", `mode-${state.mode}`);
+    const parts = [];
+    if (state.mode === "compare") parts.push(this.comparePanel());
+    if (state.mode === "sweep") parts.push(this.sweepPanel());
+    parts.push(this.parameterPanel(), this.visualizationPanel(), this.viewPanel(), this.picturePanel());
+    parts.push(exportPanel(() => this.exportable(), () => this.state, facts, said => this.say(said)));
+    parts.push(this.modelPanel());
+    this.side.replaceChildren(...parts.filter(Boolean));
+    this.built = "";
+  }
+
+  parameterPanel() {
+    const { facts } = this, swept = this.state.mode === "sweep" ? [this.state.sweep.name, this.state.sweep.second] : [];
+    this.sliders = facts.parameters.map((p, i) => slider(p, `parameter-${i}`, value => {
+      this.setting.parameters[p.name] = value;
+      this.changed();
+    }));
+    this.sliders.forEach(({ box }, i) => { box.hidden = swept.includes(facts.parameters[i].name); });
+    const legend = element("p", { class: "legend" }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
+    return section("Simulation parameters", ...this.sliders.map(s => s.box), legend, this.memberMenu());
+  }
+
+  memberMenu() {
+    const members = this.facts.members ?? [];
+    if (!members.length) return null;
+    const menu = element("select", { id: "member", onchange: event => {
+      const member = members[+event.target.value];
+      this.facts.parameters.forEach((p, i) => { this.setting.parameters[p.name] = member.values[i]; });
+      this.refresh();
+      this.changed();
+    } }, element("option", { value: "", disabled: true, selected: true }, "choose…"));
+    for (const split of ["train", "validation", "test"]) {
+      const group = element("optgroup", { label: split });
+      members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map(digits).join(", ")}`)); });
+      if (group.children.length) menu.append(group);
+    }
+    return field("Go to member", menu);
+  }
+
+  visualizationPanel() {
+    const { facts, setting } = this, kinds = ["base", ...facts.variations.map(v => v.kind)];
+    if (kinds.length === 1) return null;
+    const tabs = element("div", { role: "tablist", "aria-label": "How the field is shown" }, ...kinds.map(kind => element("button", {
+      role: "tab", id: `kind-${kind}`, "aria-selected": setting.kind === kind, tabindex: setting.kind === kind ? 0 : -1, "aria-controls": "visualization-panel",
+      onclick: () => { setting.kind = kind; this.arrange(); this.refresh(); this.changed(); document.getElementById(`kind-${kind}`).focus(); },
+      onkeydown: event => stepTab(event),
+    }, KIND_NAMES[kind])));
+    return section("Visualization", tabs, element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, this.kindPanel(setting.kind)));
+  }
+
+  kindPanel(kind) {
+    const { facts } = this, of = variation(facts, kind);
+    this.editor = this.isovalue = null;
+    if (kind === "isovalue") {
+      this.isovalue = slider({ name: "isovalue", ...of }, "isovalue", value => { this.setting.isovalue = value; this.changed(); });
+      return this.isovalue.box;
+    }
+    if (kind === "transfer_function") {
+      this.editor = transferEditor(of, facts.histogram, of.unit,
+        points => { this.setting.points = points; this.changed(); },
+        name => { this.setting.colorMap = name; this.changed(); });
+      return this.editor.box;
+    }
+    if (kind === "field")
+      return field("Appearance", element("select", { id: "appearance", onchange: event => { this.setting.appearance = event.target.value; this.changed(); } },
+        ...of.names.map(name => element("option", { value: name, selected: name === this.setting.appearance }, name))));
+    return element("p", { class: "hint" }, "The base appearance, as it was rendered.");
+  }
+
+  viewPanel() {
+    const { facts } = this;
+    const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
+      element("button", { type: "button", "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}`, onclick: () => this.look(seenFrom(this.state.orbit, direction)) }, name)));
+    const stored = facts.truth
+      ? element("button", { type: "button", onclick: () => this.goToStored(found => { this.state.orbit = found.orbit; }) }, "Nearest stored view") : null;
+    const copy = element("button", { type: "button", onclick: () => this.copy(JSON.stringify(this.request(false).camera), "camera") }, "Copy camera");
+    return section("View", presets, element("div", { class: "buttons" },
+      element("button", { type: "button", id: "reset-view", onclick: () => this.look(facts.camera) }, "Reset"), stored, copy));
+  }
+
+  picturePanel() {
+    const behind = { ...BACKGROUNDS };
+    if (this.facts.background) behind.trained = this.facts.background;
+    return section("Display",
+      field("Background", element("select", { id: "background", onchange: event => this.set({ background: event.target.value }) },
+        ...Object.entries(behind).map(([name, color]) => element("option", { value: color, selected: color === this.state.background }, name)))),
+      field("Pixels at rest", element("select", { id: "full", onchange: event => this.set({ full: +event.target.value }) },
+        ...FULL_SIZES.map(size => element("option", { value: size, selected: size === this.state.full }, `${size}²`)))));
+  }
+
+  comparePanel() {
+    const { state, facts } = this;
+    const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
+      element("button", { type: "button", id: `edit-${name}`, "aria-pressed": state.active === i, onclick: () => { state.active = i; this.arrange(); this.refresh(); this.changed(); } }, `Change ${name}`)));
+    const copy = element("button", { type: "button", onclick: () => {
+      state.settings[1 - state.active] = structuredClone(this.setting);
+      this.changed();
+    } }, `Copy ${"AB"[state.active]} to ${"BA"[state.active]}`);
+    const swap = element("button", { type: "button", onclick: () => { state.settings.reverse(); this.refresh(); this.arrange(); this.refresh(); this.changed(); } }, "Swap");
+    const against = element("select", { id: "against", onchange: event => { this.set({ against: event.target.value }); } },
+      element("option", { value: "setting", selected: state.against === "setting" }, "another setting"),
+      element("option", { value: "truth", selected: state.against === "truth", disabled: !facts.truth }, "the stored picture"));
+    const parts = state.against === "setting" ? [edit, element("div", { class: "buttons" }, copy, swap)]
+      : [element("p", { class: "hint" }, "There is a truth where the catalog holds a picture of these very parameters from this very view."),
+        element("button", { type: "button", id: "nearest-picture", onclick: () => this.goToStored(found => this.takeStored(found)) }, "Nearest stored picture")];
+    return section("Compare", field("With", against), ...parts);
+  }
+
+  sweepPanel() {
+    const { state, facts } = this, known = sweepable(facts, state.settings[0]);
+    const change = values => { Object.assign(state.sweep, values); this.arrange(); this.refresh(); this.changed(); };
+    const menu = (id, chosen, offered, changed) => element("select", { id, onchange: event => changed(event.target.value) },
+      ...offered.map(([value, name]) => element("option", { value, selected: value === chosen }, name)));
+    const names = known.map(p => [p.name, p.name]);
+    const swept = known.find(p => p.name === state.sweep.name) ?? known[0], width = swept.high - swept.low;
+    const limit = (which, label) => element("label", {}, element("span", {}, label), element("input", {
+      type: "number", step: "any", id: `sweep-${which}`, value: +rangeOf(state.sweep, swept)[which].toPrecision(6),
+      onchange: event => {
+        const value = +event.target.value, range = { ...rangeOf(state.sweep, swept), [which]: value };
+        const proper = event.target.value !== "" && range.low < range.high && value > swept.low - width && value < swept.high + width;
+        if (!proper) this.say(`A sweep goes from a value to a larger one, near ${digits(swept.low)} to ${digits(swept.high)}.`);
+        change(proper ? { [which]: value === swept[which] ? "" : value } : {});
+      },
+    }));
+    const counts = [2, 3, 4, 5, 6, 7, 8, 10, 12].map(n => [String(n), String(n)]);
+    state.active = 0;
+    return section("Sweep",
+      field("Across", menu("sweep-first", state.sweep.name, names, name => change({ name, low: "", high: "", second: state.sweep.second === name ? "" : state.sweep.second }))),
+      element("div", { class: "numbers" }, limit("low", "From"), limit("high", "To")),
+      field("Pictures", menu("sweep-count", String(state.sweep.count), counts, count => change({ count: +count }))),
+      field("Down", menu("sweep-second", state.sweep.second, [["", "nothing"], ...names.filter(([name]) => name !== state.sweep.name)], second => change({ second }))),
+      state.sweep.second ? field("Rows", menu("sweep-rows", String(state.sweep.secondCount), counts.slice(0, 7), count => change({ secondCount: +count }))) : null);
+  }
+
+  modelPanel() {
+    const { model } = this.facts;
+    return section("Model", element("p", { class: "hint" },
+      [`${model.gaussians.toLocaleString("en")} Gaussians`, `${digits(+model.megabytes.toPrecision(2))} MB`, model.seconds ? `trained in ${Math.round(model.seconds)} s` : ""].filter(Boolean).join(", ")));
+  }
+
+  // ---- changing
+
+  /** Draw anew for the room there is: only a whole frame, whose words take as much room as before. */
+  resized() {
+    clearTimeout(this.resizing);
+    this.resizing = setTimeout(() => this.stream.settle(), 100);
+  }
+
+  set(values) {
+    Object.assign(this.state, values);
+    this.arrange();
+    this.refresh();
+    this.changed();
+  }
+
+  look(orbit) {
+    this.state.orbit = orbit;
+    this.changed();
+  }
+
+  /** Controls show the state. */
+  refresh() {
+    const { setting, facts } = this;
+    facts.parameters.forEach((p, i) => this.sliders[i].set(setting.parameters[p.name]));
+    this.isovalue?.set(setting.isovalue);
+    this.editor?.set(setting.points, setting.colorMap);
+    document.getElementById("stage-panel").style.setProperty("--behind", this.state.background);
+  }
+
+  changed() {
+    clearTimeout(this.addressing);
+    this.addressing = setTimeout(() => this.writeAddress(), 150); // browsers refuse more than a hundred in half a minute
+    this.stream.change();
+  }
+
+  writeAddress() {
+    this.written = addressOf(this.state, this.facts);
+    history.replaceState(null, "", this.written);
+  }
+
+  /** Ask for the stored picture nearest to what is shown, and let `take` use it. */
+  async goToStored(take) {
+    try {
+      const { settings, ...request } = this.request(false);
+      const found = await connection.nearest({ ...request, settings: settings.slice(0, 1), difference: false, truth: false });
+      if (!found) return;
+      take(found);
+      this.arrange();
+      this.refresh();
+      this.changed();
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  /** Show what a stored picture shows. */
+  takeStored({ parameters, visualization, orbit }) {
+    const { setting } = this;
+    Object.assign(setting.parameters, parameters);
+    this.state.orbit = orbit;
+    if ("isovalue" in visualization) setting.isovalue = visualization.isovalue;
+    else if ("appearance" in visualization) setting.appearance = visualization.appearance;
+    else if (setting.kind === "transfer_function") {
+      setting.points = { ...firstSetting(this.facts).points, ...visualization };
+      setting.colorMap = "";
+    }
+  }
+
+  /** The message of what is shown, for a file: of a sweep what it is around, of two settings that which the controls change. */
+  exportable() {
+    return { ...this.request(false), settings: [messageOf(this.setting)], difference: false, truth: false };
+  }
+
+  async copy(text, what) {
+    try {
+      await navigator.clipboard.writeText(text);
+      this.say(`The ${what} is on the clipboard.`);
+    } catch {
+      this.say(text);
+    }
+  }
+
+  say(text) {
+    this.alert.textContent = text;
+    this.alert.hidden = !text;
+    clearTimeout(this.saying);
+    this.saying = setTimeout(() => { this.alert.hidden = true; }, 8000);
+  }
+
+  // ---- frames
+
+  request(moving) {
+    const planned = plan(this.state, this.facts), key = `${planned.kind} ${planned.labels.length} ${planned.columns}`;
+    if (key !== this.built) {
+      this.built = key;
+      this.panes = build(this.stage, planned);
+    }
+    planned.labels.forEach((label, i) => { this.panes[i].words.textContent = label; });
+    this.planned = planned;
+    const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : planned.kind === "compare" ? 0.7 : 1;
+    const side = share * (moving ? MOVING : this.state.full);
+    const size = planned.kind === "truth" ? this.facts.size : sizeFor(this.panes[0].canvas, side);
+    return {
+      settings: planned.settings, camera: cameraOf(this.state.orbit, size), size,
+      background: this.state.background, form: moving ? "jpeg" : "png",
+      difference: Boolean(planned.difference), truth: Boolean(planned.truth),
+    };
+  }
+
+  async show(answer, moving, since) {
+    const bitmaps = await Promise.all(answer.pictures.map(bytes => decoded(bytes, answer.form)));
+    paint(this.panes.map(p => p.canvas), bitmaps);
+    await new Promise(requestAnimationFrame);
+    const now = performance.now();
+    this.times = [...this.times.filter(t => t > now - 1000), now];
+    this.counted[moving ? "moving" : "whole"] += 1;
+    this.alert.hidden ||= this.failed;
+    this.failed = false;
+    this.describe(answer, moving, since);
+    document.documentElement.dataset.shown = `${this.counted.moving} ${this.counted.whole}`;
+  }
+
+  describe(answer, moving, since) {
+    const [width, height] = answer.size, rate = this.times.length;
+    this.status.textContent = moving
+      ? `${answer.drawn.toFixed(0)} ms · ${rate} pictures/s`
+      : `${width}×${height} in ${answer.drawn.toFixed(0)} ms`;
+    this.compared(answer);
+    if (moving) return;
+    const said = answer.expected[0];
+    this.expected.textContent = said ? said.sentence : "Measuring what to expect here…";
+    this.expected.classList.toggle("warning", Boolean(said?.warning));
+    if (!said && this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
+    this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
+  }
+
+  compared(answer) {
+    const { kind } = this.planned, found = answer.difference;
+    this.colorbar.hidden = kind !== "compare" && kind !== "truth";
+    if (this.colorbar.hidden) return;
+    const missing = kind === "truth" && !answer.truth;
+    this.panes.forEach((p, i) => { p.box.classList.toggle("is-missing", missing && i > 0); });
+    document.getElementById("colorbar-high").textContent = found ? digits(found.high) : "";
+    const psnr = found && (found.psnr >= MOST_DECIBELS ? `${MOST_DECIBELS} dB or more` : `${found.psnr.toFixed(2)} dB`);
+    document.getElementById("compared").textContent = missing
+      ? "The catalog has no picture of this."
+      : found ? `${kind === "truth" ? `${answer.truth.split} member ${answer.truth.member}, view ${answer.truth.view}: ` : ""}PSNR ${psnr}, largest difference ${digits(+found.maximum.toPrecision(2))}` : "";
+  }
+
+  spoken(i) {
+    const { setting } = this, label = this.planned.labels[i];
+    const at = Object.entries(setting.parameters).map(([name, value]) => `${name} ${digits(value)}`).join(", ");
+    return [label, at, setting.kind === "base" ? "" : KIND_NAMES[setting.kind]].filter(Boolean).join(": ");
+  }
+
+  fail(error) {
+    this.failed = true;
+    this.say(error.message);
+  }
+}
+
+/** Arrow keys go from tab to tab. */
+function stepTab(event) {
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (!step) return;
+  event.preventDefault();
+  const tabs = [...event.currentTarget.parentElement.children], next = tabs[(tabs.indexOf(event.currentTarget) + step + tabs.length) % tabs.length];
+  next.click();
+  document.getElementById(next.id)?.focus();
+}
+
+const place = await connection.ready();
+window.explorer = new Explorer(place, await connection.facts());

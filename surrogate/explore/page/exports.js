@@ -1,0 +1,39 @@
+// What can be taken away: pictures, films, Gaussians, a link, the code.
+
+import { exported } from "./connection.js";
+import { element, field, section } from "./elements.js";
+
+const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", python: "Python that draws it" };
+const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
+
+/** `request()` is the message of what is shown, `say(text)` tells how it went. */
+export function exportPanel(request, state, facts, say) {
+  const offered = state().mode === "sweep" ? { ...SWEEPS, ...PICTURES } : PICTURES;
+  const menu = element("select", { id: "export-kind" }, ...Object.entries(offered).map(([kind, name]) => element("option", { value: kind }, name)));
+  const button = element("button", { type: "button", id: "export", class: "primary", onclick: async () => {
+    button.disabled = true;
+    say("Making it…");
+    try {
+      const made = await exported({ ...request(), kind: menu.value, sweep: state().mode === "sweep" ? state().sweep : null });
+      save(made);
+      say(`${made.name}: ${(made.blob.size / 1024).toFixed(0)} kB`);
+    } catch (error) {
+      say(error.message);
+    } finally {
+      button.disabled = false;
+    }
+  } }, "Save");
+  const link = element("button", { type: "button", id: "copy-link", onclick: async () => {
+    window.explorer.writeAddress();
+    await window.explorer.copy(location.href, "link");
+  } }, "Copy link");
+  return section("Export", field("As", menu), element("div", { class: "buttons" }, button, link));
+}
+
+function save({ name, blob }) {
+  const address = URL.createObjectURL(blob), anchor = element("a", { href: address, download: name });
+  document.body.append(anchor);
+  anchor.click();
+  anchor.remove();
+  setTimeout(() => URL.revokeObjectURL(address), 60_000);
+}

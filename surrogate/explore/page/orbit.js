@@ -1,0 +1,50 @@
+// The camera as hands move it: around a target, towards it, along the picture.
+//
+// An orbit is { direction, up, distance, target, field }: from `target` (world units) the camera lies along the unit vector
+// `direction`, `distance` away; `up` is a unit vector across it; `field` is the field of view, in degrees, across the shorter side
+// of the picture, so that what fits into a wide picture fits into a tall one.
+
+import { across, cross, plus, scaled, unit } from "./vectors.js";
+
+const NEAREST = 0.05, FARTHEST = 50; // of the first distance
+
+/** What the server takes for a camera of a picture of this size: its field is the vertical one. */
+export function cameraOf(orbit, [width, height]) {
+  const half = Math.tan(orbit.field * Math.PI / 360) * Math.max(1, height / width);
+  return {
+    position: plus(orbit.target, scaled(orbit.distance, orbit.direction)),
+    target: orbit.target,
+    up: orbit.up,
+    field: height > width ? Math.atan(half) * 360 / Math.PI : orbit.field,
+  };
+}
+
+/** Turned by angles (radians): the thing follows the pointer, so the camera goes the other way. */
+export function turned(orbit, right, down) {
+  const side = cross(orbit.up, orbit.direction);
+  const level = unit(plus(scaled(Math.cos(right), orbit.direction), scaled(-Math.sin(right), side)));
+  const direction = unit(plus(scaled(Math.cos(down), level), scaled(Math.sin(down), orbit.up)));
+  const up = plus(scaled(Math.cos(down), orbit.up), scaled(-Math.sin(down), level));
+  return { ...orbit, direction, up: across(up, direction) };
+}
+
+/** Moved along the picture by shares of its shorter side. */
+export function panned(orbit, right, down) {
+  const side = 2 * orbit.distance * Math.tan(orbit.field * Math.PI / 360);
+  const rightwards = cross(orbit.up, orbit.direction);
+  return { ...orbit, target: plus(orbit.target, plus(scaled(-right * side, rightwards), scaled(down * side, orbit.up))) };
+}
+
+/** Farther by a factor, nearer for one below 1. */
+export const zoomed = (orbit, factor, home) => ({
+  ...orbit,
+  distance: Math.max(NEAREST * home.distance, Math.min(FARTHEST * home.distance, orbit.distance * factor)),
+});
+
+/** From a direction, the world's z upwards where that is possible. */
+export function seenFrom(orbit, direction) {
+  const towards = unit(direction);
+  return { ...orbit, direction: towards, up: across(Math.abs(towards[2]) > 0.99 ? [0, 1, 0] : [0, 0, 1], towards) };
+}
+
+export const PRESETS = { "+x": [1, 0, 0], "−x": [-1, 0, 0], "+y": [0, 1, 0], "−y": [0, -1, 0], "+z": [0, 0, 1], "−z": [0, 0, -1] };

@@ -1,0 +1,23 @@
+// Encoded pictures on canvases.
+
+const TYPES = { jpeg: "image/jpeg", png: "image/png" };
+
+export const decoded = (bytes, form) => createImageBitmap(new Blob([bytes], { type: TYPES[form] }));
+
+/** Put decoded pictures (ImageBitmap) onto canvases; surplus ones of either are left alone. */
+export function paint(canvases, bitmaps) {
+  bitmaps.forEach((bitmap, i) => {
+    const canvas = canvases[i];
+    if (!canvas) return;
+    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) Object.assign(canvas, { width: bitmap.width, height: bitmap.height });
+    canvas.getContext("2d", { alpha: false }).drawImage(bitmap, 0, 0);
+    bitmap.close();
+  });
+}
+
+/** Width and height of about `side`² pixels, shaped like a box on the screen; even numbers. */
+export function sizeFor(box, side) {
+  const width = Math.max(40, box.clientWidth), height = Math.max(40, box.clientHeight);
+  const scale = side / Math.sqrt(width * height), even = x => Math.max(8, Math.min(2048, 2 * Math.round(x * scale / 2)));
+  return [even(width), even(height)];
+}

@@ -1,0 +1,116 @@
+"""Where a setting lies in the spaces of a surrogate's parameters, as fractions of their ranges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.parameters import ParameterSpace
+from catalogs.variations import Variation
+from surrogate.explore.setting import Setting
+from surrogate.model import Surrogate
+
+RANGE = 2.0  # of normalized values, from -1 to 1
+ISOSURFACES = ":isovalue"  # no appearance can be called so
+
+
+@dataclass(frozen=True)
+class Place:
+    """A setting in numbers that distances are taken of.
+
+    Attributes
+    ----------
+    family : what can be compared: the base appearance, under any transfer function too; `ISOSURFACES`; another field's appearance.
+    values : (P + V,) simulation and visualization parameters as fractions of their ranges; V is 0 where the family has none.
+    outside : names of the parameters that lie out of bounds.
+    """
+
+    family: str
+    values: NDArray[np.float64]  # [P + V]
+    outside: tuple[str, ...]
+
+
+def base_name(surrogate: Surrogate) -> str:
+    """The name of the appearance that the surrogate shows without visualization parameters; "" where nobody said."""
+    varied = [v.variation.base for v in surrogate.visualizations]
+    return str(surrogate.training.get("appearance", varied[0] if varied else ""))
+
+
+def place_of(setting: Setting, surrogate: Surrogate) -> Place:
+    """Where `setting` lies.
+
+    Raises ValueError for parameters that are missing, unknown or not finite.
+    """
+    simulation, outside = _checked(surrogate.space, setting.parameters)
+    variation, values = asked(setting.visualization, [v.variation for v in surrogate.visualizations])
+    if variation is not None and values is not None and variation.kind != "field":
+        outside += _outside(variation.space, values)
+    family, within = _of_family(variation, values, surrogate)
+    return Place(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
+
+
+def fractions_of(space: ParameterSpace, rows: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
+    """Simulation parameters by name, N of them, as fractions of their ranges (N, P)."""
+    values = np.array([[row[name] for name in space.names] for row in rows], dtype=np.float64)
+    return space.normalize(values.reshape(len(rows), len(space))) / RANGE
+
+
+def asked(
+    visualization: Mapping[str, float | str], variations: Sequence[Variation]
+) -> tuple[Variation | None, tuple[float, ...] | None]:
+    """The variation whose parameters these are, and all their values (V,); None and None for the base appearance.
+
+    Displacements that are left out are zero, as in `Variation.values_of`, but values out of bounds bring no warning.
+    Raises ValueError for names of no variation, values that are not finite, and appearances that are none of the variation's.
+    """
+    if not visualization:
+        return None, None
+    for variation in variations:
+        if not set(visualization) <= set(variation.asked_names):
+            continue
+        if variation.kind == "field":
+            values = variation.values_of(visualization)
+            return (None, None) if values is None else (variation, values)
+        numbers = tuple(float(visualization.get(name, 0.0)) for name in variation.space.names)
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError(f"visualization parameters must be finite, got {dict(visualization)}")
+        return variation, numbers
+    raise ValueError(f"no variation has the parameters {sorted(visualization)}")
+
+
+def _checked(space: ParameterSpace, parameters: Mapping[str, float]) -> tuple[list[float], list[str]]:
+    """The values (P,) in the space's order, and the names of those out of bounds."""
+    if set(parameters) != set(space.names):
+        raise ValueError(f"parameters must be exactly {list(space.names)}, got {sorted(parameters)}")
+    values = [float(parameters[name]) for name in space.names]
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"parameters must be finite, got {dict(parameters)}")
+    return values, _outside(space, values)
+
+
+def _outside(space: ParameterSpace, values: Sequence[float]) -> list[str]:
+    slack = 1e-9  # of the range: bounds that went through decimals
+    return [
+        p.name
+        for p, value in zip(space.parameters, values, strict=True)
+        if not p.low - slack * (p.high - p.low) <= value <= p.high + slack * (p.high - p.low)
+    ]
+
+
+def _of_family(
+    variation: Variation | None, values: tuple[float, ...] | None, surrogate: Surrogate
+) -> tuple[str, NDArray[np.float64]]:
+    """The family, and the visualization parameters within it as fractions of their ranges."""
+    if variation is None or values is None:
+        functions = next(
+            (v.variation for v in surrogate.visualizations if v.variation.kind == "transfer_function"), None
+        )
+        return base_name(surrogate), np.zeros(0) if functions is None else functions.normalize(None) / RANGE
+    if variation.kind == "field":
+        return next(s.appearance for s in variation.settings if s.values == values), np.zeros(0)
+    family = ISOSURFACES if variation.kind == "isovalue" else base_name(surrogate)
+    return family, variation.normalize(values) / RANGE

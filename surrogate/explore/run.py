@@ -1,0 +1,48 @@
+"""What an explorer looks at: a run's surrogate, and its catalog where it is still there."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from catalogs.catalog import Catalog
+from surrogate.model import Surrogate
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A surrogate with what stands beside it.
+
+    Attributes
+    ----------
+    title : what the window is called.
+    surrogate : the model.
+    model_folder : where it was loaded from; None for one that is only in memory.
+    catalog : the pictures that it was trained on; None where they are gone.
+    folder : what is measured for the explorer is kept below it; None where nothing can be.
+    """
+
+    title: str
+    surrogate: Surrogate
+    model_folder: Path | None = None
+    catalog: Catalog | None = None
+    folder: Path | None = None
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Run:
+        """The run in the folder `path`, such as `runs/tgv-dvr`, or that of a surrogate alone.
+
+        Raises FileNotFoundError where there is no surrogate, ValueError for a damaged one, CatalogError for a damaged catalog.
+        """
+        folder = Path(path)
+        if Surrogate.exists(folder) and not Surrogate.exists(folder / "surrogate"):
+            return cls(folder.resolve().name, Surrogate.load(folder), folder)
+        model, catalog = folder / "surrogate", folder / "catalog.cdb"
+        return cls(
+            folder.resolve().name,
+            Surrogate.load(model),
+            model,
+            Catalog.open(catalog) if catalog.is_dir() else None,
+            folder,
+        )

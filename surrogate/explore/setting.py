@@ -1,0 +1,64 @@
+"""What one picture of the explorer shows, apart from where it is seen from."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from catalogs.appearance import TransferFunction
+from catalogs.variations import POINT_PARAMETERS, displaced
+from surrogate.deformation.values import ValuesDeformation
+from surrogate.explore.color_maps import color_points
+from surrogate.model import DeformedGaussians, Surrogate
+
+QUIET = threading.Lock()  # the filters of warnings are those of the whole process
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Simulation parameters, and how the field is shown there.
+
+    Attributes
+    ----------
+    parameters : all simulation parameters by name, in their units.
+    visualization : those of one variation as `Surrogate.at` takes them: an `isovalue`, an `appearance`, or displacements of the
+        base transfer function's inner control points; empty for the base appearance.
+    color_map : one of `surrogate.explore.color_maps.NAMES` instead of the base's colours; "" for those.
+    """
+
+    parameters: Mapping[str, float]
+    visualization: Mapping[str, float | str] = field(default_factory=dict)
+    color_map: str = ""
+
+    def gaussians(self, surrogate: Surrogate) -> DeformedGaussians:
+        """The surrogate's Gaussians at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
+
+        Values out of bounds are shown without a warning: the page says so itself.
+        """
+        with QUIET, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            if not self.color_map:
+                return surrogate.at(**self.parameters, **self.visualization)
+            return surrogate.under(self.transfer_function(surrogate), **self.parameters)
+
+    def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
+        """That which is shown; raises ValueError where the surrogate can't follow one, or control points cross."""
+        base = base_function(surrogate)
+        if base is None:
+            raise ValueError("this surrogate follows no transfer functions, so its colours can't be changed")
+        displacements = [float(self.visualization.get(name, 0.0)) for name in POINT_PARAMETERS]
+        function = displaced(base, displacements)
+        if not self.color_map:
+            return function
+        low, high = base.color_points[0][0], base.color_points[-1][0]
+        return replace(function, color_points=color_points(self.color_map, low, high))
+
+
+def base_function(surrogate: Surrogate) -> TransferFunction | None:
+    """The transfer function around which the surrogate follows others; None where it follows none in any colours."""
+    for visualization in surrogate.visualizations:
+        if isinstance(visualization.deformation, ValuesDeformation):
+            return visualization.deformation.base
+    return None

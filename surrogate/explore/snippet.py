@@ -1,0 +1,113 @@
+"""The Python code that draws a picture of the explorer again, to take into a notebook or a script."""
+
+from __future__ import annotations
+
+import keyword
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from catalogs.cameras import Camera
+from surrogate.explore.color_maps import color_points
+from surrogate.explore.setting import Setting
+from surrogate.model import Surrogate
+
+
+def snippet(
+    path: str | os.PathLike[str],
+    setting: Setting,
+    camera: Camera,
+    background: Sequence[float] | None,
+    size: tuple[int, int] | None = None,
+    *,
+    surrogate: Surrogate | None = None,
+) -> str:
+    """A program that draws the very same picture, bit for bit, and writes `picture.png`.
+
+    Parameters
+    ----------
+    path : folder of a run, or of its surrogate; it stands in the program as an absolute path.
+    setting, camera : what is shown, and from where.
+    background : straight RGB in [0, 1]; None for a transparent picture.
+    size : (width, height) in pixels; that of the camera for None.
+    surrogate : that of `path`, where it is loaded already; it is needed for the transfer function of a colour map only.
+
+    Raises FileNotFoundError or ValueError where the surrogate must be loaded and can't be, or can't show the setting's colours.
+    """
+    seen = camera if size is None else camera.resized(*size)
+    folder = _model_folder(Path(path))
+    imports = [
+        "from pathlib import Path",
+        "",
+        "from catalogs.cameras import Camera",
+        "from catalogs.images import write_image",
+    ]
+    parameters = {**setting.parameters, **setting.visualization}
+    lines = []
+    if setting.color_map:
+        imports.insert(2, "from catalogs.appearance import TransferFunction")
+        lines = _function_lines(setting, surrogate or Surrogate.load(folder))
+        asked = f"under({', '.join(['function', *_arguments(setting.parameters)])})"
+    else:
+        asked = f"at({', '.join(_arguments(parameters))})"
+    behind = "" if background is None else f", background={tuple(float(part) for part in background)!r}"
+    program = [
+        *imports,
+        "from surrogate import Surrogate",
+        *(["from surrogate.explore.color_maps import color_points"] if setting.color_map else []),
+        "",
+        f"surrogate = Surrogate.load({str(folder)!r})",
+        *_camera_lines(seen),
+        *lines,
+        f"picture = surrogate.{asked}.render(camera{behind})  # [{seen.height}, {seen.width}, 4], premultiplied RGBA",
+        'write_image(Path("picture.png"), picture)',
+    ]
+    return "".join(f"{line}\n" for line in program)
+
+
+def _model_folder(path: Path) -> Path:
+    inner = path / "surrogate"
+    return (inner if Surrogate.exists(inner) else path).resolve()
+
+
+def _arguments(values: Mapping[str, float | str]) -> list[str]:
+    """Keyword arguments; those that are no names in Python as a mapping behind the others."""
+    plain, odd = [], {}
+    for name, value in values.items():
+        exact = value if isinstance(value, str) else float(value)
+        if name.isidentifier() and not keyword.iskeyword(name):
+            plain.append(f"{name}={exact!r}")
+        else:
+            odd[name] = exact
+    return [*plain, f"**{odd!r}"] if odd else plain
+
+
+def _camera_lines(camera: Camera) -> list[str]:
+    record = camera.to_json()
+    rows = [f"            {row!r}," for row in record.pop("world_to_camera")]
+    others = [f'        "{name}": {value!r},' for name, value in record.items()]
+    return [
+        "camera = Camera.from_json(",
+        "    {",
+        '        "world_to_camera": [',
+        *rows,
+        "        ],",
+        *others,
+        "    }",
+        ")",
+    ]
+
+
+def _function_lines(setting: Setting, surrogate: Surrogate) -> list[str]:
+    """The transfer function, its colours by the name of their map where that says it all."""
+    function = setting.transfer_function(surrogate)
+    low, high = function.color_points[0][0], function.color_points[-1][0]
+    named = color_points(setting.color_map, low, high) == function.color_points
+    colors = f"color_points({setting.color_map!r}, {low!r}, {high!r})" if named else repr(function.color_points)
+    return [
+        "function = TransferFunction(",
+        f"    color_points={colors},",
+        f"    opacity_points={function.opacity_points!r},",
+        f"    opacity_unit_distance={function.opacity_unit_distance!r},",
+        ")",
+    ]

@@ -1,0 +1,49 @@
+"""A run whose stored pictures its own surrogate drew, and the explorer of it, running."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from surrogate.explore.run import Run
+from tests.surrogate import families
+from tests.surrogate.explore.models import following
+from tests.surrogate.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, summary
+
+MEMBERS = {"train-0": 0.0, "train-1": 0.5, "train-2": 1.0, "validation-0": 0.25, "test-0": 0.75}
+VIEW_SPLITS = ("train",) * 8 + ("validation",) * 2 + ("test",) * 2
+
+
+@pytest.fixture(scope="session")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`surrogate/` and `catalog.cdb/` of members that show the base, isosurfaces and transfer functions."""
+    folder = tmp_path_factory.mktemp("runs") / "blobs"
+    surrogate = following()
+    surrogate.save(folder / "surrogate")
+    shown = [families.BASE, *(s.appearance for v in (ISOVALUE, FUNCTIONS) for s in v.settings)]
+    asked = {s.appearance: v.asked(s) for v in (ISOVALUE, FUNCTIONS) for s in v.settings}
+    families.family_catalog(
+        folder / "catalog.cdb",
+        BLOBS,
+        FUNCTION,
+        (ISOVALUE, FUNCTIONS),
+        {name: (name.split("-")[0], p, shown) for name, p in MEMBERS.items()},
+        lambda p, appearance: partial(surrogate.at(p=p, **asked.get(appearance.name, {})).render),
+        view_splits=VIEW_SPLITS,
+        summary=summary(BLOBS),
+    )
+    return folder
+
+
+@pytest.fixture(scope="session")
+def explorer(run_folder: Path) -> Iterator[str]:
+    """The address of the run's explorer; skips without trame."""
+    pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
+    from surrogate.explore.notebook import Shown
+
+    shown = Shown(Run.open(run_folder))
+    yield shown.address
+    shown.close()

@@ -1,0 +1,202 @@
+"""What the page is told is true, complete, finite, and plain JSON whatever the names are."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalogs.appearance import ImportedImages
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.parameters import Parameter, ParameterSpace
+from surrogate import Surrogate
+from surrogate.explore import facts as module
+from surrogate.explore.color_maps import NAMES
+from surrogate.explore.facts import facts
+from tests.surrogate.blobs import Blobs
+from tests.surrogate.conftest import MakeCatalog
+from tests.surrogate.explore.models import following, plain
+from tests.surrogate.field_blobs import BLOBS, FUNCTION, STEPS, VIEW_SPLITS, field_catalog
+
+HOSTILE = '</script><img src=x onerror="alert(1)">"\'&\u2028\ud800'
+
+
+@pytest.fixture(scope="module")
+def surrogate() -> Surrogate:
+    return following()
+
+
+@pytest.fixture(scope="module")
+def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
+    return field_catalog(tmp_path_factory.mktemp("facts") / "field.cdb", summaries=True)
+
+
+@pytest.fixture(scope="module")
+def told(surrogate: Surrogate, catalog: Catalog) -> dict[str, Any]:
+    return facts(surrogate, catalog, "blobs")
+
+
+def variation(told: dict[str, Any], kind: str) -> dict[str, Any]:
+    return next(v for v in told["variations"] if v["kind"] == kind)
+
+
+def test_it_is_plain_json(told: dict[str, Any], surrogate: Surrogate) -> None:
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    alone = facts(surrogate, None, "alone")
+    assert json.loads(json.dumps(alone, allow_nan=False)) == alone
+    assert set(alone) == set(told)
+
+
+def test_every_part_is_documented(told: dict[str, Any]) -> None:
+    assert module.__doc__ is not None
+    assert all(f"\n    {name} " in module.__doc__ for name in told)
+
+
+def test_parameters_have_the_marks_of_members(told: dict[str, Any]) -> None:
+    expected = {"name": "p", "unit": "", "low": 0.0, "high": 1.0, "train": [0.0, 0.5, 1.0], "validation": [0.3]}
+    assert told["parameters"] == [expected]
+
+
+def test_members_are_listed_with_their_values(told: dict[str, Any]) -> None:
+    assert told["members"][3] == {"name": "member-3", "split": "validation", "values": [0.3]}
+    assert len(told["members"]) == 4
+    assert told["truth"] is True
+    assert told["size"] == [BLOBS.size, BLOBS.size]
+
+
+def test_isovalues(told: dict[str, Any]) -> None:
+    expected = {"low": 0.1, "high": 0.8, "train": [0.1, 0.3, 0.55, 0.8], "validation": [0.4]}
+    assert variation(told, "isovalue") == {"kind": "isovalue", "unit": "", **expected}
+
+
+def test_transfer_functions(told: dict[str, Any]) -> None:
+    found = variation(told, "transfer_function")
+    assert [found["bounds"][name]["high"] for name in found["bounds"]] == pytest.approx(STEPS.tolist())
+    assert found["opacity_points"] == [list(point) for point in FUNCTION.opacity_points]
+    assert found["gradient"] == "rgb(26 51 230) 0.000%, rgb(230 230 51) 50.000%, rgb(230 26 26) 100.000%"
+    assert [each["name"] for each in found["color_maps"]] == list(NAMES)
+    assert found["color_maps"][0]["gradient"].startswith("rgb(68 1 84) 0.000%, ")
+
+
+def test_fields_are_named_base_first(tmp_path: Path, surrogate: Surrogate) -> None:
+    from catalogs.variations import field_variation
+    from surrogate.visualization import Visualization
+
+    of_field = Visualization(field_variation("dvr", appearances=("speed", "other")), surrogate.deformation)
+    told = facts(replace(surrogate, visualizations=(of_field,)), None, "fields")
+    assert told["variations"] == [{"kind": "field", "names": ["dvr", "speed", "other"]}]
+
+
+def test_the_histogram_is_of_all_members_and_logarithmic(told: dict[str, Any]) -> None:
+    histogram = told["histogram"]
+    assert (histogram["low"], histogram["high"]) == FUNCTION.bounds
+    assert (len(histogram["edges"]), len(histogram["heights"])) == (65, 64)
+    counts, _ = np.histogram(BLOBS.values, bins=64, range=FUNCTION.bounds)
+    heights = np.log1p(4.0 * counts)  # members
+    np.testing.assert_allclose(histogram["heights"], heights / heights.max(), atol=1e-9)
+
+
+def test_damaged_summaries_are_left_out(tmp_path: Path, surrogate: Surrogate) -> None:
+    catalog = field_catalog(tmp_path / "field.cdb", summaries=True)
+    for member in catalog.members[:-1]:
+        (member.path / "field.npz").write_bytes(b"no archive")
+    assert facts(surrogate, catalog, "")["histogram"] is not None
+    (catalog.members[-1].path / "field.npz").unlink()
+    assert facts(surrogate, catalog, "")["histogram"] is None
+
+
+def orbiting(view: dict[str, Any], told: dict[str, Any], size: int) -> Camera:
+    """The camera that the page makes of a viewpoint."""
+    orbit = {**told["camera"], **view}
+    position = np.array(orbit["target"]) + orbit["distance"] * np.array(orbit["direction"])
+    return Camera.look_at(
+        position, orbit["target"], vertical_fov_degrees=orbit["field"], width=size, height=size, up=orbit["up"]
+    )
+
+
+def assert_same(first: Camera, second: Camera) -> None:
+    np.testing.assert_allclose(first.world_to_camera, second.world_to_camera, atol=1e-9)
+    assert first.fx == pytest.approx(second.fx, rel=1e-9)
+
+
+def test_viewpoints_are_the_stored_cameras(told: dict[str, Any], catalog: Catalog) -> None:
+    assert [view["split"] for view in told["viewpoints"]] == list(VIEW_SPLITS)
+    for view, camera in zip(told["viewpoints"], catalog.plan.cameras, strict=True):
+        assert_same(orbiting(view, told, BLOBS.size), camera)
+        assert set(view) == {"direction", "up", "split"}  # all else is that of the first camera
+
+
+def test_the_first_camera_is_a_stored_one(told: dict[str, Any]) -> None:
+    assert any(told["camera"]["direction"] == view["direction"] for view in told["viewpoints"])
+    np.testing.assert_allclose(told["camera"]["target"], [0.0, 0.0, 0.0], atol=1e-9)
+
+
+def own_cameras(path: Path) -> Catalog:
+    """Two members whose cameras look past the middle, and differ in one."""
+    blobs, (first, second, third) = Blobs(), Blobs().cameras()[:3]
+    aside = Camera.look_at(2.0 * third.position, (0.2, 0, 0), vertical_fov_degrees=20, width=32, height=32)
+    plan = CatalogPlan(blobs.space, (ImportedImages("dvr"),), (), (), blobs.bounds)
+    catalog = Catalog.create(path, plan)
+    for p, cameras in ((0.0, (first, second)), (1.0, (second, aside))):
+        with catalog.begin_member(f"m{p:g}", {"p": p}, cameras=cameras, view_splits=("train", "test")) as writer:
+            for view in range(2):
+                writer.write_image("dvr", view, np.zeros((32, 32, 4), np.float32))
+    return Catalog.open(path)
+
+
+def test_members_with_cameras_of_their_own_share_the_list_of_viewpoints(tmp_path: Path) -> None:
+    catalog = own_cameras(tmp_path / "own.cdb")
+    told = facts(plain(), catalog, "own")
+    assert len(told["viewpoints"]) == 3
+    cameras = [*catalog.members[0].cameras, catalog.members[1].cameras[1]]
+    for view, camera in zip(told["viewpoints"], cameras, strict=True):
+        assert_same(orbiting(view, told, 32), camera)
+    assert told["histogram"] is None
+    assert told["size"] == [32, 32]
+
+
+def test_without_a_catalog_the_camera_sees_the_whole_box(surrogate: Surrogate) -> None:
+    told = facts(surrogate, None, "alone")
+    camera = orbiting({}, told, 100)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    world = corners * surrogate.normalization.extent + surrogate.normalization.center
+    pixels, depths = camera.project(world)
+    assert (depths > 0).all()
+    assert ((pixels > 0) & (pixels < 100)).all()
+    assert np.ptp(pixels) > 50
+    assert (told["truth"], told["members"], told["viewpoints"], told["size"]) == (False, [], [], None)
+    assert told["histogram"] is None
+
+
+def test_the_model_and_its_background(surrogate: Surrogate) -> None:
+    told = facts(replace(surrogate, background=(1.0, 0.5, 0.0)), None, "alone")
+    assert told["background"] == "#ff8000"
+    assert facts(surrogate, None, "alone")["background"] is None
+    assert told["model"]["gaussians"] == len(surrogate.gaussians)
+    assert told["model"]["megabytes"] == pytest.approx(surrogate.megabytes)
+    assert told["model"]["seconds"] == 1.0
+
+
+def test_names_from_outside_stay_plain_strings() -> None:
+    space = ParameterSpace((Parameter(HOSTILE, 0.0, 1.0, HOSTILE),))
+    training = {"appearance": HOSTILE, "seconds": float("nan")}
+    told = facts(replace(plain(), space=space, training=training), None, HOSTILE)
+    again = json.loads(json.dumps(told, allow_nan=False))
+    plainly = HOSTILE.replace("\ud800", "?")  # half a character has no UTF-8, in which messages travel
+    assert again["title"] == again["parameters"][0]["name"] == again["parameters"][0]["unit"] == plainly
+    json.dumps(told, ensure_ascii=False).encode()
+    assert again["model"]["seconds"] is None
+
+
+def test_of_many_there_are_some(monkeypatch: pytest.MonkeyPatch, make_catalog: MakeCatalog) -> None:
+    for name in ("MOST_TICKS", "MOST_VIEWPOINTS", "MOST_MEMBERS"):
+        monkeypatch.setattr(module, name, 4)
+    members = [("train", p) for p in np.linspace(0.0, 1.0, 7).tolist()]
+    told = facts(plain(), make_catalog(members=members, view_splits=("train",) * 9, blank=True), "many")
+    assert [len(told[name]) for name in ("members", "viewpoints")] == [4, 4]
+    assert told["parameters"][0]["train"] == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0])

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import pytest
+from aiohttp import web
+from aiohttp.test_utils import make_mocked_request
+
+from surrogate.explore.guard import COOKIE, Guard
+
+LOCAL = Guard.of("127.0.0.1")
+OPEN = Guard.of("0.0.0.0")
+
+
+def request(path: str = "/", **headers: str) -> web.Request:
+    return make_mocked_request("GET", path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8000", "localhost:1", "LOCALHOST:80", "127.0.0.1", "[::1]:90"])
+def test_this_machine_may_talk_to_a_local_server(host: str) -> None:
+    assert LOCAL.refusal(request(Host=host)) == ""
+    assert LOCAL.refusal(request(Host=host, Origin=f"http://{host}")) == ""
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example:8000", "127.0.0.1.evil.example", "", "localhost.evil.example", "[", "[::1"]
+)
+def test_a_name_that_resolves_here_is_refused(host: str) -> None:
+    assert LOCAL.refusal(request(Host=host)) != ""
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "http://127.0.0.1:9999", "https://localhost", "http://localhost:8000.evil", ""],
+)
+def test_pages_of_other_sites_are_refused(origin: str) -> None:
+    assert "other sites" in LOCAL.refusal(request(Host="localhost:8000", Origin=origin))
+
+
+def test_other_addresses_need_the_token() -> None:
+    assert len(OPEN.token) >= 32
+    assert OPEN.token != Guard.of("0.0.0.0").token
+    assert "token" in OPEN.refusal(request(Host="box:80"))
+    assert "token" in OPEN.refusal(request("/?token=wrong", Host="box:80"))
+    assert "token" in OPEN.refusal(request("/?token=%ff%fe", Host="box:80"))
+    assert "token" in OPEN.refusal(request(Host="box:80", Cookie=f"{COOKIE}=x{OPEN.token}"))
+    assert OPEN.refusal(request(f"/?token={OPEN.token}", Host="box:80")) == ""
+    assert OPEN.refusal(request(Host="box:80", Cookie=f"{COOKIE}={OPEN.token}")) == ""
+    stranger = request(f"/?token={OPEN.token}", Host="box:80", Origin="http://evil.example")
+    assert "other sites" in OPEN.refusal(stranger)
+
+
+def test_a_local_server_has_no_token() -> None:
+    assert LOCAL.token == ""
+    assert Guard.of("localhost").token == ""
+    assert Guard.of("192.168.0.7").token != ""

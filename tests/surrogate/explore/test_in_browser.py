@@ -1,0 +1,358 @@
+"""The explorer as a person uses it: every control is operated in a real browser, and what comes is what the API draws."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from catalogs import Catalog
+from surrogate import Surrogate
+from tests.browsers import NewPage, serious_findings
+from tests.surrogate.explore.seen import assert_shown, drawn, open_explorer, request_of, settled, shown
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+
+@pytest.fixture(scope="session")
+def surrogate(run_folder: Path) -> Surrogate:
+    return Surrogate.load(run_folder / "surrogate")
+
+
+def changed(page: Page, surrogate: Surrogate, operate: Callable[[], object]) -> np.ndarray:
+    """Do something that must change the picture into the one that the API draws; returns it."""
+    before = shown(page)
+    operate()
+    after = assert_shown(page, surrogate)
+    assert after.shape != before.shape or np.abs(after - before).max() > 2 / 255
+    return after
+
+
+def drag(page: Page, selector: str, right: float, down: float, *, key: str = "") -> None:
+    box = page.locator(selector).bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    if key:
+        page.keyboard.down(key)
+    page.mouse.down()
+    for step in range(1, 6):
+        page.mouse.move(x + right * step / 5, y + down * step / 5)
+    page.mouse.up()
+    if key:
+        page.keyboard.up(key)
+
+
+def test_the_first_picture_is_the_middle_of_the_parameters(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer)
+    picture = assert_shown(page, surrogate)
+    assert picture.std() > 0.02
+    assert request_of(page)["settings"] == [{"parameters": {"p": 0.5}, "visualization": {}, "color_map": ""}]
+    assert "blobs" in page.title()
+
+
+@pytest.mark.parametrize(
+    "operate",
+    [
+        lambda page: drag(page, "#stage", 120, 0),
+        lambda page: drag(page, "#stage", 0, 90),
+        lambda page: drag(page, "#stage", 70, 40, key="Shift"),
+        lambda page: (page.mouse.move(400, 400), page.mouse.wheel(0, -300)),
+        lambda page: page.locator("#stage").press("ArrowRight"),
+        lambda page: page.locator("#stage").press("ArrowUp"),
+        lambda page: page.locator("#stage").press("Shift+ArrowDown"),
+        lambda page: page.locator("#stage").press("+"),
+        lambda page: page.locator("#stage").press("-"),
+        lambda page: page.get_by_role("button", name="Look from plus z").click(),
+        lambda page: page.get_by_role("button", name="Look from minus x").click(),
+        lambda page: drag(page, "#parameter-0", 60, 0),
+        lambda page: page.locator("#parameter-0").press("ArrowRight"),
+        lambda page: page.locator("#parameter-0").press("PageDown"),
+        lambda page: (page.get_by_label("p, exact value").fill("0.85"), page.keyboard.press("Enter")),
+        lambda page: page.locator("#background").select_option("#ffffff"),
+        lambda page: page.locator("#full").select_option("256"),
+        lambda page: page.locator("#member").select_option(label="test-0: 0.75"),
+        lambda page: page.locator("#kind-isovalue").click(),
+    ],
+)
+def test_every_control_changes_the_picture_as_the_api_does(
+    page: Page, explorer: str, surrogate: Surrogate, operate: Callable[[Page], object]
+) -> None:
+    open_explorer(page, explorer)
+    changed(page, surrogate, lambda: operate(page))
+
+
+def test_dragging_turns_what_is_seen_towards_the_hand(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer)
+    before = request_of(page)["camera"]
+    changed(page, surrogate, lambda: drag(page, "#stage", 80, 0))
+    after = request_of(page)["camera"]
+    right = np.cross(np.subtract(before["target"], before["position"]), before["up"])
+    assert np.dot(np.subtract(after["position"], before["position"]), right) < 0  # the camera goes the other way
+    assert np.linalg.norm(np.subtract(after["position"], after["target"])) == pytest.approx(
+        np.linalg.norm(np.subtract(before["position"], before["target"]))
+    )
+
+
+def test_reset_brings_the_first_view_back(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer)
+    first = assert_shown(page, surrogate)
+    changed(page, surrogate, lambda: drag(page, "#stage", 90, 30))
+    page.get_by_role("button", name="Reset", exact=True).click()
+    np.testing.assert_array_equal(assert_shown(page, surrogate), first)
+    page.locator("#stage").press("ArrowLeft")
+    page.locator("#stage").press("Home")
+    np.testing.assert_array_equal(assert_shown(page, surrogate), first)
+
+
+def test_beyond_its_bounds_a_parameter_warns(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer)
+    warning = page.locator(".parameter .outside").first
+    assert warning.is_hidden()
+    page.locator("#parameter-0").press("End")
+    assert_shown(page, surrogate)
+    assert request_of(page)["settings"][0]["parameters"]["p"] > 1
+    assert warning.is_visible()
+    assert "guess" in warning.inner_text()
+    page.get_by_label("p, exact value").fill("1")
+    page.keyboard.press("Enter")
+    assert warning.is_hidden()
+
+
+def test_the_transfer_function_is_edited_by_hand_keys_and_numbers(
+    page: Page, explorer: str, surrogate: Surrogate
+) -> None:
+    open_explorer(page, explorer)
+    page.locator("#kind-transfer_function").click()
+    base = assert_shown(page, surrogate)
+    second = page.get_by_role("slider", name="Control point c2")
+    changed(page, surrogate, lambda: drag(page, ".transfer .handle >> nth=1", -30, -15))
+    moved = request_of(page)["settings"][0]["visualization"]
+    assert moved["c2_value"] < 0 < moved["c2_opacity"]
+    changed(page, surrogate, lambda: second.press("ArrowRight"))
+    assert request_of(page)["settings"][0]["visualization"]["c2_value"] > moved["c2_value"]
+    changed(page, surrogate, lambda: (page.get_by_label("c1 opacity").fill("0.5"), page.keyboard.press("Enter")))
+    changed(page, surrogate, lambda: page.locator("#color-map").select_option("viridis"))
+    changed(page, surrogate, lambda: page.locator("#color-map").select_option(""))
+    page.get_by_role("button", name="Reset to base").click()
+    np.testing.assert_array_equal(assert_shown(page, surrogate), base)
+
+
+def test_control_points_stay_where_functions_were_trained(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer, "a.show=transfer_function")
+    drag(page, ".transfer .handle >> nth=0", 500, 500)
+    assert_shown(page, surrogate)
+    bounds = surrogate.visualizations[0].variation.space.parameters
+    visualization = request_of(page)["settings"][0]["visualization"]
+    assert [b.name for b in bounds] == list(visualization)
+    assert all(b.low <= visualization[b.name] <= b.high for b in bounds)
+
+
+def test_the_isovalue_slides(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer, "a.show=isovalue")
+    assert_shown(page, surrogate)
+    changed(page, surrogate, lambda: drag(page, "#isovalue", 60, 0))
+    changed(page, surrogate, lambda: page.locator("#isovalue").press("ArrowLeft"))
+    assert list(request_of(page)["settings"][0]["visualization"]) == ["isovalue"]
+
+
+def test_two_settings_are_compared(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer)
+    page.locator("#mode-compare").click()
+    settled(page)
+    assert page.locator("#compared").inner_text().startswith("PSNR 60 dB or more")
+    page.locator("#edit-B").click()
+    page.get_by_label("p, exact value").fill("0.9")
+    page.keyboard.press("Enter")
+    first, second = (assert_shown(page, surrogate, number) for number in (0, 1))
+    difference = first - second
+    psnr = -10 * np.log10(np.mean(difference**2))
+    said = page.locator("#compared").inner_text()
+    assert float(said.split()[1]) == pytest.approx(psnr, abs=0.1)
+    mapped = shown(page, 2)
+    changed_most = np.unravel_index(np.abs(difference).mean(axis=2).argmax(), mapped.shape[:2])
+    assert mapped[changed_most].sum() > 3 * np.median(mapped.sum(axis=2)) + 0.1
+    before = request_of(page)["camera"]
+    drag(page, "#stage canvas >> nth=1", 60, 0)
+    settled(page)
+    assert request_of(page)["camera"] != before
+    for number in (0, 1):
+        assert_shown(page, surrogate, number)
+    page.get_by_role("button", name="Swap").click()
+    settled(page)
+    assert [s["parameters"]["p"] for s in request_of(page)["settings"]] == [0.9, 0.5]
+    page.get_by_role("button", name="Copy").filter(has_text=" to ").click()
+    settled(page)
+    assert len({s["parameters"]["p"] for s in request_of(page)["settings"]}) == 1
+
+
+def test_the_stored_picture_stands_beside_the_prediction(
+    page: Page, explorer: str, surrogate: Surrogate, run_folder: Path
+) -> None:
+    open_explorer(page, explorer, "mode=compare&against=truth&a.p.p=0.4")
+    assert "no picture" in page.locator("#compared").inner_text()
+    page.locator("#member").select_option(label="test-0: 0.75")
+    drag(page, "#stage canvas >> nth=0", 20, 0)
+    page.get_by_role("button", name="Nearest stored view").click()
+    assert_shown(page, surrogate)
+    said = page.locator("#compared").inner_text()
+    assert said.startswith("test member test-0, view ")
+    view = int(said.split("view ")[1].split(":")[0])
+    stored = Catalog.open(run_folder / "catalog.cdb").image("test-0", "dvr", view, dtype="float32")
+    background = np.array([0x10, 0x12, 0x16]) / 255
+    truth = stored[..., :3] + (1 - stored[..., 3:]) * background
+    assert np.abs(shown(page, 1) - truth).max() <= 1 / 255
+    psnr = float(said.split("PSNR ")[1].split(" ")[0])
+    assert psnr == pytest.approx(min(60, -10 * np.log10(np.mean((drawn(page, surrogate) - truth) ** 2))), abs=0.5)
+    assert psnr > 45  # the surrogate drew these pictures itself
+
+
+def test_a_sweep_shows_every_value(page: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer, "a.show=isovalue&a.isovalue=0.3")
+    page.locator("#mode-sweep").click()
+    page.locator("#sweep-count").select_option("4")
+    settled(page)
+    assert [s["parameters"]["p"] for s in request_of(page)["settings"]] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+    pictures = [assert_shown(page, surrogate, number) for number in range(4)]
+    assert all(np.abs(a - b).max() > 2 / 255 for a, b in itertools.pairwise(pictures))
+    page.locator("#sweep-second").select_option("isovalue")
+    page.locator("#sweep-rows").select_option("3")
+    settled(page)
+    assert page.locator("#stage canvas").count() == 12
+    asked = [(s["parameters"]["p"], s["visualization"]["isovalue"]) for s in request_of(page)["settings"]]
+    assert len(set(asked)) == 12
+    assert_shown(page, surrogate, 11)
+    assert "isovalue" in page.locator("#stage figcaption").nth(11).inner_text()
+
+
+def test_the_address_holds_everything(page: Page, new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(page, explorer, "a.show=transfer_function")
+    drag(page, ".transfer .handle >> nth=1", -20, -10)
+    page.locator("#color-map").select_option("turbo")
+    drag(page, "#stage", 70, 30)
+    page.mouse.wheel(0, 200)
+    page.locator("#background").select_option("#ffffff")
+    picture = assert_shown(page, surrogate)
+    page.wait_for_timeout(300)
+    other = new_page()
+    other.goto(page.url)
+    settled(other)
+    assert np.abs(assert_shown(other, surrogate) - picture).max() <= 1 / 255
+    for mode in ("compare", "sweep"):
+        page.locator(f"#mode-{mode}").click()
+        settled(page)
+        page.wait_for_timeout(300)
+        other.goto(page.url)
+        settled(other)
+        for here, there in zip(request_of(page)["settings"], request_of(other)["settings"], strict=True):
+            assert there["parameters"] == pytest.approx(here["parameters"])
+            assert there["visualization"] == pytest.approx(here["visualization"])
+            assert there["color_map"] == here["color_map"]
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "mode=<script>&a.p.p=1e999&camera=1,2,3&background=red&full=9999999&against=x",
+        "a.p.p=NaN&a.show=__proto__&camera=" + ",".join(["NaN"] * 11),
+        "camera=0,0,0,0,0,0,0,0,0,0,0&a.show=transfer_function&a.c1_value=1e9&a.colors=../x",
+        "mode=sweep&sweep.name=constructor&sweep.count=1e9&sweep.second=p",
+        "%E0%A4%A&&&===;mode",
+    ],
+)
+def test_an_address_of_nonsense_shows_a_picture(page: Page, explorer: str, surrogate: Surrogate, address: str) -> None:
+    open_explorer(page, explorer, address)
+    assert_shown(page, surrogate)
+
+
+def test_tabs_do_not_disturb_each_other(page: Page, new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
+    other = new_page()
+    open_explorer(page, explorer)
+    open_explorer(other, explorer)
+    still = assert_shown(other, surrogate)
+    for _ in range(3):
+        changed(page, surrogate, lambda: drag(page, "#stage", 40, 10))
+        changed(page, surrogate, lambda: page.locator("#parameter-0").press("ArrowRight"))
+    np.testing.assert_array_equal(assert_shown(other, surrogate), still)
+    assert request_of(other)["settings"][0]["parameters"] == {"p": 0.5}
+
+
+def test_frames_are_small_while_something_moves_and_whole_at_rest(
+    page: Page, explorer: str, surrogate: Surrogate
+) -> None:
+    open_explorer(page, explorer)
+    page.mouse.move(400, 400)
+    page.mouse.down()
+    sizes = set()
+    for step in range(40):
+        page.mouse.move(400 + step, 400)
+        sizes.add(page.evaluate("document.querySelector('#stage canvas').width"))
+    page.mouse.up()
+    whole = assert_shown(page, surrogate).shape
+    assert min(sizes) < whole[1] / 1.5
+    assert whole[0] * whole[1] == pytest.approx(512**2, rel=0.02)
+
+
+def test_what_to_expect_is_said(page: Page, explorer: str) -> None:
+    open_explorer(page, explorer)
+    page.wait_for_function("document.getElementById('expected').textContent.includes('dB')")
+    assert "ms" in page.locator("#status").inner_text()
+
+
+@pytest.mark.parametrize("state", ["", "a.show=transfer_function", "a.show=isovalue", "mode=compare", "mode=sweep"])
+def test_nothing_stands_in_the_way_of_assistive_technology(page: Page, explorer: str, state: str) -> None:
+    open_explorer(page, explorer, state)
+    assert serious_findings(page) == []
+
+
+def test_everything_can_be_reached_by_keys(page: Page, explorer: str) -> None:
+    open_explorer(page, explorer, "a.show=transfer_function")
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(
+            page.evaluate("(e => e.id || e.getAttribute('aria-label') || e.textContent)(document.activeElement)")
+        )
+    wanted = {
+        "mode-view",
+        "stage",
+        "parameter-0",
+        "member",
+        "kind-transfer_function",
+        "Control point c1",
+        "Control point c2",
+    }
+    wanted |= {
+        "color-map",
+        "Reset to base",
+        "Look from plus x",
+        "reset-view",
+        "background",
+        "full",
+        "export",
+        "copy-link",
+    }
+    assert wanted <= reached
+    page.locator("#mode-view").press("ArrowRight")
+    assert page.locator("#mode-compare").get_attribute("aria-selected") == "true"
+
+
+def test_a_phone_shows_the_picture_and_the_controls(phone: Page, explorer: str, surrogate: Surrogate) -> None:
+    open_explorer(phone, explorer)
+    assert_shown(phone, surrogate)
+    assert phone.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    phone.locator("#parameter-0").scroll_into_view_if_needed()
+    changed(phone, surrogate, lambda: phone.locator("#parameter-0").press("ArrowRight"))
+    assert serious_findings(phone) == []
+
+
+def test_the_page_asks_nobody_else(page: Page, explorer: str) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    open_explorer(page, explorer)
+    assert all(url.startswith((explorer, "blob:", "data:")) for url in asked)

@@ -1,0 +1,182 @@
+"""A stored picture is found where it shows exactly what is asked for, and nowhere else."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog
+from catalogs.variations import Setting as VariedSetting
+from surrogate import Surrogate
+from surrogate.explore.setting import Setting
+from surrogate.explore.truth import Truth
+from surrogate.rasterizer import Rasterizer
+from tests.surrogate.varied_blobs import BLOBS, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
+
+AT_TEST = {"p": 0.5}
+FIRST, SECOND = BLOBS.cameras()[:2]
+
+
+@pytest.fixture(scope="module")
+def surrogate() -> Surrogate:
+    return replace(varied_surrogate(), rasterizer=Rasterizer(backend="cpu"))
+
+
+@pytest.fixture(scope="module")
+def truth(surrogate: Surrogate, tmp_path_factory: pytest.TempPathFactory) -> Truth:
+    catalog = varied_catalog(tmp_path_factory.mktemp("truth") / "varied.cdb", surrogate)
+    return Truth.of(Catalog.open(catalog.path), surrogate)
+
+
+def moved(camera: Camera, by: float) -> Camera:
+    """The camera a step to its right, in units of its distance."""
+    matrix = camera.world_to_camera.copy()
+    matrix[0, 3] += by * float(np.linalg.norm(camera.position))
+    return Camera(matrix, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+
+
+def test_every_picture_of_the_base_is_found(truth: Truth) -> None:
+    for member in truth.members:
+        for view, camera in enumerate(member.cameras):
+            stored = truth.match(Setting(member.parameters), camera)
+            assert stored is not None
+            assert (stored.member.name, stored.appearance, stored.view) == (member.name, "dvr", view)
+
+
+def test_the_picture_is_what_the_surrogate_drew_at_its_own_size(truth: Truth, surrogate: Surrogate) -> None:
+    setting = Setting(AT_TEST)
+    stored = truth.match(setting, SECOND.resized(512, 512))
+    assert stored is not None
+    picture = truth.picture(stored)
+    assert picture.dtype == np.float32
+    assert picture.shape == (BLOBS.size, BLOBS.size, 4)
+    drawn = setting.gaussians(surrogate).render(SECOND)
+    np.testing.assert_allclose(
+        picture, np.minimum(drawn, drawn[..., 3:]), atol=1 / 255
+    )  # eight bits, colour below alpha
+
+
+def test_the_split_is_that_of_the_image(truth: Truth) -> None:
+    def split(p: float, view: int, **visualization: float) -> str:
+        stored = truth.match(Setting({"p": p}, visualization), BLOBS.cameras()[view])
+        assert stored is not None
+        return stored.split
+
+    assert split(0.0, 0) == "train"
+    assert split(0.0, 2) == "validation"
+    assert split(0.0, 3) == "test"
+    assert split(0.25, 0) == "validation"
+    assert split(0.5, 0) == "test"
+    assert split(0.0, 0, isovalue=8.0) == "test"
+
+
+@pytest.mark.parametrize(
+    "of_variation", [s for v in (ISOVALUE, FUNCTIONS) for s in v.settings], ids=lambda s: s.appearance
+)
+def test_every_appearance_is_found_by_its_values(truth: Truth, of_variation: VariedSetting) -> None:
+    variation = ISOVALUE if of_variation in ISOVALUE.settings else FUNCTIONS
+    stored = truth.match(Setting({"p": 0.0}, variation.asked(of_variation)), FIRST)
+    assert stored is not None
+    assert stored.appearance == of_variation.appearance
+
+
+@pytest.mark.parametrize("visualization", [{}, {"c1_value": 0.0}, {"c1_value": 0.0, "c2_opacity": 1e-12}])
+def test_no_displacement_is_the_base(truth: Truth, visualization: dict[str, float]) -> None:
+    stored = truth.match(Setting(AT_TEST, visualization), FIRST)
+    assert stored is not None
+    assert stored.appearance == "dvr"
+
+
+def test_numbers_of_nine_digits_are_the_same(truth: Truth) -> None:
+    matrix = np.array([[float(f"{x:.9g}") for x in row] for row in SECOND.world_to_camera])
+    focal = float(f"{SECOND.fx:.9g}")
+    rounded = Camera(matrix, focal, focal, SECOND.cx, SECOND.cy, SECOND.width, SECOND.height)
+    assert truth.match(Setting({"p": 0.25 * (1 + 1e-10)}), rounded) is not None
+
+
+@pytest.mark.parametrize(
+    ("setting", "camera"),
+    [
+        (Setting({"p": 0.5 + 1e-6}), FIRST),
+        (Setting(AT_TEST, {"isovalue": 2.5 + 1e-6}), FIRST),
+        (Setting(AT_TEST, {"isovalue": 3.0}), FIRST),  # of validation members only
+        (Setting(AT_TEST, {}, "viridis"), FIRST),
+        (Setting(AT_TEST), moved(FIRST, 1e-5)),
+        (Setting(AT_TEST), replace(FIRST, fx=1.001 * FIRST.fx, fy=1.001 * FIRST.fy)),
+        (Setting(AT_TEST), replace(FIRST, width=2 * FIRST.width, cx=2 * FIRST.cx)),  # wider, not larger
+        (Setting(AT_TEST), replace(FIRST, cy=FIRST.cy + 1.0)),
+    ],
+)
+def test_what_nobody_rendered_is_not_found(truth: Truth, setting: Setting, camera: Camera) -> None:
+    assert truth.match(setting, camera) is None
+
+
+def test_a_camera_is_the_same_within_a_millionth(truth: Truth) -> None:
+    assert truth.match(Setting(AT_TEST), moved(FIRST, 5e-7)) is not None
+
+
+def test_the_nearest_member(truth: Truth) -> None:
+    member, distance = truth.nearest_member(Setting({"p": 0.6}))
+    assert member.name == "test-0"
+    assert distance == pytest.approx(0.1)
+    member, distance = truth.nearest_member(Setting({"p": 0.6}), shows="iso=3")
+    assert member.name == "validation-0"
+    assert distance == pytest.approx(0.35)
+    with pytest.raises(ValueError, match="no member shows"):
+        truth.nearest_member(Setting({"p": 0.6}), shows="nothing")
+
+
+def test_the_nearest_view(truth: Truth) -> None:
+    between = FIRST.position + 0.1 * SECOND.position
+    camera = Camera.look_at(between, (0, 0, 0), vertical_fov_degrees=20, width=9, height=9)
+    view, degrees = truth.nearest_view(camera, truth.members[0])
+    cosine = between @ FIRST.position / np.linalg.norm(between) / np.linalg.norm(FIRST.position)
+    assert view == 0
+    assert degrees == pytest.approx(math.degrees(math.acos(cosine)))
+    assert truth.nearest_view(SECOND, truth.members[0]) == (1, pytest.approx(0.0, abs=1e-5))
+
+
+def test_the_nearest_appearance(truth: Truth) -> None:
+    by_name = {member.name: member for member in truth.members}
+    assert truth.nearest_appearance(Setting(AT_TEST)) == ("dvr", 0.0)
+    found = truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6}))
+    assert found is not None
+    assert found[0] == "iso=2.5"
+    found = truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6}), by_name["validation-0"])
+    assert found is not None
+    assert found[0] == "iso=3"
+    assert truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6}), by_name["train-1"]) is None
+    step = FUNCTIONS.space.parameters[0].high
+    assert truth.nearest_appearance(Setting(AT_TEST, {"c1_value": 0.99 * step})) == ("tf-train-0", pytest.approx(0.005))
+    assert truth.nearest_appearance(Setting(AT_TEST, {"c1_value": 0.01 * step})) == ("dvr", pytest.approx(0.005))
+
+
+def test_what_must_be_asked_for_to_see_an_appearance(truth: Truth) -> None:
+    for appearance in truth.catalog.appearance_names:
+        stored = truth.match(Setting({"p": 0.0}, truth.asked(appearance)), FIRST)
+        assert stored is not None
+        assert stored.appearance == appearance
+    with pytest.raises(ValueError, match="does not follow"):
+        truth.asked("unknown")
+
+
+def test_a_catalog_of_other_parameters_is_refused(truth: Truth, surrogate: Surrogate) -> None:
+    parameters = [{**record, "name": "q"} for record in surrogate.space.to_json()]
+    with pytest.raises(ValueError, match="catalog is of"):
+        Truth.of(truth.catalog, replace(surrogate, space=type(surrogate.space).from_json(parameters)))
+
+
+def test_pictures_on_a_background_are_opaque(surrogate: Surrogate, tmp_path: Path) -> None:
+    catalog = varied_catalog(
+        tmp_path / "white.cdb", surrogate, {"train-0": (0.0, ("dvr",))}, background=(1.0, 1.0, 1.0)
+    )
+    truth = Truth.of(catalog, surrogate)
+    picture = truth.picture(truth.stored(truth.members[0], "dvr", 0))
+    assert (picture[..., 3] == 1.0).all()
+    with pytest.raises(ValueError, match="has no view 9"):
+        truth.stored(truth.members[0], "dvr", 9)
