@@ -165,6 +165,12 @@ class Catalog:
             f"  appearances {shortened(self.appearance_names)}\n  views       {'-'.join(map(str, views))}"
         )
 
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a few pictures."""
+        from catalogs.html import catalog_html
+
+        return catalog_html(self)
+
     @property
     def appearance_names(self) -> list[str]:
         return self.plan.appearance_names

@@ -29,10 +29,24 @@ def describe(path: Path) -> str:
 
 
 def _describe_catalog(catalog: Catalog) -> str:
-    members, plan = catalog.members, catalog.plan
+    members = catalog.members
+    stored = [*facts(catalog, members), ("on disk", _megabytes(catalog.path))]
+    unfinished = catalog.unfinished()
+    if unfinished:
+        names = ", ".join(path.name[1:].split("~")[0] for path in unfinished)
+        stored.append(
+            ("unfinished", f"{names}: being written now, or left by a run that died (the next one cleans up)")
+        )
+    lines = [f"Catalog {catalog.path}", *(f"  {name:<11} {fact}" for name, fact in stored)]
+    return "\n".join([*lines, "", *_member_table(catalog, members)] if members else lines)
+
+
+def facts(catalog: Catalog, members: Sequence[Member]) -> list[tuple[str, str]]:
+    """What the plan and these members say, as (what, in words); no image and no summary is opened."""
+    plan = catalog.plan
     counts = Counter(member.split for member in members)
     low, high = plan.bounds
-    facts = [
+    return [
         ("members", f"{len(members)} ({_splits(counts)})" if members else "none yet"),
         *(("parameter", _parameter(plan, members, name)) for name in plan.space.names),
         *(("appearance", _appearance(appearance)) for appearance in plan.plain_appearances),
@@ -40,14 +54,7 @@ def _describe_catalog(catalog: Catalog) -> str:
         *(("views", line) for line in _views(plan, members)),
         ("images", _images(plan, members)),
         ("box", f"{_numbers(low)} to {_numbers(high)}"),
-        ("on disk", _megabytes(catalog.path)),
     ]
-    unfinished = catalog.unfinished()
-    if unfinished:
-        names = ", ".join(path.name[1:].split("~")[0] for path in unfinished)
-        facts.append(("unfinished", f"{names}: being written now, or left by a run that died (the next one cleans up)"))
-    lines = [f"Catalog {catalog.path}", *(f"  {name:<11} {fact}" for name, fact in facts)]
-    return "\n".join([*lines, "", *_member_table(catalog, members)] if members else lines)
 
 
 def _splits(counts: Counter[str]) -> str:

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import safetensors.torch
@@ -25,6 +25,9 @@ from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
 from surrogate.visualization import Visualization
+
+if TYPE_CHECKING:
+    from surrogate.explore.notebook import Shown
 
 SCHEMA = 4  # 1 had no encodings, 2 no visualization parameters, 3 no fields
 WITHOUT_FIELDS = 3
@@ -79,6 +82,12 @@ class DeformedGaussians:
         values = {name: f"{v:g}" if not isinstance(v, str) else repr(v) for name, v in self.parameters.items()}
         at = ", ".join(f"{name}={value}" for name, value in values.items())
         return f"<DeformedGaussians at {at or 'no parameters'}: {len(self):,} Gaussians>"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a picture."""
+        from surrogate.html import deformed_html
+
+        return deformed_html(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +165,15 @@ class Surrogate:
         with torch.no_grad():
             deformed = known[0].under(self.gaussians, self.deformation, normalized, transfer_function)
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
+
+    def show(self, run: str | os.PathLike[str] | None = None, *, height: int = 720) -> Shown:
+        """Explore this surrogate in Jupyter, `height` pixels tall; needs the extra `[explore]`.
+
+        With the folder of its `run` (such as "runs/tgv-dvr") the page also shows the stored pictures beside it.
+        """
+        from surrogate.explore.notebook import show
+
+        return show(self, run, height=height)
 
     @property
     def visualization_names(self) -> tuple[str, ...]:
@@ -295,6 +313,12 @@ class Surrogate:
             f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
             f"{self.deformation.kind} deformation, {self._following()}{self.megabytes:.1f} MB>"
         )
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a picture at the middle of the parameters."""
+        from surrogate.html import surrogate_html
+
+        return surrogate_html(self)
 
 
 def _decoded(

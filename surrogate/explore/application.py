@@ -21,6 +21,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import torch
 from aiohttp import web
 from trame.app import get_server
 from trame.ui.html import DivLayout
@@ -58,8 +59,10 @@ class Explorer:
         self.secret = secrets.token_urlsafe(24)
         self.frames = Frames(run.surrogate, None if run.catalog is None else Truth.of(run.catalog, run.surrogate))
         self._facts = facts(run.surrogate, run.catalog, run.title)
-        self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw")
-        self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export")
+        # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.
+        alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
+        self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw", **alone)
+        self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export", **alone)
         self._closed = threading.Event()
         self.server = get_server(f"explorer-{uuid.uuid4().hex}", client_type="vue3")
         self._build()
@@ -74,6 +77,8 @@ class Explorer:
     def start(self, *, port: int = 0, ready: Callable[[str], Any], **options: Any) -> Any:
         """Start listening (port 0: any that is free) and tell `ready` the address; `options` are those of trame's `start`."""
         self.server.controller.on_server_ready.add(lambda **_: ready(self.address))
+        # A tab that is closed while its picture is on the way is no failure; wslink would print it as one.
+        logging.getLogger("wslink").setLevel(logging.CRITICAL + 1)
         # trame would read this program's own command line.
         self.server.cli.parse_known_args = _defaults(self.server.cli)  # type: ignore[method-assign]
         self.server.cli.set_defaults(nowscompress=True, authKey=self.secret)  # pictures are compressed already
