@@ -53,17 +53,18 @@ class Rate:
 
 
 @contextmanager
-def explorer(run: Path) -> Iterator[tuple[str, psutil.Process, float]]:
-    """A running explorer: its address, its process, and when the command was given."""
+def serving(program: str, command: str, target: Path) -> Iterator[tuple[str, psutil.Process, float]]:
+    """A running `surrogate explore` or `catalogs browse`: its address, its process, and when the command was given."""
     started = time.perf_counter()
-    command = [str(Path(sys.executable).with_name("surrogate")), "explore", str(run)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [str(Path(sys.executable).with_name(program)), command, str(target)], stdout=subprocess.PIPE, text=True
+    )
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
         found = re.search(r"http://\S+", said)
         if found is None:
-            raise RuntimeError(f"the explorer did not start: {said!r}")
+            raise RuntimeError(f"{program} {command} did not start: {said!r}")
         yield found.group(), psutil.Process(process.pid), started
     finally:
         process.terminate()
@@ -191,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows: list[list[str]] = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=list(FLAGS))
-        with explorer(given.run) as (address, process, started):
+        with serving("surrogate", "explore", given.run) as (address, process, started):
             page = opened(browser, address)
             rows.append(["first picture after the command", f"{time.perf_counter() - started:.1f} s", ""])
             page.wait_for_timeout(12_000)  # what to expect is measured once, beside the first frames

@@ -42,6 +42,9 @@ class Explorer {
 
   get setting() { return this.state.settings[this.state.active]; }
 
+  /** Names of the parameters that a sweep varies, which no slider sets. */
+  get swept() { return this.state.mode === "sweep" ? [this.state.sweep.name, this.state.sweep.second] : []; }
+
   // ---- the page
 
   layOut(place) {
@@ -86,13 +89,14 @@ class Explorer {
   }
 
   parameterPanel() {
-    const { facts } = this, swept = this.state.mode === "sweep" ? [this.state.sweep.name, this.state.sweep.second] : [];
+    const { facts, swept } = this;
     this.sliders = facts.parameters.map((p, i) => slider(p, `parameter-${i}`, value => {
       this.setting.parameters[p.name] = value;
       this.changed();
     }));
     this.sliders.forEach(({ box }, i) => { box.hidden = swept.includes(facts.parameters[i].name); });
-    const legend = element("p", { class: "legend" }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
+    const alone = facts.parameters.every(p => swept.includes(p.name));
+    const legend = element("p", { class: "legend", hidden: alone }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
     return section("Simulation parameters", ...this.sliders.map(s => s.box), legend, this.memberMenu());
   }
 
@@ -129,6 +133,7 @@ class Explorer {
     this.editor = this.isovalue = null;
     if (kind === "isovalue") {
       this.isovalue = slider({ name: "isovalue", ...of }, "isovalue", value => { this.setting.isovalue = value; this.changed(); });
+      this.isovalue.box.hidden = this.swept.includes("isovalue");
       return this.isovalue.box;
     }
     if (kind === "transfer_function") {

@@ -3,6 +3,7 @@
 import { digits, element } from "./elements.js";
 import { messageOf, rangeOf, sweepable, withValue } from "./state.js";
 
+const WIDE = 1.35; // width of a usual stage in heights
 const CELLS = 60; // pictures of a sweep at most
 
 /** A picture with words below it. */
@@ -28,7 +29,9 @@ export function cellsOf(state, facts) {
     setting: row === null ? withValue(setting, first.name, value) : withValue(withValue(setting, first.name, value), second.name, row),
     label: [label(first, value), row === null ? "" : label(second, row)].filter(Boolean).join(", "),
   })));
-  return { cells, columns: columns.length, first, second };
+  // One parameter alone is broken into rows, so that the pictures are about square on a wide screen.
+  const wide = second ? columns.length : Math.min(columns.length, Math.round(Math.sqrt(WIDE * columns.length)));
+  return { cells, columns: wide, first, second };
 }
 
 const label = (p, value) => `${p.name} ${digits(+value.toPrecision(4))}${p.unit ? ` ${p.unit}` : ""}`;

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from catalogs import Catalog
 from surrogate import Surrogate
+from surrogate.explore.pictures import record_of
+from surrogate.explore.run import Run
 from tests.browsers import NewPage, serious_findings
 from tests.surrogate.explore.seen import assert_shown, drawn, open_explorer, request_of, settled, shown
 
@@ -356,3 +360,65 @@ def test_the_page_asks_nobody_else(page: Page, explorer: str) -> None:
     page.on("request", lambda request: asked.append(request.url))
     open_explorer(page, explorer)
     assert all(url.startswith((explorer, "blob:", "data:")) for url in asked)
+
+
+def saved(page: Page, kind: str, folder: Path) -> Path:
+    """What the page saves, as a file."""
+    page.locator("#export-kind").select_option(kind)
+    with page.expect_download() as coming:
+        page.locator("#export").click()
+    path = folder / coming.value.suggested_filename
+    coming.value.save_as(path)
+    return path
+
+
+def test_what_is_seen_can_be_saved(page: Page, explorer: str, surrogate: Surrogate, tmp_path: Path) -> None:
+    open_explorer(page, explorer, "a.p.p=0.3")
+    drag(page, "#stage", 50, 20)
+    seen = assert_shown(page, surrogate)
+    picture = np.asarray(Image.open(saved(page, "png", tmp_path)).convert("RGB")) / 255
+    assert np.abs(picture - seen).max() <= 1e-6
+    assert record_of(tmp_path / "blobs.png")["parameters"] == {"p": 0.3}
+    assert saved(page, "ply", tmp_path).read_bytes().startswith(b"ply")
+    assert "Surrogate.load" in saved(page, "python", tmp_path).read_text()
+    assert saved(page, "exr", tmp_path).stat().st_size > 1000
+    assert page.locator("#export-kind option").count() == 4
+    page.locator("#mode-sweep").click()
+    settled(page)
+    assert saved(page, "gif", tmp_path).read_bytes().startswith(b"GIF89a")
+    assert saved(page, "sheet", tmp_path).suffix == ".png"
+
+
+def test_links_and_cameras_go_to_the_clipboard(new_page: NewPage, explorer: str, surrogate: Surrogate) -> None:
+    page = new_page(permissions=["clipboard-read", "clipboard-write"])
+    open_explorer(page, explorer, "a.p.p=0.3")
+    drag(page, "#stage", 50, 20)
+    assert_shown(page, surrogate)
+    page.locator("#copy-link").click()
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert link.startswith(explorer)
+    assert "a.p.p=0.3" in link
+    page.get_by_role("button", name="Copy camera").click()
+    page.wait_for_function("navigator.clipboard.readText().then(text => text.startsWith('{'))")
+    camera = json.loads(page.evaluate("navigator.clipboard.readText()"))
+    assert camera == request_of(page)["camera"]
+
+
+def test_what_cannot_be_saved_is_said(page: Page, explorer: str, complaints: list[str]) -> None:
+    open_explorer(page, explorer)
+    page.evaluate("document.querySelector('#export-kind option').value = 'nonsense'")
+    page.locator("#export").click()
+    page.wait_for_function("document.getElementById('alert').textContent.includes('kind must be one of')")
+    assert page.locator("#export").is_enabled()
+    assert all("400" in complaint for complaint in complaints)
+    complaints.clear()
+
+
+def test_a_program_that_stops_is_told_of(page: Page, run_folder: Path, complaints: list[str]) -> None:
+    from surrogate.explore.notebook import Shown
+
+    running = Shown(Run.open(run_folder))
+    open_explorer(page, running.address)
+    running.close()
+    page.get_by_role("heading", name="The explorer has stopped").wait_for()
+    complaints.clear()
