@@ -1,6 +1,6 @@
 """How well the explorer's expected error agrees with what is measured at test members.
 
-    python -m benchmarks.expectation [RUN ...] [--views 8]
+    python -m benchmarks.expectation [RUN ...] [--views 8] [--write]
 
 Each RUN is a folder such as runs/tgv-tf; by default all of the five trained scenes that are there.  Prints Markdown.  By the first
 table the number of neighbours was chosen: each measurement, without its member and setting, from the others.  The second is a
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import PROJECT, commit, table
+from benchmarks.page import DOCS, PROJECT, commit, fill, table
 from catalogs.catalog import Catalog
 from surrogate import Surrogate
 from surrogate.explore.expectation import NEAREST, Expectation, Table, gap_of, left_out, levelled, measure, tables_of
@@ -133,6 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=8, help="test views of each test member and appearance")
+    parser.add_argument("--write", action="store_true", help="write the second table into docs/explorer.md")
     options = parser.parse_args(arguments)
     runs = options.runs or [run for s in SCENES if Surrogate.exists((run := PROJECT / "runs" / s) / "surrogate")]
     choices, reports, times = [], [], []
@@ -149,12 +150,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.stdout.write(table(["run", "family", "validation + training", "gap, dB", *columns], choices))
     sys.stdout.write("\nAt test members and test views:\n\n")
     header = ["run", "shown", "cases", "expected, dB", "measured, dB", "mean absolute difference, dB"]
-    sys.stdout.write(
-        table([*header, "of single pictures (said)", "correlation", "that of the distance to training"], reports)
-    )
+    body = table([*header, "of single pictures (said)", "correlation", "that of the distance to training"], reports)
+    sys.stdout.write(body)
     sys.stdout.write(f"\nSeconds that measuring took, wall clock (processor): {'; '.join(times)}.\n")
-    code = commit("native", "surrogate", "catalogs", "benchmarks")
-    sys.stdout.write(f"Commit {code}, {machine()['processor']}.\n")
+    made = f"Commit {commit('native', 'surrogate', 'catalogs', 'benchmarks')}, {machine()['processor']}."
+    sys.stdout.write(f"{made}\n")
+    if options.write:
+        fill(DOCS / "explorer.md", "expectation", f"{body}\n{made}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How fast the explorer answers to the hand, measured in the browser by what it shows.
 
-    python -m benchmarks.explore RUN [--seconds 4] [--interactions 10000]
+    python -m benchmarks.explore RUN [--seconds 4] [--interactions 10000] [--write]
 
 Starts `surrogate explore RUN` as a person would, opens it in the system's Chromium without a window, moves the mouse over the
 picture, a slider and, where the model follows one, the transfer function, and counts the frames that come onto the screen.
@@ -25,7 +25,7 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from benchmarks.page import commit, table
+from benchmarks.page import DOCS, commit, fill, table
 from surrogate.provenance import machine
 from tests.browsers import FLAGS, find_browser
 
@@ -185,6 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("run", type=Path)
     parser.add_argument("--seconds", type=float, default=4.0, help="of each movement")
     parser.add_argument("--interactions", type=int, default=10_000, help="0 leaves the memory unmeasured")
+    parser.add_argument("--write", action="store_true", help="write the table into docs/explorer.md")
     given = parser.parse_args(arguments)
     program = find_browser()
     if program is None:
@@ -217,8 +218,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 words = f"memory after {given.interactions // 10:,} and {given.interactions:,} interactions"
                 rows.append([words, f"{early:.0f} and {late:.0f} MB", ""])
         browser.close()
-    print(table(["what", "measured", "at worst"], rows))
-    print(f"\n{given.run.name}, {machine()['processor']}, {psutil.cpu_count()} cores, commit {commit()}.")
+    made = f"`{given.run.name}`; {machine()['processor']}, {psutil.cpu_count()} cores that also ran the browser; commit {commit()}."
+    body = f"{table(['what', 'measured', 'at worst'], rows)}\n{made}"
+    print(body)
+    if given.write:
+        fill(DOCS / "explorer.md", "speed", body)
 
 
 if __name__ == "__main__":
