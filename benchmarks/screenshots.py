@@ -56,6 +56,18 @@ def explored(browser: Browser, runs: Path) -> None:
         taken(browser, address, swept, STILL, DOCS / "explorer_sweep.png")
 
 
+def browsed(browser: Browser, runs: Path) -> None:
+    """The catalog's page, with a brush on its parallel coordinates."""
+    with serving("catalogs", "browse", runs / "cloverleaf" / "catalog.cdb") as (address, _, _):
+        page = browser.new_page(viewport=SIZE)
+        page.goto(address)
+        page.get_by_role("tab", name="Grid").click()
+        page.wait_for_timeout(2000)
+        page.screenshot(path=DOCS / "browse.png")
+        print(DOCS / "browse.png")
+        page.close()
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Take all pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -67,6 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=list(FLAGS))
         explored(browser, given.runs)
+        browsed(browser, given.runs)
         browser.close()
 
 

@@ -96,15 +96,18 @@ def nerf(
 
 @main.command()
 @CATALOG
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Any but this machine's own needs a token, which is printed."
+)
 @click.option("--port", default=0, show_default=True, help="0 takes a free one.")
 @click.option("--open/--no-open", "show_page", default=False, help="Open the page in the default browser.")
-def browse(path: Path, port: int, show_page: bool) -> None:
-    """Write a static page into PATH and serve it on 127.0.0.1 until Ctrl-C."""
+def browse(path: Path, host: str, port: int, show_page: bool) -> None:
+    """Write a static page into PATH and serve it until Ctrl-C, to this machine only unless --host says otherwise."""
     from catalogs.browse import serve
     from catalogs.catalog import CatalogError
 
     try:
-        serve(path, port=port, open_page=show_page, announce=click.echo)
+        serve(path, host=host, port=port, open_page=show_page, announce=click.echo)
     except (CatalogError, ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
 

@@ -1,20 +1,29 @@
-"""Serve one catalog to this machine: its page and the plain files below it, nothing else."""
+"""Serve one catalog: its page and the plain files below it, nothing else.
+
+To this machine alone, unless an address is given by which others reach it: then whoever asks must know a random token, which
+stands in the address that is printed and is kept as a cookie from then on.
+"""
 
 from __future__ import annotations
 
+import hmac
 import io
+import ipaddress
 import os
+import secrets
 import shutil
+import socket
 import stat
+import sys
 import webbrowser
 from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, BinaryIO
-from urllib.parse import unquote, urlsplit
+from urllib.parse import parse_qs, unquote, urlsplit
 
-from catalogs.browse.page import PAGE, page_of, write_page
+from catalogs.browse.page import PAGE, keep_page, page_of
 from catalogs.catalog import Catalog
 
 TYPES = {
@@ -23,21 +32,76 @@ TYPES = {
     ".csv": "text/csv; charset=utf-8",
     ".json": "application/json",
 }
-LOCAL_NAMES = {"127.0.0.1", "localhost"}
+LOCAL = "127.0.0.1"
 LINGER_SECONDS = 30
 
 
 class CatalogServer(ThreadingHTTPServer):
-    """Answers on 127.0.0.1 for the files of `folder`; the page comes from memory, so that the folder may be read-only."""
+    """Answers for the files of `folder`; the page comes from memory, so that the folder may be read-only.
 
-    def __init__(self, folder: Path, page: bytes, port: int = 0) -> None:
+    Parameters
+    ----------
+    host : the address to listen on; any but this machine's own loopback needs the `token`, made here.
+    port : 0 lets the system choose a free one.
+    """
+
+    def __init__(self, folder: Path, page: bytes, port: int = 0, *, host: str = LOCAL) -> None:
         self.folder = folder
         self.page = page
-        super().__init__(("127.0.0.1", port), CatalogRequest)
+        self.host = host
+        self.token = None if is_local(host) else secrets.token_urlsafe(24)
+        self.names = allowed_names(host)
+        self.address_family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        super().__init__((host, port), CatalogRequest)
 
     @property
     def address(self) -> str:
-        return f"http://127.0.0.1:{self.server_address[1]}/"
+        """The address to open, with the token where one is needed."""
+        name = socket.gethostname() if is_any(self.host) else self.host
+        name = f"[{name}]" if ":" in name else name
+        return f"http://{name}:{self.server_address[1]}/{f'?token={self.token}' if self.token else ''}"
+
+    @property
+    def cookie(self) -> str:
+        """The name of the cookie that holds the token: cookies are shared by all ports of a host."""
+        return f"catalogs_{self.server_address[1]}"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Browsers drop connections as they please; anything else is an error."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
+
+def is_local(host: str) -> bool:
+    """Whether only this machine reaches a server that listens there."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def is_any(host: str) -> bool:
+    """Whether the host stands for all of the machine's addresses."""
+    try:
+        return host == "" or ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
+
+
+def allowed_names(host: str) -> frozenset[str]:
+    """The names, beside plain addresses, by which a server that listens on `host` may be asked."""
+    if is_local(host):
+        return frozenset({"localhost"})
+    machine = {socket.gethostname(), socket.getfqdn()} if is_any(host) else {host}
+    return frozenset(name.lower() for name in {"localhost", *machine})
+
+
+def named_host(header: str) -> str:
+    """The host that a request's Host header names, without its port; "" for nonsense."""
+    try:
+        return urlsplit(f"//{header}").hostname or ""
+    except ValueError:
+        return ""
 
 
 class CatalogRequest(BaseHTTPRequestHandler):
@@ -56,9 +120,10 @@ class CatalogRequest(BaseHTTPRequestHandler):
         self._answer(with_body=False)
 
     def _answer(self, *, with_body: bool) -> None:
-        # A page elsewhere may name this server by a host of its own (DNS rebinding): only local names are answered.
-        if self.headers.get("Host", "").partition(":")[0] not in LOCAL_NAMES:
+        if not self._is_asked_by_name():
             self.send_error(HTTPStatus.FORBIDDEN)
+            return
+        if self.server.token is not None and not self._knows(self.server.token):
             return
         try:
             path = unquote(urlsplit(self.path).path, errors="strict")
@@ -78,12 +143,52 @@ class CatalogRequest(BaseHTTPRequestHandler):
             self.send_header("Content-Length", str(size))
             self.send_header("Cache-Control", "no-cache")
             self.send_header("X-Content-Type-Options", "nosniff")
+            self.send_header("Referrer-Policy", "no-referrer")
             self.end_headers()
             if with_body:
                 shutil.copyfileobj(content, self.wfile)
 
+    def _is_asked_by_name(self) -> bool:
+        """Whether the request names this server: a page elsewhere may do so by a host of its own (DNS rebinding).
+
+        Plain addresses need no such care where there is a token; without one only loopback ones are answered.
+        """
+        host = named_host(self.headers.get("Host", ""))
+        if host in self.server.names:
+            return True
+        try:
+            address = ipaddress.ip_address(host)
+        except ValueError:
+            return False
+        return address.is_loopback or self.server.token is not None
+
+    def _knows(self, token: str) -> bool:
+        """Whether the request carries the token; where not, it is answered here.
+
+        In the address it is exchanged for a cookie, and leaves the address: that may be shown, kept and passed on.
+        """
+        parts = urlsplit(self.path)
+        if _same(parse_qs(parts.query).get("token", [""])[0], token):
+            self.send_response(HTTPStatus.SEE_OTHER)
+            self.send_header("Location", "/")
+            self.send_header("Set-Cookie", f"{self.server.cookie}={token}; HttpOnly; SameSite=Lax; Path=/")
+            self.send_header("Content-Length", "0")
+            self.send_header("Cache-Control", "no-store")
+            self.send_header("Referrer-Policy", "no-referrer")
+            self.end_headers()
+            return False
+        cookies = (pair.strip().partition("=") for pair in self.headers.get("Cookie", "").split(";"))
+        if any(name == self.server.cookie and _same(value, token) for name, _, value in cookies):
+            return True
+        self.send_error(HTTPStatus.FORBIDDEN, explain="Open the address with the token that the program printed.")
+        return False
+
     def log_message(self, *arguments: Any) -> None:
         """Say nothing: the terminal belongs to whoever started the server."""
+
+
+def _same(said: str, token: str) -> bool:
+    return hmac.compare_digest(said.encode(errors="replace"), token.encode())
 
 
 def open_below(folder: Path, name: str) -> BinaryIO:
@@ -110,15 +215,17 @@ def open_below(folder: Path, name: str) -> BinaryIO:
     return os.fdopen(file, "rb")
 
 
-def serve(folder: Path, *, port: int = 0, open_page: bool = False, announce: Callable[[str], Any] = print) -> None:
+def serve(
+    folder: Path, *, host: str = LOCAL, port: int = 0, open_page: bool = False, announce: Callable[[str], Any] = print
+) -> None:
     """Write the page into the catalog at `folder` and serve it until Ctrl-C, after announcing its address.
 
-    Raises CatalogError where there is no catalog, OSError where the port is taken.
+    Raises CatalogError where there is no catalog, OSError where the host is unknown or the port is taken.
     """
     page = page_of(Catalog.open(folder))
-    with CatalogServer(folder, page.encode(), port) as server:
+    with CatalogServer(folder, page.encode(), port, host=host) as server:
         try:
-            write_page(folder)
+            keep_page(folder, page)
         except OSError as error:
             announce(f"the page is not kept beside the pictures: {error}")
         announce(f"{folder} at {server.address} (Ctrl-C stops)")

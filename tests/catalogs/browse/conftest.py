@@ -1,9 +1,10 @@
-"""A catalog of six members on a grid, its server, and a real browser."""
+"""A catalog of six members on a grid, and its server."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.variations import isovalue_family, transfer_function_family
-from tests.catalogs.chromium import PROGRAMS, Browser, find_browser
 
 SIZE = 64
 GRID = [(x, y) for x in (0.0, 1.0, 2.0) for y in (-5.0, 5.0)]
@@ -84,21 +84,18 @@ def varied(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return catalog
 
 
-@pytest.fixture(scope="module")
-def server(grid: Catalog) -> Iterator[CatalogServer]:
-    with CatalogServer(grid.path, page_of(grid).encode()) as running:
-        thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+@contextmanager
+def running(server: CatalogServer) -> Iterator[CatalogServer]:
+    """The server, answering."""
+    with server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
         thread.start()
-        yield running
-        running.shutdown()
+        yield server
+        server.shutdown()
         thread.join()
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    program = find_browser()
-    if program is None:
-        pytest.skip(f"no browser to test pages with (looked for {', '.join(PROGRAMS)})")
-    running = Browser(program, tmp_path_factory.mktemp("profile"))
-    yield running
-    running.close()
+def server(grid: Catalog) -> Iterator[CatalogServer]:
+    with running(CatalogServer(grid.path, page_of(grid).encode())) as answering:
+        yield answering

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.browse import synthetic_catalog
 from catalogs.browse import page_of, write_page
-from catalogs.browse.page import describe
+from catalogs.browse.description import describe
 from catalogs.cameras import icosphere, view_splits
 from catalogs.catalog import Catalog, CatalogError
 from catalogs.check import check
 from catalogs.cli import main
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from tests.catalogs.browse.conftest import GRID, grid_plan
 
 
@@ -29,33 +30,55 @@ def data_of(page: str) -> dict[str, Any]:
 
 def test_the_page_names_every_picture(grid: Catalog) -> None:
     data = data_of(page_of(grid))
-    for member in data["members"]:
+    members = data["members"]
+    assert members["viewpoints"] is members["appearances"] is None, "all have the only ones"
+    for name in members["names"]:
         for appearance in data["appearances"]:
-            for view in range(len(data["viewpoints"][member["viewpoints"]])):
-                path = f"members/{member['name']}/{appearance['name']}/{data['files'][view]}"
-                assert (grid.path / path).is_file()
-    assert {m["name"]: tuple(m["values"]) for m in data["members"]} == {f"m{i}": p for i, p in enumerate(GRID)}
-    assert data["splits"] == [view_splits(42)]
+            for file in data["files"]:
+                assert (grid.path / f"members/{name}/{appearance['name']}/{file}").is_file()
+    assert dict(zip(members["names"], zip(*members["values"], strict=True), strict=True)) == {
+        f"m{i}": point for i, point in enumerate(GRID)
+    }
+    assert members["splits"] == "000002"
+    assert [[SPLITS[int(digit)] for digit in digits] for digits in data["view_splits"]] == [list(view_splits(42))]
     assert data["background"] is None
 
 
 def test_the_page_names_only_pictures_that_members_show(varied: Catalog) -> None:
     data = data_of(page_of(varied))
     named = set()
-    for member in data["members"]:
-        for number in member.get("appearances", range(len(data["appearances"]))):
-            for file in data["files"]:
-                named.add(f"members/{member['name']}/{data['appearances'][number]['name']}/{file}")
+    for name, offered in zip(data["members"]["names"], data["members"]["appearances"], strict=True):
+        for number in data["appearance_sets"][offered]:
+            named |= {f"members/{name}/{data['appearances'][number]['name']}/{file}" for file in data["files"]}
     assert named == {path.relative_to(varied.path).as_posix() for path in varied.path.rglob("*.png")}
-    assert [("appearances" in member) for member in data["members"]] == [False, True, True]
+
+
+def test_visualization_parameters_stand_beside_their_appearances(varied: Catalog, grid: Catalog) -> None:
+    data = describe(varied)
+    columns = {p["name"]: dict(zip(varied.appearance_names, p["values"], strict=True)) for p in data["visualization"]}
+    assert list(columns) == ["isovalue", "c1_value", "c1_opacity", "c2_value", "c2_opacity"]
+    assert columns["isovalue"]["iso=0.5"] == 0.5
+    assert columns["isovalue"]["dvr"] is columns["c1_value"]["iso=0.5"] is None
+    for name in ("dvr", "dvr-train-07"):
+        assert {p: columns[p][name] for p in list(columns)[1:]} == pytest.approx(
+            {p: value for p, value in varied.plan.varied(name).items() if p != "isovalue"}
+        )
+    assert describe(grid)["visualization"] == []
+
+
+def test_many_members_stay_compact(tmp_path: Path) -> None:
+    catalog = synthetic_catalog(tmp_path / "many.cdb", members=300, views=1, parameters=6)
+    few = synthetic_catalog(tmp_path / "few.cdb", members=1, views=1, parameters=6)
+    assert (len(page_of(catalog)) - len(page_of(few))) / 299 < 100
 
 
 def test_settings_have_titles_and_groups(varied: Catalog, catalog: Catalog) -> None:
     appearances = {a["name"]: a for a in describe(varied)["appearances"]}
-    assert appearances["dvr"] == {"name": "dvr", "title": "dvr"}
+    assert appearances["dvr"] == {"name": "dvr", "title": "dvr", "kind": "dvr"}
     assert appearances["dvr-train-07"] == {
         "name": "dvr-train-07",
         "title": "dvr-train-07 (c1_value -0.1, c1_opacity -0.1, c2_value +0.1)",
+        "kind": "transfer functions",
         "group": "transfer functions, train",
     }
     assert appearances["dvr-train-65"]["title"] == "dvr-train-65 (c1_value -0.1)"
@@ -63,6 +86,7 @@ def test_settings_have_titles_and_groups(varied: Catalog, catalog: Catalog) -> N
     assert appearances["iso=0.5"] == {
         "name": "iso=0.5",
         "title": "iso=0.5 (isovalue 0.5)",
+        "kind": "isovalues",
         "group": "isovalues, test",
     }
     assert not any("group" in a for a in describe(catalog)["appearances"])

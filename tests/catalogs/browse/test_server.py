@@ -5,24 +5,52 @@ from __future__ import annotations
 import http.client
 import os
 import re
+import signal
 import socket
+import struct
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.request import urlopen
 
 import pytest
 
 from catalogs.browse import CatalogServer, page_of, serve
 from catalogs.browse.server import open_below
 from catalogs.catalog import Catalog
+from tests.catalogs.browse.conftest import running
+from tests.catalogs.browse.seen import shown
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 
-def ask(server: CatalogServer, target: str, *, method: str = "GET", host: str = "127.0.0.1") -> tuple[int, bytes]:
+def ask(
+    server: CatalogServer, target: str, *, method: str = "GET", host: str = "127.0.0.1", cookie: str = ""
+) -> tuple[int, bytes]:
     """Status and body of a request whose target is sent as it stands: no client tidies it up."""
-    with socket.create_connection(server.server_address[:2], timeout=10) as connection:
-        connection.sendall(f"{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode("latin-1"))
+    status, _, body = answer_of(server, target, method=method, host=host, cookie=cookie)
+    return status, body
+
+
+def answer_of(
+    server: CatalogServer, target: str, *, method: str = "GET", host: str = "127.0.0.1", cookie: str = ""
+) -> tuple[int, http.client.HTTPMessage, bytes]:
+    """The same with the headers of the answer."""
+    lines = [
+        f"{method} {target} HTTP/1.1",
+        f"Host: {host}",
+        "Connection: close",
+        *([f"Cookie: {cookie}"] * bool(cookie)),
+    ]
+    with socket.create_connection(("127.0.0.1", server.server_address[1]), timeout=10) as connection:
+        connection.sendall("\r\n".join([*lines, "", ""]).encode("latin-1"))
         answer = http.client.HTTPResponse(connection, method=method)
         answer.begin()
-        return answer.status, answer.read()
+        return answer.status, answer.headers, answer.read()
 
 
 @pytest.fixture
@@ -87,7 +115,10 @@ def test_the_server_gives_out_nothing_else(server: CatalogServer, target: str) -
     assert ask(server, "/data.csv")[0] == 200, "and it is still there"
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1"])
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "192.168.0.1", "0.0.0.0", "2130706433", "", "[::1"],
+)
 def test_the_server_answers_only_to_local_names(server: CatalogServer, host: str) -> None:
     assert ask(server, "/data.csv", host=host)[0] in (400, 403)
 
@@ -96,6 +127,109 @@ def test_the_server_only_reads(server: CatalogServer) -> None:
     for method in ("POST", "PUT", "DELETE"):
         assert ask(server, "/data.csv", method=method)[0] == 501
     assert server.server_address[0] == "127.0.0.1"
+
+
+@pytest.fixture(scope="module")
+def open_server(grid: Catalog) -> Iterator[CatalogServer]:
+    """One that other machines reach."""
+    with running(CatalogServer(grid.path, page_of(grid).encode(), host="0.0.0.0")) as server:
+        yield server
+
+
+def test_other_addresses_need_the_token(grid: Catalog, open_server: CatalogServer) -> None:
+    token = open_server.token
+    assert token is not None
+    assert len(token) >= 32
+    assert open_server.address == f"http://{socket.gethostname()}:{open_server.server_address[1]}/?token={token}"
+    for target in ("/", "/index.html", "/data.csv", "/nothing", "/?token=", "/?token=wrong", f"/?other={token}"):
+        assert ask(open_server, target)[0] == 403
+    assert ask(open_server, "/data.csv", method="HEAD")[0] == 403
+    name = open_server.cookie
+    for cookie in ("", f"{name}=", f"{name}=wrong", f"other={token}", f"{name}={token}x", "\xe9"):
+        status, body = ask(open_server, "/data.csv", cookie=cookie)
+        assert status == 403
+        assert token.encode() not in body
+    status, headers, _ = answer_of(open_server, f"/?token={token}")
+    assert status == 303
+    assert headers["Location"] == "/", "the token leaves the address"
+    cookie, *attributes = headers["Set-Cookie"].split("; ")
+    assert {"HttpOnly", "SameSite=Lax"} <= set(attributes)
+    assert ask(open_server, "/", cookie=cookie) == (200, page_of(grid).encode())
+    assert ask(open_server, "/data.csv", cookie=f"a[]=1; {cookie}; b=2")[0] == 200
+    assert ask(open_server, "/../secret.txt", cookie=cookie)[0] == 404
+
+
+def test_tokens_are_random(grid: Catalog) -> None:
+    tokens = set()
+    for _ in range(3):
+        with CatalogServer(grid.path, b"", host="0.0.0.0") as server:
+            tokens.add(server.token)
+    assert len(tokens) == 3
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [("127.0.0.1", 200), ("192.168.7.7:80", 200), ("[fe80::1]:80", 200), ("evil.example", 403), ("", 403)],
+)
+def test_an_open_server_answers_to_addresses_and_its_own_names(
+    open_server: CatalogServer, host: str, status: int
+) -> None:
+    cookie = f"{open_server.cookie}={open_server.token}"
+    assert ask(open_server, "/data.csv", host=host, cookie=cookie)[0] == status
+    assert ask(open_server, "/data.csv", host=f"{socket.gethostname().upper()}:1", cookie=cookie)[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("host", "local"), [("127.0.0.1", True), ("localhost", True), ("127.0.0.5", True), ("::1", True)]
+)
+def test_this_machine_needs_no_token(grid: Catalog, host: str, local: bool) -> None:
+    try:
+        server = CatalogServer(grid.path, b"", host=host)
+    except OSError as error:
+        pytest.skip(f"this machine has no {host}: {error}")
+    with server:
+        assert (server.token is None) == local
+        assert server.address == f"http://{f'[{host}]' if ':' in host else host}:{server.server_address[1]}/"
+
+
+def test_a_client_that_goes_away_leaves_the_terminal_alone(
+    server: CatalogServer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_connection(("127.0.0.1", server.server_address[1])) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close by a reset
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+    assert ask(server, "/data.csv")[0] == 200
+    time.sleep(0.2)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_command_prints_one_address_and_stops_on_ctrl_c(catalog: Catalog) -> None:
+    command = [sys.executable, "-c", "from catalogs.cli import main; main()", "browse", str(catalog.path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        addresses = re.findall(r"http://\S+", said)
+        assert len(addresses) == 1
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", addresses[0])
+        with urlopen(addresses[0], timeout=10) as answer:
+            assert b"<title>" in answer.read()
+        process.send_signal(signal.SIGINT)
+        rest, _ = process.communicate(timeout=20)
+        assert rest == "stopped\n"
+        assert process.returncode == 0
+    finally:
+        process.kill()
+
+
+def test_a_browser_keeps_the_token_as_a_cookie(grid: Catalog, open_server: CatalogServer, page: Page) -> None:
+    address = open_server.address.replace(socket.gethostname(), "127.0.0.1")
+    page.goto(f"{address}#member=m3&view=5")
+    assert shown(page) == ("m3", "first", 5)
+    assert "token" not in page.url
+    page.goto("about:blank")
+    page.goto(f"http://127.0.0.1:{open_server.server_address[1]}/#member=m2&view=5")
+    assert shown(page) == ("m2", "first", 5)
 
 
 def test_a_file_that_becomes_a_link_is_not_followed(tmp_path: Path) -> None:
@@ -114,13 +248,13 @@ def test_a_folder_that_refuses_the_page_is_served_all_the_same(
 ) -> None:
     said: list[str] = []
 
-    def refuse(path: Path) -> Path:
+    def refuse(path: Path, page: str) -> Path:
         raise PermissionError(f"{path} is read-only")
 
     def stop(self: CatalogServer) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("catalogs.browse.server.write_page", refuse)
+    monkeypatch.setattr("catalogs.browse.server.keep_page", refuse)
     monkeypatch.setattr(CatalogServer, "serve_forever", stop)
     serve(catalog.path, announce=said.append)
     assert "read-only" in said[0]

@@ -1,0 +1,152 @@
+"""What the page knows of a catalog: columns rather than an object per member, so that 100,000 members stay a few megabytes."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from catalogs.appearance import Appearance, Isosurface, field_of
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog, CatalogPlan, Member
+from catalogs.parameters import SPLITS
+from catalogs.variations import ISOVALUE
+
+DIGITS = 9  # of a parameter's value: what tells any two float32 apart
+
+Item = TypeVar("Item", bound=Hashable)
+
+
+def describe(catalog: Catalog) -> dict[str, Any]:
+    """What the page needs to know of the catalog, as JSON values.
+
+    Keys: `title`; `splits`, the names that all other splits are numbers of; `parameters` and `visualization` (`name`, `unit`,
+    `low`, `high`; of the latter also `values`, one per appearance, None where it has none); `appearances` (`name`, `title`,
+    `kind`, and `group` of those in a variation); `background` as a CSS color or None; `files`, the file name of each view;
+    `viewpoints`, sets of [x, y, z, up x, up y, up z] per view, unit vectors from the volume's middle towards the camera and to
+    the top of its picture; `view_splits` of each such set, a digit per view; `members`, columns: `names`, `splits` (a digit
+    each), `values` (a list per parameter), and, None where all have the first or only, `viewpoints` (which set) and
+    `appearances` (which of `appearance_sets`, lists of numbers).
+    """
+    plan = catalog.plan
+    members = catalog.members
+    sets, which = _numbered(_view_keys(members, plan))
+    shown, offered = _numbered(member.appearances for member in members)
+    numbers = {name: i for i, name in enumerate(plan.appearance_names)}
+    return {
+        "title": _title(catalog),
+        "splits": list(SPLITS),
+        "parameters": plan.space.to_json(),
+        "visualization": _visualization(plan),
+        "appearances": [_appearance(a, plan) for a in plan.appearances],
+        "background": _css(plan.background),
+        "files": _file_names(catalog, members),
+        "viewpoints": [points for points, _ in sets],
+        "view_splits": [splits for _, splits in sets],
+        "appearance_sets": [[numbers[name] for name in names] for names in shown],
+        "members": {
+            "names": [m.name for m in members],
+            "splits": _digits(m.split for m in members),
+            "values": [[_short(m.parameters[name]) for m in members] for name in plan.space.names],
+            "viewpoints": which if len(sets) > 1 else None,
+            "appearances": offered if len(shown) > 1 else None,
+        },
+    }
+
+
+def _numbered(items: Iterable[Item]) -> tuple[list[Item], list[int]]:
+    """The different items in order of appearance, and which of them each is."""
+    numbers: dict[Item, int] = {}
+    which = [numbers.setdefault(item, len(numbers)) for item in items]
+    return list(numbers), which
+
+
+def _digits(splits: Iterable[str]) -> str:
+    return "".join(str(SPLITS.index(split)) for split in splits)
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _view_keys(members: Sequence[Member], plan: CatalogPlan) -> list[tuple[Any, str]]:
+    """Viewpoints and splits of each member's views; worked out once for cameras that are shared."""
+    shared = _viewpoints(plan.cameras, plan.bounds)
+    return [
+        (shared if m.cameras is plan.cameras else _viewpoints(m.cameras, plan.bounds), _digits(m.view_splits))
+        for m in members
+    ]
+
+
+def _viewpoints(cameras: Sequence[Camera], bounds: Any) -> tuple[tuple[float, ...], ...]:
+    middle = np.mean(bounds, axis=0)  # [3]
+    points = []
+    for camera in cameras:
+        offset = camera.position - middle  # [3]
+        distance = float(np.linalg.norm(offset))
+        direction = offset / distance if distance > 0 else -camera.forward
+        points.append(tuple(round(float(x), 6) + 0.0 for x in (*direction, *camera.up)))
+    return tuple(points)
+
+
+def _file_names(catalog: Catalog, members: Sequence[Member]) -> list[str]:
+    if not members:
+        return []
+    most = max(len(member.cameras) for member in members)
+    appearance = catalog.appearance_names[0]
+    return [catalog.image_path(members[0], appearance, view).name for view in range(most)]
+
+
+def _title(catalog: Catalog) -> str:
+    """The scene's name where one is known; else the folder's, or its parent's where every catalog is called "catalog"."""
+    path = catalog.path.resolve()
+    return str(catalog.plan.provenance.get("scene") or (path.parent.name if path.stem == "catalog" else path.stem))
+
+
+def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
+    """The visualization parameters that differ between appearances: isovalues, displacements of a transfer function."""
+    found = []
+    if plan.has_isosurface:
+        values = [float(a.isovalue) if isinstance(a, Isosurface) else None for a in plan.appearances]
+        found.append((ISOVALUE, "", values))
+    for variation in (v for v in plan.variations if v.in_table and v.kind != "isovalue"):
+        for i, parameter in enumerate(variation.space.parameters):
+            values = [
+                setting.values[i]
+                if (setting := variation.setting(a.name))
+                else 0.0
+                if a.name == variation.base
+                else None
+                for a in plan.appearances
+            ]
+            found.append((parameter.name, parameter.unit, values))
+    return [
+        {"name": name, "unit": unit, "low": min(known), "high": max(known), "values": values}
+        for name, unit, values in found
+        if len(known := {value for value in values if value is not None}) > 1
+    ]
+
+
+def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
+    said = {"name": appearance.name, "title": _appearance_title(appearance, plan)}
+    setting = plan.setting(appearance.name)
+    variation = next((v for v in plan.variations if v.setting(appearance.name) is not None), None)
+    if setting is None or variation is None or not variation.in_table:
+        return {**said, "kind": appearance.name}
+    kind = f"{variation.kind.replace('_', ' ')}s"
+    return {**said, "kind": kind, "group": f"{kind}, {setting.split}"}
+
+
+def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:
+    """Its name and what sets it apart: its field, an isovalue, or how the points of a transfer function are displaced."""
+    said = [field_of(appearance)] if field_of(appearance) else []
+    if isinstance(appearance, Isosurface):
+        said.append(f"isovalue {appearance.isovalue:g}")
+    else:
+        said += [f"{name} {value:+.3g}" for name, value in plan.varied(appearance.name).items() if value]
+    return f"{appearance.name} ({', '.join(said)})" if said else appearance.name
+
+
+def _css(color: Sequence[float] | None) -> str | None:
+    return None if color is None else "#" + "".join(f"{round(255 * value):02x}" for value in color)
