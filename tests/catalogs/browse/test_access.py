@@ -18,6 +18,8 @@ from tests.catalogs.browse.seen import image_of, shown, visit
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+pytestmark = pytest.mark.slow
+
 MODES = {
     "one": "",
     "brushed": "in.x=0.5..1.5",

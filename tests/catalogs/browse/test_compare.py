@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from catalogs.browse import CatalogServer
 from catalogs.catalog import Catalog
@@ -13,6 +14,8 @@ from tests.catalogs.browse.seen import composited, drag, image_of, shown, turned
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
+
+pytestmark = pytest.mark.slow
 
 WHITE = (255, 255, 255)
 

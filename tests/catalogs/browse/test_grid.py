@@ -17,6 +17,8 @@ from tests.catalogs.browse.seen import Picture, composited, picture_at, shown, v
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+pytestmark = pytest.mark.slow
+
 
 def cells(page: Page) -> list[Picture]:
     """What the cells in sight show, row by row, once all are there."""

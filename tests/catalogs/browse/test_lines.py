@@ -16,6 +16,8 @@ from tests.catalogs.browse.seen import drag, option_texts, shown, visit
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+pytestmark = pytest.mark.slow
+
 
 def axis_at(page: Page, number: int, part: float) -> tuple[float, float]:
     """Where in the window an axis has the value at `part` (0 low, 1 high) of its range."""

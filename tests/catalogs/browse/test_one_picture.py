@@ -143,6 +143,7 @@ def test_an_address_asks_only_for_what_a_member_shows(varied: Catalog, page: Pag
     assert shown(page) == ("isosurfaces", "iso=0.2", 2)
 
 
+@pytest.mark.slow
 def test_dragging_turns_the_thing_with_the_pointer(grid: Catalog, server: CatalogServer, page: Page) -> None:
     """A point on the near side, followed from picture to picture by its cameras, goes where the pointer goes.
 

@@ -22,6 +22,8 @@ from tests.surrogate.explore.seen import assert_shown, drawn, open_explorer, req
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="session")
 def surrogate(run_folder: Path) -> Surrogate:
