@@ -104,7 +104,9 @@ def show(run: Path) -> None:
 
 @main.command()
 @click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need the printed token.")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need the printed token."
+)
 @click.option("--port", default=0, help="Port to listen on.  [default: any that is free]")
 @click.option("--open/--no-open", "open_page", default=False, help="Open the page in this machine's browser.")
 def explore(run: Path, host: str, port: int, open_page: bool) -> None:

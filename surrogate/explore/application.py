@@ -8,38 +8,47 @@ plain HTTP, so that a film in the making stops no frame.
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 import logging
 import re
 import secrets
+import socket
 import threading
 import uuid
 import webbrowser
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import torch
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 from trame.app import get_server
+from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.html import DivLayout
 from trame.widgets import html
 
 from catalogs.catalog import CatalogError
+from catalogs.images import ImageError
 from surrogate.explore.expectation import measure
-from surrogate.explore.exports import exported
+from surrogate.explore.exports import Export, exported
 from surrogate.explore.facts import facts
 from surrogate.explore.frames import Frames
 from surrogate.explore.guard import Guard
 from surrogate.explore.messages import MessageError, frame_request
 from surrogate.explore.run import Run
+from surrogate.explore.sockets import LARGEST, Sockets
 from surrogate.explore.truth import Truth
 
-ALLOWED_CALLS = {"trame.state.get", "trame.trigger", "trame.lifecycle.update"}
 DRAWING_THREADS = 2
-LARGEST_MESSAGE = 1 << 20  # bytes that a browser may send at once
+MOST_EXPORTS = 8  # one is made, the others wait
+EVERYWHERE = ("", "0.0.0.0", "::")
+PATIENCE = 10.0  # seconds
+PARTING = 2.0  # seconds that tabs have to leave when the server stops
 VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
 # Where the page learns how to connect, whatever path a proxy has put before it.
 CONNECT = (
@@ -63,14 +72,17 @@ class Explorer:
         alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
         self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw", **alone)
         self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export", **alone)
+        self._exports = 0  # made or waiting
         self._closed = threading.Event()
+        self._measuring = threading.Thread(target=self._measure, name="expectation", daemon=True)
         self.server = get_server(f"explorer-{uuid.uuid4().hex}", client_type="vue3")
         self._build()
 
     @property
     def address(self) -> str:
         """Where the page is, once the server runs."""
-        named = f"[{self.guard.host}]" if ":" in self.guard.host else self.guard.host
+        host = socket.gethostname() if self.guard.host in EVERYWHERE else self.guard.host
+        named = f"[{host}]" if ":" in host else host
         token = f"?token={self.guard.token}" if self.guard.token else ""
         return f"http://{named}:{self.server.port}/{token}"
 
@@ -79,9 +91,11 @@ class Explorer:
         self.server.controller.on_server_ready.add(lambda **_: ready(self.address))
         # A tab that is closed while its picture is on the way is no failure; wslink would print it as one.
         logging.getLogger("wslink").setLevel(logging.CRITICAL + 1)
+        logging.getLogger("aiohttp.server").addFilter(_is_ours)
         # trame would read this program's own command line.
         self.server.cli.parse_known_args = _defaults(self.server.cli)  # type: ignore[method-assign]
-        self.server.cli.set_defaults(nowscompress=True, authKey=self.secret)  # pictures are compressed already
+        # The WebSocket is ours, see `_bind`; pictures are compressed already.
+        self.server.cli.set_defaults(nows=True, nowscompress=True, authKey=self.secret)
         return self.server.start(
             port=port,
             host=self.guard.host,
@@ -94,13 +108,23 @@ class Explorer:
 
     def measure_expectation(self) -> None:
         """Measure in the background what error to expect, or read what was measured before."""
-        threading.Thread(target=self._measure, name="expectation", daemon=True).start()
+        self._measuring.start()
+
+    async def stop(self) -> None:
+        """Stop listening; whoever is connected has a moment to leave."""
+        self._closed.set()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self.server.stop(), PARTING)
 
     def close(self) -> None:
         """Draw and measure nothing any more."""
         self._closed.set()
         for pool in (self._drawing, self._exporting):
             pool.shutdown(wait=False, cancel_futures=True)
+        if self._measuring.is_alive():  # at the end of Python a thread inside of a kernel would abort the process
+            self._measuring.join(timeout=PATIENCE)
+        AVAILABLE_SERVERS.pop(self.server.name, None)
+        self.frames.forget()  # aiohttp keeps the handlers of some hundred servers, and so this object
 
     def _measure(self) -> None:
         def go_on(*_: object) -> None:
@@ -116,7 +140,7 @@ class Explorer:
 
     def _build(self) -> None:
         server = self.server
-        server.options["ws_max_msg_size"] = LARGEST_MESSAGE
+        server.options["ws_max_msg_size"] = LARGEST
         server.state.trame__title = f"{self.run.title} · gs-surrogate"
         server.state.trame__template_error = STOPPED
         server.enable_module(
@@ -134,14 +158,15 @@ class Explorer:
         server.controller.on_server_bind.add(self._bind)
 
     def _bind(self, backend: Any) -> None:
-        """Before anything is served: guard it, and close what a page of ours never calls."""
+        """Before anything is served: guard it, and answer what a page of ours asks for."""
         backend.app.middlewares.append(self.guard.middleware())
         backend.app.router.add_get("/index.html", _index)
         backend.app.router.add_get("/look.css", _look)
         backend.app.router.add_post("/session", self._session)
         backend.app.router.add_post("/export", self._export)
-        for handler in backend._ws_handlers:
-            handler.functionMap = {name: call for name, call in handler.functionMap.items() if name in ALLOWED_CALLS}
+        sockets = Sockets(self.server.protocol, backend)
+        backend._ws_handlers.append(sockets)  # whom wslink disconnects when it stops
+        backend.app.router.add_get("/ws", sockets.handleWsRequest)
 
     async def _tell(self, *_: Any, **__: Any) -> dict[str, Any]:
         return self._facts
@@ -167,15 +192,27 @@ class Explorer:
         return web.json_response({"sessionURL": f"ws://USE_HOST{prefix}ws", "secret": self.secret})
 
     async def _export(self, request: web.Request) -> web.Response:
-        def work(message: Any) -> Any:
-            return exported(message, self.run)
+        def go_on(*_: Any) -> None:
+            if self._closed.is_set() or request.transport is None:
+                raise InterruptedError("nobody waits for this export any more")
 
+        def work(message: Any) -> Export:
+            go_on()
+            return exported(message, self.run, go_on)
+
+        message = await _json_of(request)
+        if self._exports >= MOST_EXPORTS:
+            return web.json_response({"error": "other exports are still being made: try again later"}, status=503)
+        self._exports += 1
         try:
-            message = json.loads(await request.text())
             made = await asyncio.get_running_loop().run_in_executor(self._exporting, work, message)
+        except InterruptedError:
+            return web.Response(status=503)
         except Exception as error:
             status = 400 if isinstance(error, ValueError) else 500
             return web.json_response({"error": _said(error)}, status=status)
+        finally:
+            self._exports -= 1
         headers = {"Content-Disposition": f'attachment; filename="{made.name}"'}
         return web.Response(body=made.content, content_type=made.media_type, headers=headers)
 
@@ -188,7 +225,7 @@ def explore(
     open_page: bool = False,
     announce: Callable[[str], Any] = print,
 ) -> None:
-    """Show a run until Ctrl-C, after announcing its address.  Raises OSError where the port is taken."""
+    """Show a run until Ctrl-C, after announcing its address.  Raises OSError where no server can listen there."""
     explorer = Explorer(run, host=host)
 
     def ready(address: str) -> None:
@@ -201,12 +238,45 @@ def explore(
         explorer.start(port=port, ready=ready, exec_mode="main")
     except KeyboardInterrupt:
         pass
+    except (OSError, OverflowError) as error:
+        raise OSError(_why_not(error, host, port)) from error
     finally:
         explorer.close()
     announce("stopped")
 
 
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether aiohttp's complaint is about this program, not about what strangers sent that is no HTTP."""
+    theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError
+    return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
+
+
+def _why_not(error: OSError | OverflowError, host: str, port: int) -> str:
+    """Why no server can listen there."""
+    if not 0 <= port <= 65535:
+        return f"a port lies in 0 to 65535, got {port}"
+    reason = getattr(error, "errno", None)
+    if reason == errno.EADDRINUSE:
+        return f"port {port} of {host} is taken: name another one, or none for one that is free"
+    if reason == errno.EACCES:
+        return f"port {port} is not for everybody: name one above 1023, or none for one that is free"
+    return f"no server can listen at {host}: {getattr(error, 'strerror', None) or error}"
+
+
+async def _json_of(request: web.Request) -> Any:
+    try:
+        return json.loads(await request.read())
+    except web.HTTPException:
+        raise
+    except Exception:  # of the body's encoding, its text, its values, its depth
+        raise web.HTTPBadRequest(text='{"error": "this is no JSON"}', content_type="application/json") from None
+
+
 def _said(error: Exception) -> str:
+    """What a tab is told; what names files of this machine only its terminal hears."""
+    if isinstance(error, CatalogError | ImageError):
+        log.warning("%s", error)
+        return "a stored picture can't be read: the explorer's terminal says which"
     if isinstance(error, MessageError | ValueError):
         return str(error)
     log.exception("an answer failed", exc_info=error)

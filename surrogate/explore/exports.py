@@ -18,6 +18,9 @@ from surrogate.ply import ply_bytes
 
 FILM_STEPS = 49  # frames of a film there, as many back
 
+GoOn = Callable[..., Any]
+Make = Callable[[FrameRequest, Mapping[str, Any], Run, GoOn], bytes]
+
 
 @dataclass(frozen=True)
 class Export:
@@ -28,8 +31,10 @@ class Export:
     content: bytes
 
 
-def exported(message: Any, run: Run) -> Export:
+def exported(message: Any, run: Run, go_on: GoOn = lambda *_: None) -> Export:
     """The file that a message asks for: that of a frame, with the `kind` of file and, for sheets and films, the `sweep`.
+
+    `go_on` is called with every picture of a sheet or film that is drawn and written; what it raises ends the work.
 
     Raises MessageError for a wrong message, ValueError for what can't be made.
     """
@@ -38,13 +43,13 @@ def exported(message: Any, run: Run) -> Export:
     if not isinstance(kind, str) or kind not in KINDS:
         raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
     ending, media_type, make = KINDS[kind]
-    content = make(request, message, run)
+    content = make(request, message, run, go_on)
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", run.title).strip("-.") or "surrogate"
     return Export(f"{name}.{ending}", media_type, content)
 
 
-def _picture(kind: str) -> Callable[[FrameRequest, Mapping[str, Any], Run], bytes]:
-    def make(request: FrameRequest, _: Mapping[str, Any], run: Run) -> bytes:
+def _picture(kind: str) -> Make:
+    def make(request: FrameRequest, _: Mapping[str, Any], run: Run, __: GoOn) -> bytes:
         setting, camera, background = request.settings[0], request.camera, request.background
         drawn = setting.gaussians(run.surrogate).render(camera, background=background)[..., :3]
         return encode(drawn, kind, record=record_for(run.surrogate, setting, camera, background))  # type: ignore[arg-type]
@@ -52,31 +57,31 @@ def _picture(kind: str) -> Callable[[FrameRequest, Mapping[str, Any], Run], byte
     return make
 
 
-def _gaussians(request: FrameRequest, _: Mapping[str, Any], run: Run) -> bytes:
+def _gaussians(request: FrameRequest, _: Mapping[str, Any], run: Run, __: GoOn) -> bytes:
     return ply_bytes(request.settings[0].gaussians(run.surrogate))
 
 
-def _code(request: FrameRequest, _: Mapping[str, Any], run: Run) -> bytes:
+def _code(request: FrameRequest, _: Mapping[str, Any], run: Run, __: GoOn) -> bytes:
     folder = run.model_folder or "surrogate"
     setting, camera, background = request.settings[0], request.camera, request.background
     return snippet(folder, setting, camera, background, surrogate=run.surrogate).encode()
 
 
-def _sheet(request: FrameRequest, message: Mapping[str, Any], run: Run) -> bytes:
+def _sheet(request: FrameRequest, message: Mapping[str, Any], run: Run, go_on: GoOn) -> bytes:
     sweep = _sweep(request, message, run)
-    drawn = pictures(sweep, run.surrogate, request.camera, request.background)
+    drawn = pictures(sweep, run.surrogate, request.camera, request.background, progress=go_on)
     record = record_for(run.surrogate, sweep.base, request.camera, request.background)
     return strip(sweep, drawn, units=_units(sweep, run), background=request.background, record=record)
 
 
-def _film(write: Callable[..., bytes]) -> Callable[[FrameRequest, Mapping[str, Any], Run], bytes]:
-    def make(request: FrameRequest, message: Mapping[str, Any], run: Run) -> bytes:
+def _film(write: Callable[..., bytes]) -> Make:
+    def make(request: FrameRequest, message: Mapping[str, Any], run: Run, go_on: GoOn) -> bytes:
         asked = _sweep(request, message, run)
         columns = Axis(asked.columns.name, asked.columns.low, asked.columns.high, FILM_STEPS)
         sweep = Sweep(asked.base, columns)
-        drawn = pictures(sweep, run.surrogate, request.camera, request.background)
+        drawn = pictures(sweep, run.surrogate, request.camera, request.background, progress=go_on)
         named = captioned(drawn, sweep, background=request.background, units=_units(sweep, run))
-        return write(named, there_and_back=True)
+        return write(named, there_and_back=True, go_on=go_on)
 
     return make
 
@@ -110,7 +115,7 @@ def _axis(fields: Mapping[str, Any], name: str, count: str, run: Run) -> Axis:
     return Axis(named, of.low, of.high, steps)
 
 
-KINDS: dict[str, tuple[str, str, Callable[[FrameRequest, Mapping[str, Any], Run], bytes]]] = {
+KINDS: dict[str, tuple[str, str, Make]] = {
     "png": ("png", "image/png", _picture("png")),
     "exr": ("exr", "image/x-exr", _picture("exr")),
     "ply": ("ply", "application/octet-stream", _gaussians),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -20,32 +20,42 @@ BT709, LIMITED = 1, 1  # ITU-T H.273: what players take a film's colours for, an
 
 
 def gif(
-    pictures: Iterable[NDArray[Any]], *, frames_per_second: float = FRAMES_PER_SECOND, there_and_back: bool = False
+    pictures: Iterable[NDArray[Any]],
+    *,
+    frames_per_second: float = FRAMES_PER_SECOND,
+    there_and_back: bool = False,
+    go_on: Callable[[], Any] = lambda: None,
 ) -> bytes:
     """Pictures (H, W, 3) in [0, 1], or uint8, as an animated GIF that never ends.
 
     Each has a palette of its own, 256 colours by median cut (Heckbert 1982), and is not dithered: on volume renderings that is 2
     to 7 dB better than dithering, and 1 to 8 dB better than octrees.  A picture of 256² takes 0.1 s.  With `there_and_back` it runs
-    backwards from the last picture, so that nothing jumps.  Times are rounded to 1/100 s.
+    backwards from the last picture, so that nothing jumps.  Times are rounded to 1/100 s.  `go_on` is called before each picture
+    is written, and what it raises ends the film.
 
     Raises ValueError for fewer than two pictures, of different shapes, or a rate that is not in 0.5 to 50 a second.
     """
     _check_rate(frames_per_second)
     frames = [_with_palette(picture) for picture in _checked(pictures)]
     first, *others = bounced(frames) if there_and_back else frames
+    written = _watched(others, go_on)
     stream = io.BytesIO()
     milliseconds = 10 * round(100.0 / frames_per_second)
-    first.save(stream, "GIF", save_all=True, append_images=others, duration=milliseconds, loop=0)
+    first.save(stream, "GIF", save_all=True, append_images=written, duration=milliseconds, loop=0)
     return stream.getvalue()
 
 
 def mp4(
-    pictures: Iterable[NDArray[Any]], *, frames_per_second: float = FRAMES_PER_SECOND, there_and_back: bool = False
+    pictures: Iterable[NDArray[Any]],
+    *,
+    frames_per_second: float = FRAMES_PER_SECOND,
+    there_and_back: bool = False,
+    go_on: Callable[[], Any] = lambda: None,
 ) -> bytes:
     """Pictures (H, W, 3) in [0, 1], or uint8, as an H.264 film in MP4 that browsers and QuickTime play.
 
     Colours have half the resolution (4:2:0, Rec. 709): nothing else plays everywhere.  A picture of odd width or height repeats its
-    last column or row.
+    last column or row.  `go_on` as for `gif`.
 
     Raises ValueError as `gif` does, and where PyAV is not installed or has no H.264 encoder.
     """
@@ -61,7 +71,7 @@ def mp4(
         frames = bounced(list(frames))
     stream = io.BytesIO()
     with av.open(stream, "w", format="mp4") as container:
-        _write_frames(container, frames, frames_per_second)
+        _write_frames(container, _watched(frames, go_on), frames_per_second)
     return stream.getvalue()
 
 
@@ -87,6 +97,12 @@ def _write_frames(container: Any, frames: Iterable[NDArray[np.uint8]], frames_pe
         converted = image.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
         container.mux(track.encode(converted))
     container.mux(track.encode())
+
+
+def _watched(frames: Iterable[Any], go_on: Callable[[], Any]) -> Iterator[Any]:
+    for frame in frames:
+        go_on()
+        yield frame
 
 
 def _checked(pictures: Iterable[NDArray[Any]]) -> Iterator[NDArray[np.uint8]]:

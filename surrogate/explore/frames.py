@@ -42,6 +42,10 @@ class Frames:
         found: DeformedGaussians = self._deformed(_key(setting))
         return found
 
+    def forget(self) -> None:
+        """Let the kept Gaussians go."""
+        self._deformed.cache_clear()
+
     def drawn(self, request: FrameRequest) -> list[NDArray[np.float32]]:
         """The pictures of the request's settings, opaque, (H, W, 3) each."""
         return [

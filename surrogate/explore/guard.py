@@ -7,6 +7,7 @@ says comes from a page must come from one of ours.
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 import secrets
 from collections.abc import Awaitable, Callable
@@ -17,6 +18,7 @@ from aiohttp import web
 
 LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "::1"})
 COOKIE = "gs-surrogate-token"
+LONGEST_PATH = 255  # of what is served here none has as many characters; file systems fail at more
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -50,6 +52,11 @@ class Guard:
         """A guard with a new random token unless only this machine can reach `host`."""
         return cls(host, "" if host in LOCAL_HOSTS else secrets.token_urlsafe(24))
 
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie that holds the token: one of its own, as browsers send cookies to all ports of a host."""
+        return f"{COOKIE}-{hashlib.sha256(self.token.encode()).hexdigest()[:8]}"
+
     def refusal(self, request: web.Request) -> str:
         """Why the request is not answered; "" where it is."""
         named = request.headers.get("Host", "").lower()
@@ -58,7 +65,9 @@ class Guard:
         origin = request.headers.get("Origin")
         if origin is not None and origin.lower().partition("://")[2] != named:
             return "pages of other sites may not talk to this server"
-        if self.token and not (self._brought(request.query.get("token")) or self._brought(request.cookies.get(COOKIE))):
+        if self.token and not (
+            self._brought(request.query.get("token")) or self._brought(request.cookies.get(self.cookie))
+        ):
             return "the address lacks its token: take the whole of what the command printed"
         return ""
 
@@ -73,14 +82,19 @@ class Guard:
             reason = self.refusal(request)
             if reason:
                 return web.Response(status=403, text=f"{reason}\n", headers=HEADERS)
+            if len(request.rel_url.raw_path) > LONGEST_PATH:
+                return web.Response(status=404, text="nothing here has so long a name\n", headers=HEADERS)
             try:
                 response = await handler(request)
             except ConnectionResetError:  # a tab was closed while its picture was on the way
                 return web.Response(status=400)
+            except web.HTTPException as answer:
+                answer.headers.update(HEADERS)
+                raise
             if not response.prepared:
                 response.headers.update(HEADERS)
                 if self.token and self._brought(request.query.get("token")):
-                    response.set_cookie(COOKIE, self.token, httponly=True, samesite="Strict")
+                    response.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict")
             return response
 
         return guarded

@@ -217,5 +217,8 @@ def _shown(value: Any) -> str:
     """A few characters of whatever came."""
     if isinstance(value, str | bytes | list | tuple | dict) and len(value) > 200:
         return f"{type(value).__name__} of {len(value)}"
-    text = repr(value)
+    try:
+        text = repr(value)
+    except RecursionError:
+        text = f"a {type(value).__name__} of nested values"
     return text if len(text) <= 80 else f"{text[:77]}..."

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import html
 import os
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from surrogate.explore.run import Run
 from surrogate.model import Surrogate
@@ -30,12 +31,15 @@ class Shown:
 
         self._height = height
         self._ready = threading.Event()
-        self._loop = asyncio.new_event_loop()
         self._explorer: Explorer = Explorer(run)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._serving: asyncio.Task[Any] | None = None
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._serve, name="explorer", daemon=True)
         self._thread.start()
+        atexit.register(self.close)
         if not self._ready.wait(PATIENCE) or self._failure is not None:
+            self.close()
             raise RuntimeError(f"the explorer did not start: {self._failure or f'no answer in {PATIENCE:g} s'}")
 
     @property
@@ -44,19 +48,31 @@ class Shown:
         return self._explorer.address
 
     def close(self) -> None:
-        """Stop the server."""
-        if self._thread.is_alive():
-            asyncio.run_coroutine_threadsafe(self._explorer.server.stop(), self._loop)
-            self._thread.join(timeout=10)
+        """Stop the server: its port and its threads are free again."""
+        loop, self._loop = self._loop, None
+        if loop is not None and self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._stop(), loop)
+            self._thread.join(timeout=PATIENCE)
         self._explorer.close()
+        atexit.unregister(self.close)
+
+    async def _stop(self) -> None:
+        await self._explorer.stop()
+        if self._serving is not None:
+            self._serving.cancel()
 
     def _serve(self) -> None:
-        asyncio.set_event_loop(self._loop)
         try:
-            self._explorer.start(ready=lambda _: self._announce(), exec_mode="main", thread=True)
+            asyncio.run(self._live())
+        except asyncio.CancelledError:
+            pass
         except BaseException as error:  # whatever it is, `__init__` waits to hear of it
             self._failure = error
             self._ready.set()
+
+    async def _live(self) -> None:
+        self._loop, self._serving = asyncio.get_running_loop(), asyncio.current_task()
+        await self._explorer.start(ready=lambda _: self._announce(), exec_mode="coroutine", thread=True)
 
     def _announce(self) -> None:
         self._ready.set()

@@ -269,6 +269,8 @@ def test_wrong_settings_and_parameters_are_named(tmp_path: Path) -> None:
     assert "gausians" in result.output
     scene.write_text(SCENE)
     assert CliRunner().invoke(main, ["train", str(scene), "--runs", str(tmp_path / "runs")]).exit_code == 0
-    wrong = CliRunner().invoke(main, ["export", str(tmp_path / "runs/disks"), "-p", "Re=1", "-o", str(tmp_path / "a.png")])
+    wrong = CliRunner().invoke(
+        main, ["export", str(tmp_path / "runs/disks"), "-p", "Re=1", "-o", str(tmp_path / "a.png")]
+    )
     assert wrong.exit_code == 1
     assert "shift" in wrong.output

@@ -4,7 +4,7 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from surrogate.explore.guard import COOKIE, Guard
+from surrogate.explore.guard import Guard
 
 LOCAL = Guard.of("127.0.0.1")
 OPEN = Guard.of("0.0.0.0")
@@ -41,11 +41,16 @@ def test_other_addresses_need_the_token() -> None:
     assert "token" in OPEN.refusal(request(Host="box:80"))
     assert "token" in OPEN.refusal(request("/?token=wrong", Host="box:80"))
     assert "token" in OPEN.refusal(request("/?token=%ff%fe", Host="box:80"))
-    assert "token" in OPEN.refusal(request(Host="box:80", Cookie=f"{COOKIE}=x{OPEN.token}"))
+    assert "token" in OPEN.refusal(request(Host="box:80", Cookie=f"{OPEN.cookie}=x{OPEN.token}"))
     assert OPEN.refusal(request(f"/?token={OPEN.token}", Host="box:80")) == ""
-    assert OPEN.refusal(request(Host="box:80", Cookie=f"{COOKIE}={OPEN.token}")) == ""
+    assert OPEN.refusal(request(Host="box:80", Cookie=f"{OPEN.cookie}={OPEN.token}")) == ""
     stranger = request(f"/?token={OPEN.token}", Host="box:80", Origin="http://evil.example")
     assert "other sites" in OPEN.refusal(stranger)
+
+
+def test_servers_of_one_host_do_not_take_each_others_cookies() -> None:
+    assert OPEN.cookie != Guard.of("0.0.0.0").cookie
+    assert OPEN.token not in OPEN.cookie
 
 
 def test_a_local_server_has_no_token() -> None:

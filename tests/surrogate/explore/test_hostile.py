@@ -1,0 +1,442 @@
+"""What strangers, and tabs gone mad, may send: each gets an error, no one else notices, and the same tab lives on."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import random
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import msgpack
+import psutil
+import pytest
+
+pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
+
+from surrogate.explore.notebook import Shown
+from surrogate.explore.run import Run
+from tests.surrogate.explore import test_exports, test_messages
+from tests.surrogate.explore.models import plain
+from tests.surrogate.explore.tabs import Tab, framed, lives, post
+from tests.surrogate.explore.test_messages import message
+
+ROOT = str(Path(__file__).parents[3])
+HELLO = {"id": "system:c0:0", "method": "wslink.hello", "args": [{"secret": "wrong"}]}
+
+
+@pytest.fixture
+def tab(explorer: str) -> Iterator[Tab]:
+    with Tab(explorer) as opened:
+        yield opened
+
+
+def harmless(answer: Any) -> str:
+    """The answer is an error that tells nothing of this machine; returns it."""
+    said = repr(answer)
+    assert "error" in answer
+    assert len(said) < 1000
+    for secret in ("Traceback", ".py", "site-packages", ROOT, "/tmp", "File "):
+        assert secret not in said
+    return said
+
+
+def test_a_tab_gets_facts_and_frames(tab: Tab) -> None:
+    facts = tab.trigger("facts")
+    assert facts["title"] == "blobs"
+    lives(tab)
+    assert tab.trigger("nearest", message())["found"]["member"] in ("train-0", "train-1", "validation-0")
+    state = tab.ask("trame.state.get")["result"]
+    assert ROOT not in json.dumps(state, default=repr)
+
+
+NO_MESSAGES: dict[str, bytes | str] = {
+    "nothing": b"",
+    "text": "hello",
+    "a long text": "x" * 100_000,
+    "a header alone": framed(b""),
+    "half a header": b"\x00" * 7,
+    "noise": random.Random(1).randbytes(5000),
+    "framed noise": framed(random.Random(2).randbytes(5000)),
+    "an int": framed(msgpack.packb(3)),
+    "a list": framed(msgpack.packb([1, 2])),
+    "null": framed(msgpack.packb(None)),
+    "no id": framed(msgpack.packb({"method": "trame.state.get"})),
+    "a number as id": framed(msgpack.packb({"id": 3, "method": "trame.state.get"})),
+    "a list as id": framed(msgpack.packb({"id": ["system"], "method": "trame.state.get"})),
+    "a huge id": framed(msgpack.packb({"id": "x" * 10**6, "method": "trame.state.get"})),
+    "no method": framed(msgpack.packb({"id": "rpc:c0:1"})),
+    "a list as method": framed(msgpack.packb({"id": "rpc:c0:1", "method": ["trame.trigger"]})),
+    "args of text": framed(msgpack.packb({"id": "rpc:c0:1", "method": "trame.trigger", "args": "facts"})),
+    "kwargs of numbers": framed(msgpack.packb({"id": "rpc:c0:1", "method": "trame.trigger", "kwargs": {1: 2}})),
+    "no UTF-8": framed(b"\xa2\xff\xfe"),
+    "nested 10,000 deep": framed(b"\x91" * 10_000 + b"\x00"),
+    "an array of four billion": framed(b"\xdd\xff\xff\xff\xff"),
+    "text of four gigabytes": framed(b"\xdb\xff\xff\xff\xff"),
+    "two messages": framed(msgpack.packb({}) * 2),
+    "numbers as names": framed(msgpack.packb({"id": "rpc:c0:1", "method": "trame.trigger", "args": [{1: 2}]})),
+    "a date that is none": framed(b"\xd7\xff" + b"\xff" * 8),
+}
+
+
+@pytest.mark.parametrize("name", NO_MESSAGES)
+def test_what_is_no_message_gets_an_error_and_the_tab_lives_on(tab: Tab, name: str) -> None:
+    tab.send(NO_MESSAGES[name])
+    harmless(tab.receive())
+    lives(tab)
+
+
+@pytest.mark.parametrize("name", NO_MESSAGES)
+def test_strangers_get_nothing_else(explorer: str, name: str) -> None:
+    with Tab(explorer, hello=False) as stranger:
+        stranger.send(NO_MESSAGES[name])
+        harmless(stranger.receive())
+        assert "Unauthorized" in harmless(stranger.ask("trame.state.get"))
+        assert "Unauthorized" in harmless(stranger.ask("trame.trigger", "frame", [message()], {}))
+
+
+@pytest.mark.parametrize("secret", ["", "wrong", "wslink-secret", None, 3, ["x"], {"x": 1}, b"\xff", "ü" * 50])
+def test_only_the_secret_opens(explorer: str, secret: Any) -> None:
+    with Tab(explorer, hello=False) as stranger:
+        stranger.write({**HELLO, "args": [{"secret": secret}]})
+        assert "Authentication failed" in harmless(stranger.receive())
+        for args in ([], [[]], [3], [{}], [None, {"secret": secret}]):
+            stranger.write({**HELLO, "args": args})
+            assert "Authentication failed" in harmless(stranger.receive())
+        stranger.write({"id": "system:c0:0", "method": "application.exit"})
+        harmless(stranger.receive())
+        assert "Unauthorized" in harmless(stranger.ask("trame.state.get"))
+
+
+CLOSED = [
+    "trame.state.update",
+    "trame.force.push",
+    "trame.error.client",
+    "application.exit",
+    "application.exit.later",
+    "application.kill",
+    "wslink.hello",
+    "__class__",
+    "",
+    "x" * 10_000,
+]
+
+
+@pytest.mark.parametrize("method", CLOSED)
+def test_no_other_method_can_be_called(explorer: str, tab: Tab, method: str) -> None:
+    with Tab(explorer) as other:
+        before = other.ask("trame.state.get")["result"]
+        for args in ([], [[{"key": "trame__title", "value": "<b>mine</b>"}]], ["trame__title"]):
+            assert "Unregistered method" in harmless(tab.ask(method, *args))
+        assert other.ask("trame.state.get")["result"] == before
+        lives(other)
+
+
+@pytest.mark.parametrize("name", ["server_ready", "server_bind", "server_exited", "client_connected", 3, ["x"], None])
+def test_the_life_of_a_tab_does_nothing_here(explorer: str, tab: Tab, name: Any) -> None:
+    threads = threading.active_count()
+    for _ in range(20):
+        assert tab.ask("trame.lifecycle.update", name)["result"] is None
+    assert threading.active_count() <= threads + 1
+    lives(tab)
+
+
+TRIGGERS: list[tuple[Any, ...]] = [
+    (),
+    ("frame",),
+    ("frame", None, None),
+    ("frame", "abc", {}),
+    ("frame", [message()], {"message": message()}),
+    ("frame", 3, {}),
+    (["frame"], [], {}),
+    ({"x": 1}, [], {}),
+    ("frame", [], {}, "more"),
+]
+
+
+@pytest.mark.parametrize("args", TRIGGERS)
+def test_triggers_that_are_called_wrongly_say_so(tab: Tab, args: tuple[Any, ...]) -> None:
+    answer = tab.ask("trame.trigger", *args)
+    harmless(answer if "error" in answer else answer["result"])
+    lives(tab)
+
+
+def test_triggers_that_are_not_there_do_nothing(tab: Tab) -> None:
+    for name in ("nothing", "__init__", "on_server_ready", "x" * 10_000, None):
+        assert tab.ask("trame.trigger", name, [], {})["result"] is None
+    assert tab.trigger("facts", *range(5), [1], {})["title"] == "blobs"
+    lives(tab)
+
+
+@pytest.mark.parametrize("trigger", ["frame", "nearest"])
+def test_wrong_requests_get_their_sentence(tab: Tab, trigger: str) -> None:
+    for changes, complaint in test_messages.WRONG:
+        try:
+            content = framed(
+                msgpack.packb(
+                    {"id": "rpc:c0:1", "method": "trame.trigger", "args": [trigger, [message(**changes)], {}]}
+                )
+            )
+        except OverflowError:  # MessagePack has no such numbers
+            continue
+        tab.send(content)
+        answer = tab.receive()
+        if "result" in answer:
+            assert complaint in answer["result"]["error"]
+            answer = answer["result"]
+        harmless(answer)
+    for nothing in (None, 3, "x", [], b"\x00", [[]], {}, "x" * 900_000, [message()] * 100):
+        harmless(tab.trigger(trigger, nothing))
+    lives(tab)
+
+
+def test_depth_and_length_are_no_trouble(tab: Tab) -> None:
+    deep: Any = 0
+    for _ in range(400):
+        deep = [deep]
+    for value in (deep, {"p": deep}, ["x" * 100_000], dict.fromkeys(map(str, range(10_000)), 0.0)):
+        harmless(tab.frame(settings=[{"parameters": value}]))
+        harmless(tab.frame(settings=value))
+        harmless(tab.frame(background=value))
+        harmless(tab.frame(size=[value, value]))
+    lives(tab)
+
+
+def test_announced_gigabytes_are_not_laid_out(explorer: str, tab: Tab) -> None:
+    process = psutil.Process()
+    before = process.memory_info().vms
+    for who in (tab, Tab(explorer, hello=False)):
+        for number in range(20):
+            who.send(framed(b"\x91" * 100, size=2**31, number=number))
+            harmless(who.receive())
+            who.send(framed(b"\x91" * 100, size=2**31, offset=2**30, number=number))
+            harmless(who.receive())
+        for number in range(200):  # as many halves of messages as one likes
+            who.send(framed(b"\x91" * 100, size=500, number=number))
+            harmless(who.receive())
+    who.close()
+    assert process.memory_info().vms - before < 2**28
+    lives(tab)
+
+
+def test_one_message_is_at_most_a_megabyte(explorer: str, tab: Tab) -> None:
+    with Tab(explorer) as loud:
+        with suppress(ConnectionError):  # while it is still being sent
+            loud.send(b"\x00" * (3 << 20))
+        with pytest.raises(ConnectionError):
+            loud.receive()
+    lives(tab)
+
+
+def call_for(**changes: Any) -> dict[str, Any]:
+    return {"id": "rpc:c0:1", "method": "trame.trigger", "args": ["frame", [message(**changes)], {}]}
+
+
+def prompt(tab: Tab, seconds: float = 2.0) -> None:
+    """The tab gets its frame soon."""
+    started = time.perf_counter()
+    lives(tab)
+    assert time.perf_counter() - started < seconds
+
+
+def test_a_flood_holds_up_no_one_else(explorer: str, tab: Tab) -> None:
+    mad = Tab(explorer)
+    sending = mad.flood(call_for(), 2000)
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(lambda: [mad.receive() for _ in range(300)])
+        while not reading.done():
+            prompt(tab)
+    assert all("error" not in answer["result"] for answer in reading.result())
+    sending.cancel()
+    mad.vanish()
+    prompt(tab)
+    with Tab(explorer) as again:
+        lives(again)
+
+
+def narrow(address: str) -> None:
+    """Let little be on the way from this process' server to whoever connects from now on."""
+    port = urlsplit(address).port
+    (listening,) = (c.fd for c in psutil.Process().net_connections() if c.status == "LISTEN" and c.laddr.port == port)
+    with socket.socket(fileno=os.dup(listening)) as line:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+
+
+def test_who_does_not_read_holds_up_no_one_else() -> None:
+    shown = Shown(Run("plain", plain()))
+    narrow(shown.address)
+    near = {**test_messages.CAMERA, "position": [1.5, 0.5, 0.2]}
+    with Tab(shown.address) as tab:
+        deaf = Tab(shown.address)
+        deaf.narrow()
+        sending = deaf.flood(call_for(size=[1024, 1024], camera=near), 100)
+        for _ in range(5):
+            prompt(tab)
+            time.sleep(0.2)  # longer than it takes to draw for the deaf
+        sending.cancel()
+        deaf.vanish()
+        prompt(tab)
+    shown.close()
+
+
+def test_four_tabs_that_move_stay_responsive(explorer: str) -> None:
+    tabs = [Tab(explorer) for _ in range(4)]
+    times: list[float] = []
+
+    def move(tab: Tab) -> None:
+        for step in range(25):
+            started = time.perf_counter()
+            assert "error" not in tab.frame(
+                settings=[{"parameters": {"p": step / 25}}], size=[256, 256], form="jpeg", camera=camera(step)
+            )
+            times.append(time.perf_counter() - started)
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(move, tabs))
+    for tab in tabs:
+        tab.close()
+    assert len(times) == 100
+    assert sorted(times)[90] < 0.5
+
+
+def test_tabs_get_what_they_asked_for_and_not_what_others_did(explorer: str) -> None:
+    wanted = [{"settings": [{"parameters": {"p": i / 8}}], "size": [40 + 8 * i, 32]} for i in range(8)]
+    with ThreadPoolExecutor(8) as pool:
+
+        def ask(changes: dict[str, Any]) -> list[dict[str, Any]]:
+            with Tab(explorer) as tab:
+                return [tab.frame(**changes) for _ in range(5)]
+
+        answers = list(pool.map(ask, wanted))
+    with Tab(explorer) as tab:
+        for changes, got in zip(wanted, answers, strict=True):
+            alone = tab.frame(**changes)
+            assert all((a["size"], a["pictures"]) == (changes["size"], alone["pictures"]) for a in got)
+
+
+def test_tabs_that_come_and_go_leave_nothing(explorer: str) -> None:
+    process = psutil.Process()
+
+    def visit(number: int) -> None:
+        tab = Tab(explorer, hello=number % 4 != 3)
+        if number % 4 == 0:
+            lives(tab)
+        elif number % 4 == 1:
+            tab.write(call_for())
+        (tab.vanish if number % 3 == 0 else tab.close)()
+
+    def visits(count: int) -> tuple[int, int]:
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(visit, range(count)))
+        deadline = time.monotonic() + 10
+        while len(process.net_connections()) > quiet and time.monotonic() < deadline:
+            time.sleep(0.1)
+        return len(process.net_connections()), threading.active_count()
+
+    time.sleep(0.2)
+    quiet = len(process.net_connections())
+    visits(16)
+    connections, threads = visits(400)
+    assert connections <= quiet
+    assert threads <= visits(16)[1]
+    with Tab(explorer) as tab:
+        lives(tab)
+
+
+# ---- exports
+
+
+SWEEP = {"name": "p", "low": "", "high": "", "count": 3}
+
+
+def test_frames_keep_coming_while_films_are_made(explorer: str, tab: Tab) -> None:
+    film = message(kind="mp4", size=[240, 240], sweep=SWEEP)
+    with ThreadPoolExecutor(2) as pool:
+        making = [pool.submit(post, explorer, film) for _ in range(2)]
+        frames = 0
+        while not all(made.done() for made in making):
+            prompt(tab)
+            frames += 1
+    assert frames >= 10
+    for made in making:
+        status, content = made.result()
+        assert (status, content[4:8]) == (200, b"ftyp")
+
+
+def test_exports_that_nobody_waits_for_are_not_made(explorer: str, tab: Tab) -> None:
+    parts = urlsplit(explorer)
+    body = json.dumps(message(kind="gif", size=[1600, 1600], sweep=SWEEP)).encode()
+    head = f"POST /export HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Length: {len(body)}\r\n\r\n".encode()
+    for _ in range(5):
+        with socket.create_connection((str(parts.hostname), parts.port or 0)) as line:
+            line.sendall(head + body)
+            time.sleep(0.1)
+    started = time.perf_counter()
+    status, _ = post(explorer, message(kind="png"))
+    assert status == 200
+    assert time.perf_counter() - started < 5.0
+    lives(tab)
+
+
+def test_a_flood_of_exports_is_turned_away(explorer: str, tab: Tab) -> None:
+    sheet = message(kind="sheet", size=[256, 256], sweep={**SWEEP, "count": 20})
+    with ThreadPoolExecutor(20) as pool:
+        answers = list(pool.map(lambda _: post(explorer, sheet), range(20)))
+        prompt(tab)
+    statuses = [status for status, _ in answers]
+    assert set(statuses) == {200, 503}
+    assert statuses.count(200) >= 8
+    assert all("try again" in answer["error"] for status, answer in answers if status == 503)
+
+
+def test_wrong_exports_get_their_sentence(explorer: str, tab: Tab) -> None:
+    wrong = [*test_exports.WRONG, *(({"kind": "png", **changes}, said) for changes, said in test_messages.WRONG)]
+    for changes, complaint in wrong:
+        status, answer = post(explorer, message(**changes))
+        assert status == 400
+        assert complaint in answer["error"] or "'1'" in answer["error"]  # JSON has no other names
+        harmless(answer)
+    lives(tab)
+
+
+def test_large_bodies_are_refused(explorer: str, tab: Tab) -> None:
+    with suppress(OSError, ValueError):  # refused before it is sent, or not in JSON
+        assert post(explorer, b"[" + b"0," * (1 << 20) + b"0]")[0] == 413
+    lives(tab)
+
+
+# ---- memory
+
+
+def camera(step: int) -> dict[str, Any]:
+    return {**test_messages.CAMERA, "position": [3.0 + math.cos(step), math.sin(step), 0.5 + step % 7 / 7]}
+
+
+@pytest.mark.slow
+def test_ten_thousand_frames_take_no_memory(run_folder: Path) -> None:
+    from tests.surrogate.explore.test_server import address_in, command
+
+    with command(run_folder) as (process, line), Tab(address_in(line)) as tab:
+        server = psutil.Process(process.pid)
+        shown: list[dict[str, Any]] = [{}, {"isovalue": 0.3}, {"c1_value": 0.1}, {"c2_value": -0.1, "c2_opacity": 0.05}]
+        memory = []
+        for step in range(10_000):
+            if step % 100 == 0:
+                with Tab(address_in(line)) as other:
+                    lives(other)
+            setting = {"parameters": {"p": step / 10_000}, "visualization": shown[step % 4]}
+            answer = tab.frame(
+                settings=[setting], camera=camera(step), form="jpeg" if step % 5 else "png", truth=step % 3 == 0
+            )
+            assert "error" not in answer
+            if step % 500 == 499:
+                memory.append(server.memory_info().rss)
+        assert memory[-1] - memory[1] < 4 << 20, [m >> 10 for m in memory]

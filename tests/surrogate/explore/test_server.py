@@ -1,0 +1,543 @@
+"""The command as people run it, and its server as strangers meet it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import aiohttp
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
+
+from surrogate.cli import main
+from surrogate.explore.guard import Guard
+from surrogate.explore.notebook import Shown
+from surrogate.explore.run import Run
+from tests.surrogate.explore.models import plain
+from tests.surrogate.explore.tabs import Tab, lives, post, wait
+from tests.surrogate.explore.test_messages import message
+
+COMMAND = Path(sys.executable).with_name("surrogate")
+TOKEN = secrets.token_urlsafe(24)
+OUTSIDE = ("class Explorer", "root:", "import annotations")  # what files beside the page's hold, and /etc/passwd
+
+
+def asked(address: str, target: str, *, method: str = "GET", headers: str = "", body: str = "") -> tuple[int, str]:
+    """Status and all else of the answer to a request that no library has made harmless; `headers` as "Name: value\\r\\n"."""
+    parts = urlsplit(address)
+    assert parts.hostname is not None
+    assert parts.port is not None
+    if "host:" not in headers.lower():
+        headers += f"Host: {parts.netloc}\r\n"
+    content = body.encode()
+    with socket.create_connection((parts.hostname, parts.port), timeout=10) as line:
+        head = f"{method} {target} HTTP/1.1\r\n{headers}Connection: close\r\nContent-Length: {len(content)}\r\n\r\n"
+        line.sendall(head.encode("latin-1") + content)
+        answer = b""
+        while piece := line.recv(1 << 16):
+            answer += piece
+    status = re.match(rb"HTTP/1\.[01] (\d+) ", answer)
+    assert status is not None, answer[:200]
+    return int(status[1]), answer.decode("utf-8", "replace")
+
+
+# ---- the command
+
+
+UPGRADE = b"GET /ws HTTP/1.1\r\nHost: HOST\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+KEYED = UPGRADE + b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+GARBAGE = [
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",  # the hello of TLS
+    b"hello\r\n\r\n",
+    b"GET / HTTP/9.9\r\n\r\n",
+    b"GET / HTTP/1.1\r\n" + b"X: " + b"y" * 100_000 + b"\r\n\r\n",
+    b"GET /ws HTTP/1.1\r\nHost: HOST\r\n\r\n",
+    UPGRADE + b"\r\n",
+    KEYED,
+    KEYED + b"\xff" * 100,  # no frame of a WebSocket
+    KEYED + b"\x82\x05hello",  # a frame without a mask
+    KEYED + b"\x82\xff\x7f\xff\xff\xff\xff\xff\xff\xffmask",  # a frame of exabytes
+    b"POST /export HTTP/1.1\r\nHost: HOST\r\nContent-Length: 1000\r\n\r\n{",
+    b"POST /export HTTP/1.1\r\nHost: HOST\r\nContent-Length: -1\r\n\r\n{",
+    b"POST /export HTTP/1.1\r\nHost: HOST\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    b"POST /export HTTP/1.1\r\nHost: HOST\r\nContent-Encoding: gzip\r\nContent-Length: 5\r\n\r\nhello",
+    b"GET /explore/explore.js HTTP/1.1\r\nHost: HOST\r\nRange: bytes=5-1\r\n\r\n",
+    b"GET /explore/explore.js HTTP/1.1\r\nHost: HOST\r\nIf-Modified-Since: \xff\r\n\r\n",
+    b"GET /explore/a\x00b HTTP/1.1\r\nHost: HOST\r\n\r\n",
+]
+
+
+@contextmanager
+def command(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The running command and the first line that it prints."""
+    process = subprocess.Popen(
+        [COMMAND, "explore", *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield process, process.stdout.readline()
+    finally:
+        process.kill()
+        process.wait()
+
+
+def suppressed(work: Callable[..., object], *arguments: object) -> None:
+    """Do it, whatever comes of it."""
+    with suppress(Exception):
+        work(*arguments)
+
+
+def address_in(line: str) -> str:
+    (address,) = re.findall(r"http://\S+", line)
+    return str(address)
+
+
+def test_it_prints_one_address_and_stops_on_control_c(run_folder: Path) -> None:
+    with command(run_folder) as (process, line):
+        parts = urlsplit(address_in(line))
+        assert parts.hostname == "127.0.0.1"
+        assert parts.port not in (None, 0)
+        assert (parts.path, parts.query) == ("/", "")
+        with Tab(f"http://{parts.netloc}/") as tab:
+            lives(tab)
+            for garbage in GARBAGE:  # nothing of which the terminal shows
+                with socket.create_connection(("127.0.0.1", parts.port or 0)) as wire:
+                    wire.sendall(garbage.replace(b"HOST", parts.netloc.encode()))
+                    wire.settimeout(0.05)
+                    with suppress(TimeoutError, ConnectionResetError):
+                        wire.recv(1 << 16)
+            tab.send(b"noise")
+            assert "error" in tab.receive()
+            lives(tab)
+            process.send_signal(signal.SIGINT)
+            rest, complaints = process.communicate(timeout=10)
+        assert (rest, complaints, process.returncode) == ("stopped\n", "", 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_stops_at_once_whatever_is_being_done(run_folder: Path, tmp_path: Path, number: signal.Signals) -> None:
+    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
+    with command(tmp_path / "run") as (process, line):
+        address = address_in(line)
+        idle = Tab(address, hello=False)
+        film = message(kind="gif", size=[1400, 1400], sweep={"name": "p", "count": 3})
+        busy = threading.Thread(target=lambda: suppressed(post, address, film))
+        busy.start()
+        with Tab(address) as tab:
+            lives(tab)
+            wait(tab.waits(2.0))
+            process.send_signal(number)
+            rest, complaints = process.communicate(timeout=8)
+        busy.join(timeout=20)
+        idle.close()
+        assert (rest, complaints, process.returncode) == ("stopped\n", "", 0)
+
+
+@pytest.mark.slow
+def test_a_port_can_be_chosen_once(run_folder: Path) -> None:
+    with socket.socket() as line:
+        line.bind(("127.0.0.1", 0))
+        port = line.getsockname()[1]
+        taken = subprocess.run([COMMAND, "explore", run_folder, "--port", str(port)], capture_output=True, text=True)
+    assert taken.returncode == 1
+    assert taken.stdout == ""
+    assert taken.stderr == f"Error: port {port} of 127.0.0.1 is taken: name another one, or none for one that is free\n"
+    with command(run_folder, "--port", port) as (_, line_printed):
+        assert address_in(line_printed) == f"http://127.0.0.1:{port}/"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--port", "70000"], "a port lies in 0 to 65535, got 70000"),
+        (["--port", "-1"], "a port lies in 0 to 65535, got -1"),
+        (["--host", "no.such.host.invalid"], "no server can listen at no.such.host.invalid: "),
+        (["--host", "192.0.2.1"], "no server can listen at 192.0.2.1: "),
+    ],
+)
+def test_where_nobody_can_listen_it_says_so(run_folder: Path, options: list[str], complaint: str) -> None:
+    done = subprocess.run([COMMAND, "explore", run_folder, *options], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith(f"Error: {complaint}")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_other_addresses_get_a_token(run_folder: Path) -> None:
+    with command(run_folder, "--host", "0.0.0.0") as (_, line):
+        parts = urlsplit(address_in(line))
+        assert parts.hostname == socket.gethostname().lower()
+        token = parts.query.removeprefix("token=")
+        assert len(token) >= 32
+        here = f"http://127.0.0.1:{parts.port}/"
+        assert asked(here, "/")[0] == 403
+        assert asked(here, f"/?token={token}")[0] == 302
+
+
+def broken(run_folder: Path, folder: Path, how: str) -> Path:
+    """A copy of the run in which something is not as it should be."""
+    shutil.copytree(run_folder, folder, ignore=shutil.ignore_patterns("explore"))
+    model, catalog = folder / "surrogate", folder / "catalog.cdb"
+    match how:
+        case "nothing":
+            shutil.rmtree(folder)
+            folder.mkdir()
+        case "no model":
+            shutil.rmtree(model)
+        case "half a model":
+            next(model.glob("*.safetensors")).unlink()
+        case "noise as a model":
+            next(model.glob("*.safetensors")).write_bytes(os.urandom(1000))
+        case "no JSON":
+            (model / "model.json").write_text("{")
+        case "other JSON":
+            (model / "model.json").write_text("[]")
+        case "a damaged plan":
+            plan = next(path for path in catalog.glob("*.json"))
+            plan.write_text(plan.read_text()[:100])
+        case "an empty catalog":
+            shutil.rmtree(catalog)
+            catalog.mkdir()
+        case "a damaged member":
+            record = next((catalog / "members").glob("*/*.json"))
+            record.write_text(record.read_text()[:100])
+        case "another model":
+            from dataclasses import replace
+
+            from catalogs.parameters import Parameter, ParameterSpace
+
+            other = plain()
+            space = ParameterSpace((Parameter("q", 0.0, 1.0),))
+            replace(other, space=space).save(model)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        "nothing",
+        "no model",
+        "half a model",
+        "noise as a model",
+        "no JSON",
+        "other JSON",
+        "a damaged plan",
+        "an empty catalog",
+        "a damaged member",
+        "another model",
+    ],
+)
+def test_what_is_broken_is_said_in_a_sentence(run_folder: Path, tmp_path: Path, how: str) -> None:
+    done = CliRunner().invoke(main, ["explore", str(broken(run_folder, tmp_path / "run", how))])
+    assert done.exit_code == 1, done.exception
+    assert isinstance(done.exception, SystemExit)
+    assert done.output.startswith("Error: ")
+    assert done.output.count("\n") == 1
+    assert str(tmp_path / "run") in done.output or how == "another model"
+
+
+def test_paths_that_are_no_runs_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for path in ("file", "nowhere"):
+        done = CliRunner().invoke(main, ["explore", str(tmp_path / path)])
+        assert done.exit_code == 2
+        assert "Traceback" not in done.output
+
+
+# ---- runs that are not whole
+
+
+@contextmanager
+def shown(run: Run) -> Iterator[str]:
+    explorer = Shown(run)
+    try:
+        yield explorer.address
+    finally:
+        explorer.close()
+
+
+def test_a_run_without_a_catalog_has_no_truth(run_folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(run_folder / "surrogate", tmp_path / "alone" / "surrogate")
+    for folder in (tmp_path / "alone", tmp_path / "alone" / "surrogate"):
+        with shown(Run.open(folder)) as address, Tab(address) as tab:
+            facts = tab.trigger("facts")
+            assert (facts["truth"], facts["members"], facts["viewpoints"], facts["size"]) == (False, [], [], None)
+            assert [p["train"] + p["validation"] for p in facts["parameters"]] == [[]]
+            answer = tab.frame(truth=True)
+            assert answer["truth"] is None
+            assert answer["expected"] == [None] or answer["expected"][0].get("psnr") is None
+            assert tab.trigger("nearest", message()) == {"found": None}
+
+
+def test_a_catalog_without_members_has_no_truth(run_folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
+    shutil.rmtree(tmp_path / "run" / "catalog.cdb" / "members")
+    with shown(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
+        assert tab.trigger("facts")["truth"] is False
+        assert tab.frame(truth=True)["truth"] is None
+        assert tab.trigger("nearest", message()) == {"found": None}
+
+
+def test_an_unwritable_run_is_explored_all_the_same(run_folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(run_folder, tmp_path / "run", ignore=shutil.ignore_patterns("explore"))
+    (tmp_path / "run" / "explore").write_text("in the way")  # permissions would not stop root
+    (tmp_path / "run").chmod(0o555)
+    with shown(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
+        lives(tab)
+        for _ in range(100):
+            if tab.frame()["expected"] != [None]:
+                break
+            wait(tab.waits(0.1))
+        assert tab.frame()["expected"][0]["psnr"] > 0
+    assert (tmp_path / "run" / "explore").read_text() == "in the way"
+
+
+def test_damaged_pictures_are_told_of_without_their_paths(run_folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(run_folder, tmp_path / "run")
+    for picture in (tmp_path / "run" / "catalog.cdb").rglob("*.png"):
+        picture.write_bytes(b"no picture")
+    with shown(Run.open(tmp_path / "run")) as address, Tab(address) as tab:
+        facts = tab.trigger("facts")
+        member, view = facts["members"][0], facts["camera"]
+        eye = [t + view["distance"] * d for t, d in zip(view["target"], view["direction"], strict=True)]
+        camera = {"position": eye, "target": view["target"], "up": view["up"], "field": view["field"]}
+        shown_there = {
+            "settings": [{"parameters": {"p": member["values"][0]}}],
+            "size": facts["size"],
+            "camera": camera,
+        }
+        answer = tab.frame(**shown_there, truth=True)
+        assert answer == {"error": "a stored picture can't be read: the explorer's terminal says which"}
+        lives(tab)
+
+
+# ---- strangers
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "/../application.py",
+        "/explore/../application.py",
+        "/explore/../../explore/application.py",
+        "/explore/%2e%2e/application.py",
+        "/explore/%2E%2E%2Fapplication.py",
+        "/explore/..%2fapplication.py",
+        "/explore/..%5capplication.py",
+        "/explore/..\\application.py",
+        "/explore/%252e%252e/application.py",
+        "/explore/%252e%252e%252fapplication.py",
+        "/explore/%c0%ae%c0%ae/application.py",
+        "/explore/%u002e%u002e/application.py",
+        "/explore/....//application.py",
+        "/explore/.//..//application.py",
+        "/explore//etc/passwd",
+        "/explore/%2fetc%2fpasswd",
+        "//etc/passwd",
+        "/%2fetc/passwd",
+        "/etc/passwd",
+        "/explore/../../../../../../../../../../etc/passwd",
+        "/explore/" + "%2e%2e%2f" * 20 + "etc/passwd",
+        "/" + "../" * 20 + "etc/passwd",
+        "/explore/explore.js%00",
+        "/explore/..%00/application.py",
+        "/explore/%00",
+        "/explore/" + "a" * 5000,
+        "/explore/" + "a/" * 3000,
+        "/explore",
+        "/explore/",
+        "/assets",
+        "/catalog.cdb/",
+        "/surrogate/model.json",
+        "/explore/file:///etc/passwd",
+        "/explore/\xff\xfe",
+        "file:///etc/passwd",
+    ],
+)
+def test_no_file_outside_is_served(explorer: str, target: str) -> None:
+    status, answer = asked(explorer, target)
+    assert status in (400, 403, 404), answer[:200]
+    assert not any(content in answer for content in OUTSIDE)
+    assert "Traceback" not in answer
+    assert asked(explorer, "/explore/explore.js")[0] == 200
+
+
+def test_links_out_of_the_page_are_not_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from surrogate.explore import application
+
+    page = tmp_path / "page"
+    shutil.copytree(application._page_folder(), page)
+    (tmp_path / "secret").mkdir()
+    (tmp_path / "secret" / "file.js").write_text("class Explorer")
+    (page / "file.js").symlink_to(tmp_path / "secret" / "file.js")
+    (page / "folder").symlink_to(tmp_path / "secret")
+    monkeypatch.setattr(application, "_page_folder", lambda: page)
+    with shown(Run("plain", plain())) as address:
+        assert asked(address, "/explore/explore.js")[0] == 200
+        for target in ("/explore/file.js", "/explore/folder/file.js", "/explore/folder", "/explore/folder/"):
+            status, answer = asked(address, target)
+            assert status in (403, 404)
+            assert "class Explorer" not in answer
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "FOO", "get", "POST"])
+def test_other_methods_are_refused(explorer: str, method: str) -> None:
+    for target in ("/", "/explore/explore.js", "/ws"):
+        status, answer = asked(explorer, target, method=method)
+        assert status in (400, 404, 405), answer[:200]
+    if method != "POST":
+        for target in ("/session", "/export"):
+            assert asked(explorer, target, method=method)[0] in (400, 404, 405)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        "Host: evil.example\r\n",
+        "Host: evil.example:80\r\n",
+        "Host: \r\n",
+        "Host: 127.0.0.1.evil.example\r\n",
+        "Host: [\r\n",
+        "Host: localhost@evil.example\r\n",
+        "Origin: http://evil.example\r\n",
+        "Origin: null\r\n",
+        "Origin: http://127.0.0.1:1\r\n",
+        "Origin: file://\r\n",
+    ],
+)
+def test_pages_of_others_get_nothing(explorer: str, headers: str) -> None:
+    upgrade = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+    for method, target, more in (
+        ("GET", "/", ""),
+        ("GET", "/explore/explore.js", ""),
+        ("POST", "/session", ""),
+        ("POST", "/export", ""),
+        ("GET", "/ws", upgrade),
+    ):
+        status, answer = asked(explorer, target, method=method, headers=headers + more)
+        assert status in (400, 403), answer[:200]
+        assert "secret" not in answer
+
+
+def test_two_hosts_are_no_host(explorer: str) -> None:
+    netloc = urlsplit(explorer).netloc
+    status, _ = asked(explorer, "/", headers=f"Host: {netloc}\r\nHost: evil.example\r\n")
+    assert status in (302, 400)
+    assert asked(explorer, "http://evil.example/", headers=f"Host: {netloc}\r\n")[0] in (302, 400, 403, 404)
+
+
+def test_the_address_of_the_socket_is_not_for_reading(explorer: str) -> None:
+    for _ in range(5):
+        status, answer = asked(explorer, "/ws")
+        assert status == 400
+        assert "Traceback" not in answer
+    with Tab(explorer) as tab:
+        lives(tab)
+
+
+def test_every_answer_says_how_it_may_be_used(explorer: str) -> None:
+    for target in ("/index.html", "/explore/explore.js", "/look.css", "/nothing", "/"):
+        answer = asked(explorer, target)[1].lower()
+        assert "x-content-type-options: nosniff" in answer
+        assert "content-security-policy: default-src 'self'" in answer
+        assert "access-control-allow" not in answer
+
+
+def test_the_session_repeats_nothing_strange(explorer: str) -> None:
+    for path in ("//evil.example/", "http://evil.example/", "/a%0d%0aX:%20y", "/%22%3E", "javascript:1", "/x/../../y"):
+        status, answer = asked(explorer, f"/session?path={path}", method="POST")
+        assert status == 200
+        session = json.loads(answer.partition("\r\n\r\n")[2])["sessionURL"]
+        assert re.fullmatch(r"ws://USE_HOST/[\w./~%-]*ws", session)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"\xff\xfe", b"[" * 100_000, b'{"size": NaN}', b"null", b"3", b'"x"', b"1" * 5000]
+)
+def test_exports_that_are_no_message_are_refused(explorer: str, content: bytes) -> None:
+    status, answer = post(explorer, content)
+    assert status == 400
+    assert set(answer) == {"error"}
+    assert len(answer["error"]) < 300
+
+
+# ---- with a token
+
+
+@pytest.fixture(scope="module")
+def guarded() -> Iterator[tuple[str, str]]:
+    """Address of a server that listens everywhere, and the name of its cookie."""
+    guard = Guard("0.0.0.0", TOKEN)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Guard, "of", lambda _: guard)
+        explorer = Shown(Run("plain", plain()))
+    yield f"http://127.0.0.1:{explorer._explorer.server.port}/", guard.cookie
+    explorer.close()
+
+
+def handshake(address: str, **headers: str) -> int:
+    """The status of an attempt to open a WebSocket."""
+
+    async def attempt() -> int:
+        async with aiohttp.ClientSession() as session:
+            try:
+                async with session.ws_connect(f"{address.replace('http', 'ws')}ws", headers=headers):
+                    return 101
+            except aiohttp.WSServerHandshakeError as error:
+                return error.status
+
+    return wait(attempt())
+
+
+def test_without_the_token_nothing_is_answered(guarded: tuple[str, str]) -> None:
+    address, cookie = guarded
+    for credentials in ("", f"Cookie: {cookie}=wrong\r\n", f"Cookie: {cookie}=\r\n", f"Cookie: other={TOKEN}\r\n"):
+        for method, target in (
+            ("GET", "/"),
+            ("GET", "/?token=wrong"),
+            ("GET", "/?token="),
+            ("GET", "/index.html"),
+            ("GET", "/explore/explore.js"),
+            ("GET", "/ws"),
+            ("POST", "/session"),
+            ("POST", "/export"),
+            ("GET", "/nothing"),
+        ):
+            status, answer = asked(address, target, method=method, headers=credentials)
+            assert status == 403
+            assert TOKEN not in answer
+    assert handshake(address) == 403
+    assert handshake(address, Cookie=f"{cookie}=wrong") == 403
+    assert handshake(address, Cookie=f"{cookie}={TOKEN}", Origin="http://evil.example") == 403
+
+
+def test_the_token_becomes_a_cookie_that_opens_everything(guarded: tuple[str, str]) -> None:
+    address, cookie = guarded
+    status, answer = asked(address, f"/?token={TOKEN}")
+    assert status == 302
+    assert f"index.html?token={TOKEN}" in answer
+    status, answer = asked(address, f"/index.html?token={TOKEN}")
+    assert status == 200
+    assert re.search(rf"Set-Cookie: {cookie}={TOKEN}; HttpOnly; Path=/; SameSite=Strict", answer)
+    brought = f"Cookie: {cookie}={TOKEN}\r\n"
+    assert asked(address, "/explore/explore.js", headers=brought)[0] == 200
+    assert asked(address, "/session", method="POST", headers=brought)[0] == 200
+    assert asked(address, "/export", method="POST", headers=brought, body="{}")[0] == 400
+    assert handshake(address, Cookie=f"{cookie}={TOKEN}") == 101
+    assert handshake(address, Cookie=f"{cookie}={TOKEN}", Origin=address.rstrip("/")) == 101
