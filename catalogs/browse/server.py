@@ -6,11 +6,8 @@ stands in the address that is printed and is kept as a cookie from then on.
 
 from __future__ import annotations
 
-import hmac
 import io
-import ipaddress
 import os
-import secrets
 import shutil
 import socket
 import stat
@@ -23,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import parse_qs, unquote, urlsplit
 
+from catalogs.browse.access import LOCAL, Access
 from catalogs.browse.page import PAGE, keep_page, page_of
 from catalogs.catalog import Catalog
 
@@ -32,7 +30,6 @@ TYPES = {
     ".csv": "text/csv; charset=utf-8",
     ".json": "application/json",
 }
-LOCAL = "127.0.0.1"
 LINGER_SECONDS = 30
 
 
@@ -48,60 +45,19 @@ class CatalogServer(ThreadingHTTPServer):
     def __init__(self, folder: Path, page: bytes, port: int = 0, *, host: str = LOCAL) -> None:
         self.folder = folder
         self.page = page
-        self.host = host
-        self.token = None if is_local(host) else secrets.token_urlsafe(24)
-        self.names = allowed_names(host)
+        self.access = Access.of(host)
         self.address_family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         super().__init__((host, port), CatalogRequest)
 
     @property
     def address(self) -> str:
         """The address to open, with the token where one is needed."""
-        name = socket.gethostname() if is_any(self.host) else self.host
-        name = f"[{name}]" if ":" in name else name
-        return f"http://{name}:{self.server_address[1]}/{f'?token={self.token}' if self.token else ''}"
-
-    @property
-    def cookie(self) -> str:
-        """The name of the cookie that holds the token: cookies are shared by all ports of a host."""
-        return f"catalogs_{self.server_address[1]}"
+        return self.access.address(self.server_address[1])
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Browsers drop connections as they please; anything else is an error."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
-
-
-def is_local(host: str) -> bool:
-    """Whether only this machine reaches a server that listens there."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def is_any(host: str) -> bool:
-    """Whether the host stands for all of the machine's addresses."""
-    try:
-        return host == "" or ipaddress.ip_address(host).is_unspecified
-    except ValueError:
-        return False
-
-
-def allowed_names(host: str) -> frozenset[str]:
-    """The names, beside plain addresses, by which a server that listens on `host` may be asked."""
-    if is_local(host):
-        return frozenset({"localhost"})
-    machine = {socket.gethostname(), socket.getfqdn()} if is_any(host) else {host}
-    return frozenset(name.lower() for name in {"localhost", *machine})
-
-
-def named_host(header: str) -> str:
-    """The host that a request's Host header names, without its port; "" for nonsense."""
-    try:
-        return urlsplit(f"//{header}").hostname or ""
-    except ValueError:
-        return ""
 
 
 class CatalogRequest(BaseHTTPRequestHandler):
@@ -120,10 +76,11 @@ class CatalogRequest(BaseHTTPRequestHandler):
         self._answer(with_body=False)
 
     def _answer(self, *, with_body: bool) -> None:
-        if not self._is_asked_by_name():
+        access = self.server.access
+        if not access.is_named_by(self.headers.get("Host", "")):
             self.send_error(HTTPStatus.FORBIDDEN)
             return
-        if self.server.token is not None and not self._knows(self.server.token):
+        if access.token and not self._knows(access):
             return
         try:
             path = unquote(urlsplit(self.path).path, errors="strict")
@@ -148,47 +105,26 @@ class CatalogRequest(BaseHTTPRequestHandler):
             if with_body:
                 shutil.copyfileobj(content, self.wfile)
 
-    def _is_asked_by_name(self) -> bool:
-        """Whether the request names this server: a page elsewhere may do so by a host of its own (DNS rebinding).
-
-        Plain addresses need no such care where there is a token; without one only loopback ones are answered.
-        """
-        host = named_host(self.headers.get("Host", ""))
-        if host in self.server.names:
-            return True
-        try:
-            address = ipaddress.ip_address(host)
-        except ValueError:
-            return False
-        return address.is_loopback or self.server.token is not None
-
-    def _knows(self, token: str) -> bool:
-        """Whether the request carries the token; where not, it is answered here.
-
-        In the address it is exchanged for a cookie, and leaves the address: that may be shown, kept and passed on.
-        """
+    def _knows(self, access: Access) -> bool:
+        """Whether the request carries the token; where not, it is answered here: in the address it becomes a cookie."""
         parts = urlsplit(self.path)
-        if _same(parse_qs(parts.query).get("token", [""])[0], token):
+        if access.is_token(parse_qs(parts.query).get("token", [None])[0]):
             self.send_response(HTTPStatus.SEE_OTHER)
             self.send_header("Location", "/")
-            self.send_header("Set-Cookie", f"{self.server.cookie}={token}; HttpOnly; SameSite=Lax; Path=/")
+            self.send_header("Set-Cookie", f"{access.cookie}={access.token}; HttpOnly; SameSite=Lax; Path=/")
             self.send_header("Content-Length", "0")
             self.send_header("Cache-Control", "no-store")
             self.send_header("Referrer-Policy", "no-referrer")
             self.end_headers()
             return False
         cookies = (pair.strip().partition("=") for pair in self.headers.get("Cookie", "").split(";"))
-        if any(name == self.server.cookie and _same(value, token) for name, _, value in cookies):
+        if any(name == access.cookie and access.is_token(value) for name, _, value in cookies):
             return True
         self.send_error(HTTPStatus.FORBIDDEN, explain="Open the address with the token that the program printed.")
         return False
 
     def log_message(self, *arguments: Any) -> None:
         """Say nothing: the terminal belongs to whoever started the server."""
-
-
-def _same(said: str, token: str) -> bool:
-    return hmac.compare_digest(said.encode(errors="replace"), token.encode())
 
 
 def open_below(folder: Path, name: str) -> BinaryIO:

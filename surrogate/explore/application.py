@@ -13,7 +13,6 @@ import json
 import logging
 import re
 import secrets
-import socket
 import threading
 import uuid
 import webbrowser
@@ -32,6 +31,7 @@ from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.html import DivLayout
 from trame.widgets import html
 
+from catalogs.browse.access import LOCAL, Access
 from catalogs.catalog import CatalogError
 from catalogs.images import ImageError
 from surrogate.explore.expectation import measure
@@ -46,7 +46,6 @@ from surrogate.explore.truth import Truth
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait
-EVERYWHERE = ("", "0.0.0.0", "::")
 PATIENCE = 10.0  # seconds
 PARTING = 2.0  # seconds that tabs have to leave when the server stops
 VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -62,9 +61,9 @@ log = logging.getLogger(__name__)
 class Explorer:
     """A trame server that shows one run."""
 
-    def __init__(self, run: Run, *, host: str = "127.0.0.1") -> None:
+    def __init__(self, run: Run, *, host: str = LOCAL) -> None:
         self.run = run
-        self.guard = Guard.of(host)
+        self.access = Access.of(host)
         self.secret = secrets.token_urlsafe(24)
         self.frames = Frames(run.surrogate, None if run.catalog is None else Truth.of(run.catalog, run.surrogate))
         self._facts = facts(run.surrogate, run.catalog, run.title)
@@ -81,10 +80,7 @@ class Explorer:
     @property
     def address(self) -> str:
         """Where the page is, once the server runs."""
-        host = socket.gethostname() if self.guard.host in EVERYWHERE else self.guard.host
-        named = f"[{host}]" if ":" in host else host
-        token = f"?token={self.guard.token}" if self.guard.token else ""
-        return f"http://{named}:{self.server.port}/{token}"
+        return self.access.address(self.server.port)
 
     def start(self, *, port: int = 0, ready: Callable[[str], Any], **options: Any) -> Any:
         """Start listening (port 0: any that is free) and tell `ready` the address; `options` are those of trame's `start`."""
@@ -98,7 +94,7 @@ class Explorer:
         self.server.cli.set_defaults(nows=True, nowscompress=True, authKey=self.secret)
         return self.server.start(
             port=port,
-            host=self.guard.host,
+            host=self.access.host,
             timeout=0,
             open_browser=False,
             show_connection_info=False,
@@ -159,7 +155,7 @@ class Explorer:
 
     def _bind(self, backend: Any) -> None:
         """Before anything is served: guard it, and answer what a page of ours asks for."""
-        backend.app.middlewares.append(self.guard.middleware())
+        backend.app.middlewares.append(Guard(self.access).middleware())
         backend.app.router.add_get("/index.html", _index)
         backend.app.router.add_get("/look.css", _look)
         backend.app.router.add_post("/session", self._session)
@@ -220,7 +216,7 @@ class Explorer:
 def explore(
     run: Run,
     *,
-    host: str = "127.0.0.1",
+    host: str = LOCAL,
     port: int = 0,
     open_page: bool = False,
     announce: Callable[[str], Any] = print,

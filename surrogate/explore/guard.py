@@ -1,23 +1,18 @@
-"""Who may talk to the explorer: this machine's own pages, or whoever brings the token.
+"""Who may talk to the explorer: this machine's own pages, or whoever brings the token; said to aiohttp.
 
-A page of any web site may try to reach a server on 127.0.0.1: by a host name of its own that resolves to it (DNS rebinding),
-or by opening a WebSocket, which browsers don't stop.  So requests must name this server as their host, and what a browser
-says comes from a page must come from one of ours.
+Beside what `catalogs.browse.access` holds every server to: pages of other sites may open a WebSocket, which browsers don't stop, so
+what a browser says comes from a page must come from one of ours.
 """
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-import secrets
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from urllib.parse import urlsplit
 
 from aiohttp import web
 
-LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "::1"})
-COOKIE = "gs-surrogate-token"
+from catalogs.browse.access import Access
+
 LONGEST_PATH = 255  # of what is served here none has as many characters; file systems fail at more
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -35,44 +30,25 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 @dataclass(frozen=True)
 class Guard:
-    """What a server on `host` answers.
+    """Refuses what has no access, and puts headers on whatever is answered."""
 
-    Attributes
-    ----------
-    host : the address that it listens on.
-    token : what others than this machine must bring, once in the address and then as a cookie; "" where only this machine can
-        reach it.
-    """
-
-    host: str
-    token: str
-
-    @classmethod
-    def of(cls, host: str) -> Guard:
-        """A guard with a new random token unless only this machine can reach `host`."""
-        return cls(host, "" if host in LOCAL_HOSTS else secrets.token_urlsafe(24))
-
-    @property
-    def cookie(self) -> str:
-        """Name of the cookie that holds the token: one of its own, as browsers send cookies to all ports of a host."""
-        return f"{COOKIE}-{hashlib.sha256(self.token.encode()).hexdigest()[:8]}"
+    access: Access
 
     def refusal(self, request: web.Request) -> str:
         """Why the request is not answered; "" where it is."""
         named = request.headers.get("Host", "").lower()
-        if not self.token and _host_name(named) not in LOCAL_HOSTS:
+        if not self.access.is_named_by(named):
             return "this server answers to its own address only"
         origin = request.headers.get("Origin")
         if origin is not None and origin.lower().partition("://")[2] != named:
             return "pages of other sites may not talk to this server"
-        if self.token and not (
-            self._brought(request.query.get("token")) or self._brought(request.cookies.get(self.cookie))
-        ):
+        cookie = request.cookies.get(self.access.cookie)
+        if self.access.token and not (self._brings_token(request) or self.access.is_token(cookie)):
             return "the address lacks its token: take the whole of what the command printed"
         return ""
 
-    def _brought(self, token: str | None) -> bool:
-        return token is not None and hmac.compare_digest(token.encode(), self.token.encode())
+    def _brings_token(self, request: web.Request) -> bool:
+        return bool(self.access.token) and self.access.is_token(request.query.get("token"))
 
     def middleware(self) -> Callable[[web.Request, Handler], Awaitable[web.StreamResponse]]:
         """For aiohttp: refuses, and puts the headers on whatever is answered."""
@@ -84,6 +60,11 @@ class Guard:
                 return web.Response(status=403, text=f"{reason}\n", headers=HEADERS)
             if len(request.rel_url.raw_path) > LONGEST_PATH:
                 return web.Response(status=404, text="nothing here has so long a name\n", headers=HEADERS)
+            if self._brings_token(request):
+                exchanged = web.Response(status=303, headers={**HEADERS, "Location": "./"})
+                # Lax: whoever follows the printed address from another page, such as a terminal's, must come in at once.
+                exchanged.set_cookie(self.access.cookie, self.access.token, httponly=True, samesite="Lax")
+                return exchanged
             try:
                 response = await handler(request)
             except ConnectionResetError:  # a tab was closed while its picture was on the way
@@ -93,16 +74,6 @@ class Guard:
                 raise
             if not response.prepared:
                 response.headers.update(HEADERS)
-                if self.token and self._brought(request.query.get("token")):
-                    response.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict")
             return response
 
         return guarded
-
-
-def _host_name(named: str) -> str:
-    """Of "name:port", "name" or "[address]:port"; "" for what is none."""
-    try:
-        return urlsplit(f"//{named}").hostname or ""
-    except ValueError:
-        return ""

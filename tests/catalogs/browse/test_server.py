@@ -137,14 +137,14 @@ def open_server(grid: Catalog) -> Iterator[CatalogServer]:
 
 
 def test_other_addresses_need_the_token(grid: Catalog, open_server: CatalogServer) -> None:
-    token = open_server.token
+    token = open_server.access.token
     assert token is not None
     assert len(token) >= 32
     assert open_server.address == f"http://{socket.gethostname()}:{open_server.server_address[1]}/?token={token}"
     for target in ("/", "/index.html", "/data.csv", "/nothing", "/?token=", "/?token=wrong", f"/?other={token}"):
         assert ask(open_server, target)[0] == 403
     assert ask(open_server, "/data.csv", method="HEAD")[0] == 403
-    name = open_server.cookie
+    name = open_server.access.cookie
     for cookie in ("", f"{name}=", f"{name}=wrong", f"other={token}", f"{name}={token}x", "\xe9"):
         status, body = ask(open_server, "/data.csv", cookie=cookie)
         assert status == 403
@@ -163,7 +163,7 @@ def test_tokens_are_random(grid: Catalog) -> None:
     tokens = set()
     for _ in range(3):
         with CatalogServer(grid.path, b"", host="0.0.0.0") as server:
-            tokens.add(server.token)
+            tokens.add(server.access.token)
     assert len(tokens) == 3
 
 
@@ -174,7 +174,7 @@ def test_tokens_are_random(grid: Catalog) -> None:
 def test_an_open_server_answers_to_addresses_and_its_own_names(
     open_server: CatalogServer, host: str, status: int
 ) -> None:
-    cookie = f"{open_server.cookie}={open_server.token}"
+    cookie = f"{open_server.access.cookie}={open_server.access.token}"
     assert ask(open_server, "/data.csv", host=host, cookie=cookie)[0] == status
     assert ask(open_server, "/data.csv", host=f"{socket.gethostname().upper()}:1", cookie=cookie)[0] == 200
 
@@ -188,7 +188,7 @@ def test_this_machine_needs_no_token(grid: Catalog, host: str, local: bool) -> N
     except OSError as error:
         pytest.skip(f"this machine has no {host}: {error}")
     with server:
-        assert (server.token is None) == local
+        assert (server.access.token == "") == local
         assert server.address == f"http://{f'[{host}]' if ':' in host else host}:{server.server_address[1]}/"
 
 

@@ -4,10 +4,12 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
+from catalogs.browse.access import Access
 from surrogate.explore.guard import Guard
 
-LOCAL = Guard.of("127.0.0.1")
-OPEN = Guard.of("0.0.0.0")
+LOCAL = Guard(Access.of("127.0.0.1"))
+OPEN = Guard(Access.of("0.0.0.0"))
+TOKEN, COOKIE = OPEN.access.token, OPEN.access.cookie
 
 
 def request(path: str = "/", **headers: str) -> web.Request:
@@ -36,24 +38,24 @@ def test_pages_of_other_sites_are_refused(origin: str) -> None:
 
 
 def test_other_addresses_need_the_token() -> None:
-    assert len(OPEN.token) >= 32
-    assert OPEN.token != Guard.of("0.0.0.0").token
-    assert "token" in OPEN.refusal(request(Host="box:80"))
-    assert "token" in OPEN.refusal(request("/?token=wrong", Host="box:80"))
-    assert "token" in OPEN.refusal(request("/?token=%ff%fe", Host="box:80"))
-    assert "token" in OPEN.refusal(request(Host="box:80", Cookie=f"{OPEN.cookie}=x{OPEN.token}"))
-    assert OPEN.refusal(request(f"/?token={OPEN.token}", Host="box:80")) == ""
-    assert OPEN.refusal(request(Host="box:80", Cookie=f"{OPEN.cookie}={OPEN.token}")) == ""
-    stranger = request(f"/?token={OPEN.token}", Host="box:80", Origin="http://evil.example")
+    assert len(TOKEN) >= 32
+    assert Access.of("0.0.0.0").token != TOKEN
+    assert "token" in OPEN.refusal(request(Host="192.168.0.7:80"))
+    assert "token" in OPEN.refusal(request("/?token=wrong", Host="192.168.0.7:80"))
+    assert "token" in OPEN.refusal(request("/?token=%ff%fe", Host="192.168.0.7:80"))
+    assert "token" in OPEN.refusal(request(Host="192.168.0.7:80", Cookie=f"{COOKIE}=x{TOKEN}"))
+    assert OPEN.refusal(request(f"/?token={TOKEN}", Host="192.168.0.7:80")) == ""
+    assert OPEN.refusal(request(Host="192.168.0.7:80", Cookie=f"{COOKIE}={TOKEN}")) == ""
+    stranger = request(f"/?token={TOKEN}", Host="192.168.0.7:80", Origin="http://evil.example")
     assert "other sites" in OPEN.refusal(stranger)
 
 
 def test_servers_of_one_host_do_not_take_each_others_cookies() -> None:
-    assert OPEN.cookie != Guard.of("0.0.0.0").cookie
-    assert OPEN.token not in OPEN.cookie
+    assert Access.of("0.0.0.0").cookie != COOKIE
+    assert TOKEN not in COOKIE
 
 
 def test_a_local_server_has_no_token() -> None:
-    assert LOCAL.token == ""
-    assert Guard.of("localhost").token == ""
-    assert Guard.of("192.168.0.7").token != ""
+    assert LOCAL.access.token == ""
+    assert Access.of("localhost").token == ""
+    assert Access.of("192.168.0.7").token != ""

@@ -23,8 +23,8 @@ from click.testing import CliRunner
 
 pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
 
+from catalogs.browse.access import Access
 from surrogate.cli import main
-from surrogate.explore.guard import Guard
 from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
 from tests.surrogate.explore.models import plain
@@ -187,7 +187,7 @@ def test_other_addresses_get_a_token(run_folder: Path) -> None:
         assert len(token) >= 32
         here = f"http://127.0.0.1:{parts.port}/"
         assert asked(here, "/")[0] == 403
-        assert asked(here, f"/?token={token}")[0] == 302
+        assert asked(here, f"/?token={token}")[0] == 303
 
 
 def broken(run_folder: Path, folder: Path, how: str) -> Path:
@@ -483,11 +483,11 @@ def test_exports_that_are_no_message_are_refused(explorer: str, content: bytes) 
 @pytest.fixture(scope="module")
 def guarded() -> Iterator[tuple[str, str]]:
     """Address of a server that listens everywhere, and the name of its cookie."""
-    guard = Guard("0.0.0.0", TOKEN)
+    access = Access("0.0.0.0", TOKEN)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Guard, "of", lambda _: guard)
+        patch.setattr(Access, "of", lambda _: access)
         explorer = Shown(Run("plain", plain()))
-    yield f"http://127.0.0.1:{explorer._explorer.server.port}/", guard.cookie
+    yield f"http://127.0.0.1:{explorer._explorer.server.port}/", access.cookie
     explorer.close()
 
 
@@ -530,11 +530,9 @@ def test_without_the_token_nothing_is_answered(guarded: tuple[str, str]) -> None
 def test_the_token_becomes_a_cookie_that_opens_everything(guarded: tuple[str, str]) -> None:
     address, cookie = guarded
     status, answer = asked(address, f"/?token={TOKEN}")
-    assert status == 302
-    assert f"index.html?token={TOKEN}" in answer
-    status, answer = asked(address, f"/index.html?token={TOKEN}")
-    assert status == 200
-    assert re.search(rf"Set-Cookie: {cookie}={TOKEN}; HttpOnly; Path=/; SameSite=Strict", answer)
+    assert status == 303
+    assert "Location: ./\r\n" in answer  # the token leaves the address
+    assert re.search(rf"Set-Cookie: {cookie}={TOKEN}; HttpOnly; Path=/; SameSite=Lax", answer)
     brought = f"Cookie: {cookie}={TOKEN}\r\n"
     assert asked(address, "/explore/explore.js", headers=brought)[0] == 200
     assert asked(address, "/session", method="POST", headers=brought)[0] == 200

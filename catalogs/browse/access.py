@@ -1,0 +1,96 @@
+"""Who may ask a server of ours: pages of this machine, or whoever brings a token.
+
+A page of any web site may try to reach a server on 127.0.0.1, by a host name of its own that resolves to it (DNS rebinding): so a
+request must name the server by one of its own names.  What listens where others reach it wants a random token as well, which
+stands in the printed address, is exchanged for a cookie and so leaves the address, that may then be shown and passed on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import ipaddress
+import secrets
+import socket
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+LOCAL = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class Access:
+    """What a server that listens on `host` answers.
+
+    Attributes
+    ----------
+    host : the address that it listens on.
+    token : what must be brought; "" where only this machine reaches the server.
+    """
+
+    host: str
+    token: str
+
+    @classmethod
+    def of(cls, host: str) -> Access:
+        """Access to `host`, with a new random token unless only this machine can reach it."""
+        return cls(host, "" if is_local(host) else secrets.token_urlsafe(24))
+
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie that holds the token: one of its own, as browsers send cookies to all ports of a host."""
+        return f"gs-surrogate-{hashlib.sha256(self.token.encode()).hexdigest()[:8]}"
+
+    def address(self, port: int) -> str:
+        """What to open, with the token where one is needed."""
+        name = socket.gethostname() if is_any(self.host) else self.host
+        name = f"[{name}]" if ":" in name else name
+        return f"http://{name}:{port}/{f'?token={self.token}' if self.token else ''}"
+
+    def is_named_by(self, header: str) -> bool:
+        """Whether a request's Host header names this server.
+
+        Plain addresses need no such care where there is a token; without one only loopback ones are answered.
+        """
+        named = named_host(header)
+        if named in self._names():
+            return True
+        try:
+            return ipaddress.ip_address(named).is_loopback or bool(self.token)
+        except ValueError:
+            return False
+
+    def is_token(self, said: str | None) -> bool:
+        """Whether this is the token, found out in a time that tells nothing of it."""
+        return said is not None and hmac.compare_digest(said.encode(errors="replace"), self.token.encode())
+
+    def _names(self) -> set[str]:
+        """The names, beside plain addresses, by which the server may be asked."""
+        if is_local(self.host):
+            return {"localhost"}
+        machine = {socket.gethostname(), socket.getfqdn()} if is_any(self.host) else {self.host}
+        return {name.lower() for name in {"localhost", *machine}}
+
+
+def is_local(host: str) -> bool:
+    """Whether only this machine reaches a server that listens there."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def is_any(host: str) -> bool:
+    """Whether the host stands for all of the machine's addresses."""
+    try:
+        return host == "" or ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
+
+
+def named_host(header: str) -> str:
+    """The host that a Host header names, without its port; "" for nonsense."""
+    try:
+        return urlsplit(f"//{header}").hostname or ""
+    except ValueError:
+        return ""
