@@ -71,7 +71,8 @@ ablate-visualization: dataset
 browse: dataset
 	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb
 
-explore: $(SETUP)
+explore: dataset
+	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
 	$(BIN)/surrogate explore $(RUNS)/$(SCENE)
 
 # The Cinema clients conflict with each other and with us, so each lives alone; without network their tests skip.
