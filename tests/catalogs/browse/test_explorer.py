@@ -46,6 +46,7 @@ def opened(folder: Path, catalog: Catalog, viewer: str, new_page: NewPage, compl
         page.on("request", lambda request: requests.append(request.url))
         page.goto(f"{address}cinema_{viewer}.html")
         yield page
+        page.close()  # it complains no more
         assert all(url.startswith(address) for url in requests), requests
         assert [c for c in complaints if not any(f"/{name}" in c for name in DISPENSABLE)] == []
         complaints.clear()
