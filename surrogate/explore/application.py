@@ -39,7 +39,7 @@ from surrogate.explore.exports import Export, exported
 from surrogate.explore.facts import facts
 from surrogate.explore.frames import Frames
 from surrogate.explore.guard import Guard
-from surrogate.explore.messages import MessageError, frame_request
+from surrogate.explore.messages import frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.sockets import LARGEST, Sockets
 from surrogate.explore.truth import Truth
@@ -273,7 +273,7 @@ def _said(error: Exception) -> str:
     if isinstance(error, CatalogError | ImageError):
         log.warning("%s", error)
         return "a stored picture can't be read: the explorer's terminal says which"
-    if isinstance(error, MessageError | ValueError):
+    if isinstance(error, ValueError):
         return str(error)
     log.exception("an answer failed", exc_info=error)
     return f"this failed inside the explorer ({type(error).__name__}); its terminal says more"

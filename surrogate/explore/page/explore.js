@@ -82,7 +82,7 @@ class Explorer {
     if (state.mode === "compare") parts.push(this.comparePanel());
     if (state.mode === "sweep") parts.push(this.sweepPanel());
     parts.push(this.parameterPanel(), this.visualizationPanel(), this.viewPanel(), this.picturePanel());
-    parts.push(exportPanel(() => this.exportable(), () => this.state, facts, said => this.say(said)));
+    parts.push(exportPanel(this));
     parts.push(this.modelPanel());
     this.side.replaceChildren(...parts.filter(Boolean));
     this.built = "";
@@ -122,7 +122,7 @@ class Explorer {
     if (kinds.length === 1) return null;
     const tabs = element("div", { role: "tablist", "aria-label": "How the field is shown" }, ...kinds.map(kind => element("button", {
       role: "tab", id: `kind-${kind}`, "aria-selected": setting.kind === kind, tabindex: setting.kind === kind ? 0 : -1, "aria-controls": "visualization-panel",
-      onclick: () => { setting.kind = kind; this.arrange(); this.refresh(); this.changed(); document.getElementById(`kind-${kind}`).focus(); },
+      onclick: () => { setting.kind = kind; this.set({}); document.getElementById(`kind-${kind}`).focus(); },
       onkeydown: event => stepTab(event),
     }, KIND_NAMES[kind])));
     return section("Visualization", tabs, element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, this.kindPanel(setting.kind)));
@@ -172,12 +172,12 @@ class Explorer {
   comparePanel() {
     const { state, facts } = this;
     const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
-      element("button", { type: "button", id: `edit-${name}`, "aria-pressed": state.active === i, onclick: () => { state.active = i; this.arrange(); this.refresh(); this.changed(); } }, `Change ${name}`)));
+      element("button", { type: "button", id: `edit-${name}`, "aria-pressed": state.active === i, onclick: () => this.set({ active: i }) }, `Change ${name}`)));
     const copy = element("button", { type: "button", onclick: () => {
       state.settings[1 - state.active] = structuredClone(this.setting);
       this.changed();
     } }, `Copy ${"AB"[state.active]} to ${"BA"[state.active]}`);
-    const swap = element("button", { type: "button", onclick: () => { state.settings.reverse(); this.refresh(); this.arrange(); this.refresh(); this.changed(); } }, "Swap");
+    const swap = element("button", { type: "button", onclick: () => this.set({ settings: [...state.settings].reverse() }) }, "Swap");
     const against = element("select", { id: "against", onchange: event => { this.set({ against: event.target.value }); } },
       element("option", { value: "setting", selected: state.against === "setting" }, "another setting"),
       element("option", { value: "truth", selected: state.against === "truth", disabled: !facts.truth }, "the stored picture"));
@@ -189,7 +189,7 @@ class Explorer {
 
   sweepPanel() {
     const { state, facts } = this, known = sweepable(facts, state.settings[0]);
-    const change = values => { Object.assign(state.sweep, values); this.arrange(); this.refresh(); this.changed(); };
+    const change = values => this.set({ sweep: { ...state.sweep, ...values } });
     const menu = (id, chosen, offered, changed) => element("select", { id, onchange: event => changed(event.target.value) },
       ...offered.map(([value, name]) => element("option", { value, selected: value === chosen }, name)));
     const names = known.map(p => [p.name, p.name]);
@@ -227,6 +227,7 @@ class Explorer {
     this.resizing = setTimeout(() => this.stream.settle(), 100);
   }
 
+  /** Change the state, and show it in the controls and on the stage. */
   set(values) {
     Object.assign(this.state, values);
     this.arrange();
@@ -266,9 +267,7 @@ class Explorer {
       const found = await connection.nearest({ ...request, settings: settings.slice(0, 1), difference: false, truth: false });
       if (!found) return;
       take(found);
-      this.arrange();
-      this.refresh();
-      this.changed();
+      this.set({});
     } catch (error) {
       this.say(error.message);
     }
@@ -328,7 +327,7 @@ class Explorer {
     };
   }
 
-  async show(answer, moving, since) {
+  async show(answer, moving) {
     const bitmaps = await Promise.all(answer.pictures.map(bytes => decoded(bytes, answer.form)));
     paint(this.panes.map(p => p.canvas), bitmaps);
     await new Promise(requestAnimationFrame);
@@ -337,11 +336,11 @@ class Explorer {
     this.counted[moving ? "moving" : "whole"] += 1;
     this.alert.hidden ||= this.failed;
     this.failed = false;
-    this.describe(answer, moving, since);
+    this.describe(answer, moving);
     document.documentElement.dataset.shown = `${this.counted.moving} ${this.counted.whole}`;
   }
 
-  describe(answer, moving, since) {
+  describe(answer, moving) {
     const [width, height] = answer.size, rate = this.times.length;
     this.status.textContent = moving
       ? `${answer.drawn.toFixed(0)} ms · ${rate} pictures/s`

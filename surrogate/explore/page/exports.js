@@ -6,15 +6,16 @@ import { element, field, section } from "./elements.js";
 const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", python: "Python that draws it" };
 const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
 
-/** `request()` is the message of what is shown, `say(text)` tells how it went. */
-export function exportPanel(request, state, facts, say) {
-  const offered = state().mode === "sweep" ? { ...SWEEPS, ...PICTURES } : PICTURES;
+/** Saves what the explorer shows. */
+export function exportPanel(explorer) {
+  const say = text => explorer.say(text), { state } = explorer;
+  const offered = state.mode === "sweep" ? { ...SWEEPS, ...PICTURES } : PICTURES;
   const menu = element("select", { id: "export-kind" }, ...Object.entries(offered).map(([kind, name]) => element("option", { value: kind }, name)));
   const button = element("button", { type: "button", id: "export", class: "primary", onclick: async () => {
     button.disabled = true;
     say("Making it…");
     try {
-      const made = await exported({ ...request(), kind: menu.value, sweep: state().mode === "sweep" ? state().sweep : null });
+      const made = await exported({ ...explorer.exportable(), kind: menu.value, sweep: state.mode === "sweep" ? state.sweep : null });
       save(made);
       say(`${made.name}: ${(made.blob.size / 1024).toFixed(0)} kB`);
     } catch (error) {
@@ -24,8 +25,8 @@ export function exportPanel(request, state, facts, say) {
     }
   } }, "Save");
   const link = element("button", { type: "button", id: "copy-link", onclick: async () => {
-    window.explorer.writeAddress();
-    await window.explorer.copy(location.href, "link");
+    explorer.writeAddress();
+    await explorer.copy(location.href, "link");
   } }, "Copy link");
   return section("Export", field("As", menu), element("div", { class: "buttons" }, button, link));
 }

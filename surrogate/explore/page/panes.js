@@ -36,7 +36,7 @@ export function cellsOf(state, facts) {
 
 const label = (p, value) => `${p.name} ${digits(+value.toPrecision(4))}${p.unit ? ` ${p.unit}` : ""}`;
 
-/** What the stage holds for a state: { key, panes, columns, settings, difference, truth }; `key` says when it must be built anew. */
+/** What the stage holds for a state: { kind, labels, columns, settings, difference, truth }. */
 export function plan(state, facts) {
   if (state.mode === "sweep") {
     const { cells, columns } = cellsOf(state, facts);

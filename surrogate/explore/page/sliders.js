@@ -5,12 +5,12 @@ import { digits, element } from "./elements.js";
 const MARGIN = 0.12; // how far a slider goes beyond the bounds, in widths
 
 /**
- * `parameter` is { name, unit, low, high, train, validation }.  `moved(value)` hears every change, `held(whether)` the hand.
+ * `parameter` is { name, unit, low, high, train, validation }.  `moved(value)` hears every change.
  * Returns { box, set(value) }.
  */
-export function slider(parameter, id, moved, { title = parameter.name, margin = MARGIN } = {}) {
-  const { low, high, unit } = parameter, width = high - low;
-  const least = low - margin * width, most = high + margin * width;
+export function slider(parameter, id, moved) {
+  const { name: title, low, high, unit } = parameter, width = high - low;
+  const least = low - MARGIN * width, most = high + MARGIN * width;
   const range = element("input", { type: "range", id, min: least, max: most, step: "any", oninput: event => change(+event.target.value) });
   const number = element("input", {
     type: "number", step: "any", class: "exact", "aria-label": `${title}, exact value`,

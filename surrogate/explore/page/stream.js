@@ -8,8 +8,8 @@ const REST = 45; // milliseconds without a change after which it rests
 
 export class Stream {
   /**
-   * `request(moving)` makes the message; `show(answer, moving)` puts it on the screen and
-   * resolves when it is there; `fail(error)` says why there is none.
+   * `request(moving)` makes the message; `show(answer, moving)` puts it on the screen and resolves when it is there;
+   * `fail(error)` says why there is none.
    */
   constructor(request, show, fail) {
     Object.assign(this, { request, show, fail });
@@ -19,7 +19,6 @@ export class Stream {
     this.dirty = false;
     this.settled = 0; // number of the last request for a whole frame
     this.timer = null;
-    this.latest = 0;
   }
 
   /** Whether the newest wish is on the screen, whole. */
@@ -29,7 +28,6 @@ export class Stream {
   change() {
     this.dirty = true;
     this.settled = 0;
-    this.latest = performance.now();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.rest(), REST);
     this.pump();
@@ -38,7 +36,6 @@ export class Stream {
   /** Draw the whole frame now, as after a change that is not part of a movement. */
   settle() {
     clearTimeout(this.timer);
-    this.latest = performance.now();
     this.rest();
   }
 
@@ -61,7 +58,7 @@ export class Stream {
       const answer = await frame(request);
       if (number > this.shown) {
         this.shown = number;
-        await this.show(answer, moving, performance.now() - this.latest);
+        await this.show(answer, moving);
       }
     } catch (error) {
       if (number > this.shown) {
