@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from surrogate.explore.difference import Difference, difference_of
 from surrogate.explore.expectation import Expectation
 from surrogate.explore.facts import orbit_of
-from surrogate.explore.messages import Color, FrameRequest
+from surrogate.explore.messages import FrameRequest
 from surrogate.explore.pictures import encode
 from surrogate.explore.setting import Setting
 from surrogate.explore.truth import Truth
+from surrogate.metrics import composite
 from surrogate.model import DeformedGaussians, Surrogate
 
 KEPT = 32  # deformed Gaussians of the last settings: moving the camera deforms nothing
@@ -106,7 +107,7 @@ class Frames:
         if stored is None or self.truth is None:
             answer["truth"] = None
             return []
-        true = _over(self.truth.picture(stored), request.background)
+        true = composite(self.truth.picture(stored), request.background)
         answer["truth"] = {"member": stored.member.name, "split": stored.split, "view": stored.view}
         if true.shape != picture.shape:
             answer["truth"]["size"] = [true.shape[1], true.shape[0]]
@@ -126,11 +127,6 @@ def _compared(
     found: Difference = difference_of(first, second)
     answer[name] = {"psnr": found.psnr, "mean": found.mean, "maximum": found.maximum, "high": found.high}
     return found.picture
-
-
-def _over(picture: NDArray[np.float32], background: Color) -> NDArray[np.float32]:
-    """A premultiplied picture (H, W, 4) on a background, (H, W, 3)."""
-    return picture[..., :3] + (1.0 - picture[..., 3:]) * np.asarray(background, np.float32)
 
 
 def _key(setting: Setting) -> tuple[Any, ...]:
