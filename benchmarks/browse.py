@@ -184,7 +184,7 @@ def measure(browser: Browser, catalog: Catalog, repeats: int = 5) -> dict[str, s
 def main() -> None:
     from playwright.sync_api import sync_playwright
 
-    from tests.browsers import FLAGS, find_browser
+    from tests.support.browsers import FLAGS, find_browser
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(

@@ -25,11 +25,11 @@ from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.variations import isovalue_family, transfer_function_family
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation, ValuesDeformation
+from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.visualization import Visualization
 
 SETTINGS = TrainingSettings()
 MOST = 100_000  # calls of one kind, however short

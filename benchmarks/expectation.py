@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from benchmarks.page import DOCS, PROJECT, commit, fill, table
 from catalogs.catalog import Catalog
 from surrogate import Surrogate
+from surrogate.evaluation.metrics import WHITE, composite, psnr
+from surrogate.evaluation.scoring import spread
 from surrogate.explore.expectation import NEAREST, Expectation, Table, gap_of, left_out, levelled, measure, tables_of
 from surrogate.explore.places import ISOSURFACES, base_name
 from surrogate.explore.setting import Setting
-from surrogate.metrics import WHITE, composite, psnr
 from surrogate.provenance import machine
-from surrogate.scoring import spread
-from surrogate.threads import one_torch_thread
+from surrogate.splatting.threads import one_torch_thread
 
 SCENES = ("tgv-dvr", "cloverleaf", "nyx", "tgv-iso", "tgv-tf")
 TRIED = (1, 2, 3, 4, 5, 8, 15)

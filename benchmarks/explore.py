@@ -27,7 +27,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from benchmarks.page import DOCS, commit, fill, table
 from surrogate.provenance import machine
-from tests.browsers import FLAGS, find_browser
+from tests.support.browsers import FLAGS, find_browser
 
 SESSIONS = 4
 SETTLES = 12  # times that the hand rests

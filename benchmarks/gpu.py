@@ -23,16 +23,16 @@ from benchmarks.splatting.twin import Constants, ask, patches
 from benchmarks.splatting.workloads import FIXED, OTHERS, Scene, Workload
 from benchmarks.timing import Measured, digits, measured
 from catalogs import durable
-from surrogate.data import Example
 from surrogate.deformation.bilinear import BilinearDeformation
-from surrogate.device import chosen
 from surrogate.gaussians import Gaussians
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.simulate import simulation_stage
-from surrogate.stage_run import StageRun, TrainingData
-from surrogate.threads import one_torch_thread
+from surrogate.splatting.device import chosen
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.data import Example, TrainingData
+from surrogate.training.loop import StageRun
+from surrogate.training.stages import simulation_stage
 
 PAGE = "gpu.md"
 LARGE = FIXED.at_size(512).with_count(160_000)

@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from benchmarks.explore import serving
 from benchmarks.page import DOCS
-from tests.browsers import FLAGS, find_browser
+from tests.support.browsers import FLAGS, find_browser
 
 SIZE = {"width": 1280, "height": 800}
 STILL = "() => window.explorer?.stream?.resting && document.getElementById('expected').textContent.includes('dB')"

@@ -24,7 +24,7 @@ from insitu.adapters import as_grid
 from insitu.simulations import simulation
 from render import render_views
 from surrogate import Surrogate
-from surrogate.metrics import Score, composite, score
+from surrogate.evaluation.metrics import Score, composite, score
 from surrogate.provenance import machine
 
 RUN = PROJECT / "runs" / "tgv-tf"

@@ -30,8 +30,9 @@ input gives bitwise the same output for any number of threads.
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
-Arguments mean what `surrogate.splatting.render`, `surrogate.losses.image_loss` and the modules of `surrogate.deformation` say.  A
-drawing reads the Gaussians' arrays again in the backward pass: they must not have changed in between.
+Arguments mean what `surrogate.splatting.render`, `surrogate.training.losses.image_loss` and the modules of
+`surrogate.deformation` say.  A drawing reads the Gaussians' arrays again in the
+backward pass: they must not have changed in between.
 """
 
 from __future__ import annotations

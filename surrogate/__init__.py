@@ -8,7 +8,7 @@ from typing import Any
 _HOMES = {
     "Surrogate": "model",
     "TrainingSettings": "settings",
-    "train": "training",
+    "train": "training.run",
     "render": "splatting",
 }
 

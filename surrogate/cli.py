@@ -44,7 +44,7 @@ def train(scene: Path, runs: Path) -> None:
     """Train the surrogate of SCENE (a TOML file) from its catalog; goes on where it was interrupted."""
     loaded, catalog = _open(scene, runs)
     from surrogate.model import Surrogate
-    from surrogate.training import train as run
+    from surrogate.training.run import train as run
 
     directory = loaded.run_directory(runs) / "surrogate"
     finished = Surrogate.exists(directory)
@@ -65,14 +65,14 @@ def train(scene: Path, runs: Path) -> None:
 def evaluate(scene: Path, runs: Path) -> None:
     """Write the report of SCENE's surrogate: tables, pictures, report.json."""
     loaded, catalog = _open(scene, runs)
-    from surrogate.report import is_current, write_report
+    from surrogate.report.report import is_current, write_report
 
     folder = loaded.run_directory(runs)
     surrogate = _load(folder / "surrogate")
     if is_current(folder / "report", surrogate):
         click.echo(f"{folder / 'report' / 'report.md'}: nothing to do")
         return
-    from surrogate.evaluate import evaluate as run
+    from surrogate.evaluation.evaluate import evaluate as run
 
     line = _Line()
     started = time.perf_counter()
@@ -134,10 +134,10 @@ def repeat(scene: Path, runs: Path, seeds: int) -> None:
     The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
     """
     loaded, catalog = _open(scene, runs)
-    from surrogate.repeats.records import Scores
-    from surrogate.repeats.run import repeat as run
-    from surrogate.repeats.spread import summarize_repeats
-    from surrogate.repeats.table import terminal_lines, write_page
+    from surrogate.studies.repeats.records import Scores
+    from surrogate.studies.repeats.run import repeat as run
+    from surrogate.studies.repeats.spread import summarize_repeats
+    from surrogate.studies.repeats.table import terminal_lines, write_page
 
     folder, line = loaded.run_directory(runs), _Line()
 
@@ -181,10 +181,10 @@ def ablate(scene: Path, runs: Path, only: tuple[str, ...], visualization: bool, 
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
     loaded, catalog = _open(scene, runs)
-    from surrogate.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
-    from surrogate.ablation.records import Result
-    from surrogate.ablation.run import ablate as run
-    from surrogate.ablation.table import PAGE, verdict
+    from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
+    from surrogate.studies.ablation.records import Result
+    from surrogate.studies.ablation.run import ablate as run
+    from surrogate.studies.ablation.table import PAGE, verdict
 
     directory, line = loaded.run_directory(runs), _Line()
     folder = directory / (VISUALIZATION_FOLDER if visualization else BASE_FOLDER)
@@ -228,8 +228,8 @@ def ablate(scene: Path, runs: Path, only: tuple[str, ...], visualization: bool, 
 def ceiling(scene: Path, runs: Path) -> None:
     """Fit SCENE's Gaussians to one unseen member alone: what they could reach at all, beside what the surrogate reaches."""
     loaded, catalog = _open(scene, runs)
-    from surrogate.ceiling import FILE, line, measure_ceiling
     from surrogate.model import Surrogate
+    from surrogate.studies.ceiling import FILE, line, measure_ceiling
 
     folder, shown = loaded.run_directory(runs), _Line()
     surrogate = _load(folder / "surrogate") if Surrogate.exists(folder / "surrogate") else None
@@ -256,11 +256,11 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     """Hold the splatting engine to a table of hard cases; writes stress.md and stress.png, and fails where a row does."""
     import native
     from surrogate.splatting import BACKENDS
-    from surrogate.stress.check import Outcome
-    from surrogate.stress.drift import measure_drift
-    from surrogate.stress.report import PAGE, write
-    from surrogate.stress.table import table
-    from surrogate.threads import one_torch_thread
+    from surrogate.splatting.threads import one_torch_thread
+    from surrogate.studies.stress.check import Outcome
+    from surrogate.studies.stress.drift import measure_drift
+    from surrogate.studies.stress.report import PAGE, write
+    from surrogate.studies.stress.table import table
 
     if backend not in BACKENDS:
         raise _Failure(f"--backend must be one of {sorted(BACKENDS)}, got {backend!r}")
@@ -328,7 +328,7 @@ def _dataset_seconds(folder: Path) -> float | None:
 
 
 def _summarize(record: Mapping[str, Any]) -> None:
-    from surrogate.report_variations import variation_line
+    from surrogate.report.variations import variation_line
 
     for views in ("seen_views", "unseen_views"):
         for parameters in ("seen_parameters", "unseen_parameters"):

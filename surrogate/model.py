@@ -20,11 +20,11 @@ from catalogs.appearance import TransferFunction
 from catalogs.cameras import Camera
 from catalogs.parameters import ParameterSpace
 from surrogate.deformation import Deformation, load_deformation
-from surrogate.encoding import Encoding
+from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
-from surrogate.visualization import Visualization
+from surrogate.storage.encoding import Encoding
 
 if TYPE_CHECKING:
     from surrogate.explore.notebook import Shown
@@ -85,7 +85,7 @@ class DeformedGaussians:
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture."""
-        from surrogate.html import deformed_html
+        from surrogate.notebook import deformed_html
 
         return deformed_html(self)
 
@@ -316,7 +316,7 @@ class Surrogate:
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture at the middle of the parameters."""
-        from surrogate.html import surrogate_html
+        from surrogate.notebook import surrogate_html
 
         return surrogate_html(self)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-pytest_plugins = ["tests.browsers"]
+pytest_plugins = ["tests.support.browsers"]
 
 PROJECT = Path(__file__).resolve().parent.parent
 

@@ -13,7 +13,7 @@ from catalogs import Catalog, TransferFunction, VolumeRendering
 from catalogs.check import check
 from catalogs.scene import ViewPlan
 from surrogate import Surrogate, TrainingSettings, train
-from surrogate.metrics import psnr
+from surrogate.evaluation.metrics import psnr
 
 SPACING = 2.0 / 23
 

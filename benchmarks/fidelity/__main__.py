@@ -23,7 +23,7 @@ from benchmarks.fidelity.variants import VARIANTS, Variant
 from benchmarks.page import DOCS, PROJECT, commit
 from catalogs import durable
 from surrogate.provenance import machine
-from surrogate.threads import one_torch_thread
+from surrogate.splatting.threads import one_torch_thread
 
 SCENES = ("tgv-dvr", "cloverleaf")
 QUICK = 0.02  # of the steps

@@ -15,7 +15,7 @@ from catalogs import durable
 from catalogs.scene import Scene
 from surrogate.provenance import machine
 from surrogate.settings import TrainingSettings
-from surrogate.training import train
+from surrogate.training.run import train
 
 SCENES = ("tgv-dvr", "cloverleaf", "nyx")
 SHORTER = 3  # times than the scene's own training

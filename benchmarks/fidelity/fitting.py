@@ -17,15 +17,15 @@ from benchmarks.fidelity.activations import ACTIVATIONS, with_activation
 from benchmarks.fidelity.variants import GAUSSIANS, STEPS, Variant
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
-from surrogate.canonical import canonical_stage
-from surrogate.data import Example, ImageRow, foreground_color, load_examples
+from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialize import Points, initial_gaussians, initial_points
-from surrogate.metrics import WHITE, psnr
+from surrogate.initialization.points import Points
+from surrogate.initialization.start import initial_gaussians, initial_points
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.stage import Stage
-from surrogate.stage_run import StageRun, TrainingData
+from surrogate.training.data import Example, ImageRow, TrainingData, foreground_color, load_examples
+from surrogate.training.loop import StageRun
+from surrogate.training.stages import Stage, canonical_stage
 
 POINTS = 6  # of a curve
 

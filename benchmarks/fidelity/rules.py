@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from catalogs.cameras import Camera
+from surrogate.evaluation.metrics import decibels
 from surrogate.gaussians import Gaussians
-from surrogate.metrics import decibels
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import reference
 

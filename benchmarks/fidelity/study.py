@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from benchmarks.fidelity.fitting import Subject
 from benchmarks.fidelity.rules import differences, pictures
-from surrogate.data import Example
+from surrogate.evaluation.metrics import decibels
 from surrogate.gaussians import Gaussians
-from surrogate.metrics import decibels
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
+from surrogate.training.data import Example
 
 VIEWS = 4
 PIXELS = 192  # of each view, where there is something to see

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks.results.studies import StudyResults
-from surrogate.ablation.comparison import Row
-from surrogate.ablation.table import decibels_cell, difference_cell, equal_steps, unequal_times, verdict
-from surrogate.ablation.variants import DEFAULT, Variant
-from surrogate.report_tables import number, table
+from surrogate.evaluation.tables import number, table
+from surrogate.studies.ablation.comparison import Row
+from surrogate.studies.ablation.table import decibels_cell, difference_cell, equal_steps, unequal_times, verdict
+from surrogate.studies.ablation.variants import DEFAULT, Variant
 
 HEADER = ("", "variant", "changed", "PSNR (dB)", "difference (dB)", "SSIM", "steps", "seconds", "seeds")
 DESIGNS = {"deformation", "visualization_deformation"}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmarks.results.scenes import SceneResults
-from surrogate.report_tables import NOTHING, number, table
+from surrogate.evaluation.tables import NOTHING, number, table
 
 HEADER = (
     "scene",

@@ -13,8 +13,8 @@ from benchmarks.results.quality import QualityTable, quality_tables
 from benchmarks.results.scenes import Gap, SceneResults
 from benchmarks.results.sources import report_sources, study_sources
 from catalogs import durable
-from surrogate.ablation.table import PICTURE
-from surrogate.report_tables import table
+from surrogate.evaluation.tables import table
+from surrogate.studies.ablation.table import PICTURE
 
 PAGE = "results.md"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.results.scenes import SceneResults
-from surrogate.report_tables import NOTHING, metric_number, number, spread_number
-from surrogate.report_variations import NAMES
+from surrogate.evaluation.tables import NOTHING, metric_number, number, spread_number
+from surrogate.report.variations import NAMES
 
 BASE = "base"
 

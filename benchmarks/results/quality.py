@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from benchmarks.results.parts import BASE, Part
 from catalogs.variations import KINDS
-from surrogate.report_tables import HEADINGS, NOTHING, table
-from surrogate.report_variations import NAMES
-from surrogate.scoring import PERCEPTUAL_METRICS
+from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
+from surrogate.evaluation.tables import HEADINGS, NOTHING, table
+from surrogate.report.variations import NAMES
 
 FOREGROUND, SSIM = "PSNR of the foreground (dB)", "SSIM"
 CEILING, TRIVIAL = "ceiling (surrogate there), dB", "best trivial predictor, dB"

@@ -12,14 +12,14 @@ from benchmarks.results.studies import StudyKind, StudyResults, kinds_of, read_s
 from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog
 from catalogs.scene import Scene
-from surrogate.ceiling import subjects
-from surrogate.checkpoints import fingerprint
-from surrogate.evaluate import VERSION
-from surrogate.repeats.records import scores_beside
-from surrogate.repeats.spread import summarize_repeats
-from surrogate.report import RECORD, ceilings_beside
+from surrogate.evaluation.evaluate import VERSION
+from surrogate.report.report import RECORD, ceilings_beside
 from surrogate.settings import TrainingSettings
-from surrogate.source import Source
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.studies.ceiling import subjects
+from surrogate.studies.repeats.records import scores_beside
+from surrogate.studies.repeats.spread import summarize_repeats
+from surrogate.training.source import Source
 
 APPEARANCES = {"volume": "volume rendering", "isosurface": "isosurface", "imported": "pictures made elsewhere"}
 

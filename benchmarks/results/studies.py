@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.catalog import Catalog
-from surrogate.ablation.comparison import Row, compared
-from surrogate.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
-from surrogate.ablation.records import Records, Result
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
+from surrogate.studies.ablation.comparison import Row, compared
+from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
+from surrogate.studies.ablation.records import Records, Result
 
 
 @dataclass(frozen=True)

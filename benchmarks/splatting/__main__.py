@@ -31,7 +31,7 @@ from benchmarks.splatting.trained import Trained
 from benchmarks.splatting.training_time import training_time
 from catalogs import durable
 from surrogate.provenance import machine
-from surrogate.threads import one_torch_thread
+from surrogate.splatting.threads import one_torch_thread
 
 PAGE = "splatting.md"
 QUICK = "bench"  # within the folder of runs

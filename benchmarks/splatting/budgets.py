@@ -15,10 +15,10 @@ from benchmarks.splatting.setup import Setup, limited_to
 from benchmarks.splatting.trained import Trained, pictures
 from benchmarks.splatting.twin import decibels
 from benchmarks.timing import Measured, timed
-from surrogate.data import ImageRow, load_examples, training_rows
+from surrogate.evaluation.metrics import composite, psnr
 from surrogate.gaussians import Gaussians
-from surrogate.metrics import composite, psnr
-from surrogate.needs import importance
+from surrogate.training.compression import importance
+from surrogate.training.data import ImageRow, load_examples, training_rows
 
 PARTS = (1.0, 0.5, 0.25, 0.12)
 FIGURE = "splatting_budgets.png"

@@ -14,7 +14,7 @@ from benchmarks.splatting.trained import Trained
 from benchmarks.splatting.twin import Constants
 from benchmarks.splatting.workloads import FIXED, OTHERS, Scene
 from catalogs.cameras import Camera
-from surrogate.metrics import decibels
+from surrogate.evaluation.metrics import decibels
 from surrogate.splatting import reference
 from surrogate.splatting.rendering import MIN_TRANSMITTANCE
 

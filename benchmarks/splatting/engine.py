@@ -13,7 +13,7 @@ from benchmarks.splatting.setup import Setup, said
 from benchmarks.splatting.twin import Constants, Counted, ask, patches
 from benchmarks.splatting.workloads import FIXED, OTHERS, Scene, Workload
 from benchmarks.timing import digits, measured
-from surrogate.losses import image_loss, image_loss_reference
+from surrogate.training.losses import image_loss, image_loss_reference
 
 SMALL = Workload("translucent", 64, 2_000, (2, 6), (0.02, 0.2))
 TIMES = ("forward, ms", "backward, ms", "sum, ms")

@@ -13,10 +13,10 @@ from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained, mean_decibels, pictures
 from benchmarks.splatting.twin import decibels
 from surrogate.deformation import load_deformation
-from surrogate.encoding import encode
+from surrogate.evaluation.metrics import composite
 from surrogate.gaussians import Gaussians
-from surrogate.metrics import composite
 from surrogate.model import Surrogate
+from surrogate.storage.encoding import encode
 
 JUDGED = 60
 

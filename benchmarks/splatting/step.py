@@ -16,17 +16,16 @@ from benchmarks.splatting.figures import COLORS, panels
 from benchmarks.splatting.setup import Setup, limited_to, said
 from benchmarks.splatting.workloads import FIXED, Workload
 from benchmarks.timing import Measured, digits, measured, measured_in_turn
-from surrogate.data import Example
 from surrogate.deformation.bilinear import BilinearDeformation
+from surrogate.evaluation.metrics import WHITE
 from surrogate.gaussians import Gaussians
-from surrogate.losses import image_loss
-from surrogate.metrics import WHITE
-from surrogate.optimizer import Adam
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.simulate import simulation_stage
-from surrogate.stage import Stage
-from surrogate.stage_run import StageRun, TrainingData
+from surrogate.training.data import Example, TrainingData
+from surrogate.training.loop import StageRun
+from surrogate.training.losses import image_loss
+from surrogate.training.optimizer import Adam
+from surrogate.training.stages import Stage, simulation_stage
 
 FIGURE = "splatting_step.png"
 VARIABLE = "GS_SURROGATE_INSTRUCTION_SET"

@@ -23,16 +23,16 @@ from benchmarks.splatting.workloads import Scene
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.scene import Scene as SceneFile
-from surrogate.ablation.pace import Pace, measured, scheduled
-from surrogate.data import ImageRow, validation_rows
-from surrogate.metrics import WHITE, composite, psnr
+from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.model import DeformedGaussians, Surrogate
-from surrogate.progress import TrainingProgress
 from surrogate.settings import TrainingSettings
-from surrogate.training import train
+from surrogate.studies.ablation.pace import Pace, measured, scheduled
+from surrogate.training.data import ImageRow, validation_rows
+from surrogate.training.progress import TrainingProgress
+from surrogate.training.run import train
 
 PREFERRED, FALLBACK = "tgv-dvr", "tiny"
-BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.ablation.clock`
+BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.studies.ablation.clock`
 PROBE = 0.1  # of the largest budget, spent on measuring the pace first
 POINTS = 12  # of a training curve, about
 
@@ -47,7 +47,7 @@ class View(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model trained for about `budget` seconds, by `surrogate.ablation.clock`: those of all cores together on a CPU."""
+    """A model trained for about `budget` seconds, by `surrogate.studies.ablation.clock`: those of all cores together on a CPU."""
 
     budget: float
     surrogate: Surrogate

@@ -21,7 +21,7 @@ from torch import Tensor
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.products import Factors, add_products
 from surrogate.gaussians import Gaussians
-from surrogate.sampling import generator
+from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen

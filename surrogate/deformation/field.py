@@ -23,7 +23,7 @@ from torch.nn.functional import layer_norm, linear
 
 from surrogate.deformation.offsets import Offsets
 from surrogate.gaussians import NAMES, Gaussians
-from surrogate.sampling import generator
+from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
 POSITION_FREQUENCIES = 10

@@ -69,7 +69,7 @@ def export(run: Path, like: Path | None, output: Path, **options: Any) -> None:
         gaussians = setting.gaussians(opened.surrogate)
         _warn(opened.surrogate, setting)
         if suffix == ".ply":
-            from surrogate.ply import ply_bytes
+            from surrogate.explore.exporting.ply import ply_bytes
 
             durable.replace(output, ply_bytes(gaussians))
             return f"{output}: {len(gaussians):,} Gaussians, {_said(setting)}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.metrics import WHITE, composite, decibels
+from surrogate.evaluation.metrics import WHITE, composite, decibels
 
 COLOR_MAP = "inferno"  # perceptually uniform, readable in gray and without red-green vision; black is no difference
 ENTRIES = 256
@@ -27,7 +27,7 @@ class Difference:
     ----------
     picture : (H, W, 3) float32, `COLOR_MAP` over `low` to `high`; what exceeds `high` has its last colour.
     low, high : the range that the colours span, in units of the pictures' [0, 1].
-    psnr : dB, as `surrogate.metrics.psnr` of the composited pictures: over all channels, at most 60.
+    psnr : dB, as `surrogate.evaluation.metrics.psnr` of the composited pictures: over all channels, at most 60.
     mean, maximum : of the map, over all pixels.
     """
 

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from catalogs import durable
 from catalogs.catalog import Catalog, Member
 from catalogs.images import ImageError
+from surrogate.evaluation.metrics import WHITE, composite, psnr
+from surrogate.evaluation.scoring import Report, spread
 from surrogate.explore.places import Place, base_name, fractions_of, place_of
 from surrogate.explore.setting import Setting
-from surrogate.metrics import WHITE, composite, psnr
 from surrogate.model import Surrogate
-from surrogate.scoring import Report, spread
-from surrogate.threads import one_torch_thread
+from surrogate.splatting.threads import one_torch_thread
 
 VERSION = 1
 FILE = Path("explore") / "expectation.json"

@@ -34,11 +34,11 @@ from catalogs.appearance import TransferFunction, VolumeRendering, field_of
 from catalogs.cameras import Camera, upward
 from catalogs.catalog import Catalog, Member
 from catalogs.variations import Variation
+from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.places import base_name
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
-from surrogate.scoring import spread
 
 MOST_TICKS, MOST_VIEWPOINTS, MOST_MEMBERS, MOST_SUMMARIES = 300, 2000, 5000, 200
 BINS = 64

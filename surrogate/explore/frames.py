@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.evaluation.metrics import composite
 from surrogate.explore.difference import Difference, difference_of
 from surrogate.explore.expectation import Expectation
 from surrogate.explore.facts import orbit_of
@@ -18,7 +19,6 @@ from surrogate.explore.messages import FrameRequest
 from surrogate.explore.pictures import encode
 from surrogate.explore.setting import Setting
 from surrogate.explore.truth import Truth
-from surrogate.metrics import composite
 from surrogate.model import DeformedGaussians, Surrogate
 
 KEPT = 32  # deformed Gaussians of the last settings: moving the camera deforms nothing

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
-from surrogate.data import middle
 from surrogate.gaussians import Normalization
+from surrogate.training.data import middle
 
 VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't reach further
 

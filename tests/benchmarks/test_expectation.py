@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.expectation import main
 from surrogate.rasterizer import Rasterizer
-from tests.surrogate.varied_blobs import varied_catalog, varied_surrogate
+from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 
 def test_both_tables_have_a_row_of_each_family(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from catalogs.check import check
 from catalogs.cli import main
 from catalogs.exchange import ExchangeError, import_nerf
 from catalogs.parameters import Parameter, ParameterSpace
-from tests.catalogs.nerf_data import ANGLE, BOUNDS, TEST, TRAIN, DataSet, bring, picture
+from tests.support.nerf_data import ANGLE, BOUNDS, TEST, TRAIN, DataSet, bring, picture
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from catalogs.cameras import Camera
 from catalogs.exchange import ExchangeError
 from catalogs.png import PngError, check_png
 from catalogs.transforms import read_frames, world_to_camera
-from tests.catalogs.nerf_data import ANGLE, HEIGHT, WIDTH, DataSet, bring, opengl_pose, picture
+from tests.support.nerf_data import ANGLE, HEIGHT, WIDTH, DataSet, bring, opengl_pose, picture
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ from torch import Tensor
 from catalogs.cameras import Camera
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
-from surrogate.losses import image_loss_reference, structural_similarity
 from surrogate.splatting import render_over
 from surrogate.splatting.rendering import DILATION
+from surrogate.training.losses import image_loss_reference, structural_similarity
 
 COMPILER, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64"
 SOURCES = ("kernels", "drawing", "bilinear", "loss", "parallel", "transfer")

@@ -10,7 +10,7 @@ import pytest
 
 from catalogs.appearance import ImportedImages
 from catalogs.catalog import Catalog, CatalogPlan
-from tests.surrogate.blobs import Blobs
+from tests.support.blobs import Blobs
 
 MakeCatalog = Callable[..., Catalog]
 

@@ -12,14 +12,14 @@ from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.variations import displaced
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation
-from surrogate.encoding import encode
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import render
-from tests.surrogate.field_blobs import FUNCTION, FUNCTIONS, ISOVALUE
-from tests.surrogate.needs.conftest import same
-from tests.surrogate.test_visualization import base, of_isovalue, surrogate, visualization
+from surrogate.storage.encoding import encode
+from tests.support.field_blobs import FUNCTION, FUNCTIONS, ISOVALUE
+from tests.surrogate.deformation.test_visualization import base, of_isovalue, surrogate, visualization
+from tests.surrogate.training.compression.conftest import same
 
 CENTER, EXTENT = np.array([1e6, -2e6, 5.0]), 40.0
 CAMERA = Camera.look_at(CENTER + np.array([90.0, 120.0, 60.0]), CENTER, vertical_fov_degrees=35, width=24, height=20)

@@ -6,9 +6,9 @@ import pytest
 
 from benchmarks.results.ablations import GROUPS, group_of, study_lines
 from benchmarks.results.studies import BASE, VISUALIZATION, StudyResults, kinds_of
-from surrogate.ablation.comparison import rows_of
-from surrogate.ablation.records import Result
-from surrogate.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
+from surrogate.studies.ablation.comparison import rows_of
+from surrogate.studies.ablation.records import Result
+from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
 
 
 def results(name: str, *psnr: float, steps: int = 100, error: str = "") -> list[Result]:

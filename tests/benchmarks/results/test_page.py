@@ -12,7 +12,7 @@ from benchmarks.results.__main__ import main as results_main
 from benchmarks.results.page import write
 from benchmarks.results.scenes import read_scenes
 from surrogate.cli import main
-from tests.benchmarks.results.made import make_catalog, make_results, make_scene, make_study
+from tests.support.results import make_catalog, make_results, make_scene, make_study
 
 
 def page(root: Path) -> str:

@@ -5,9 +5,9 @@ from pathlib import Path
 from benchmarks.results.parts import parts_of
 from benchmarks.results.quality import quality_tables
 from benchmarks.results.scenes import SceneResults
-from surrogate.repeats.spread import summarize_repeats
-from tests.benchmarks.results.made import ceiling_entry, report_of
-from tests.surrogate.repeats.made import scores_of
+from surrogate.studies.repeats.spread import summarize_repeats
+from tests.support.results import ceiling_entry, report_of
+from tests.support.scores import scores_of
 
 TITLES = [
     "Novel views",

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.results.scenes import Gap, read_scene, read_scenes
-from tests.benchmarks.results.made import make_catalog, make_results, make_scene, make_study
+from tests.support.results import make_catalog, make_results, make_scene, make_study
 
 
 def gaps(root: Path, name: str) -> dict[str, str]:

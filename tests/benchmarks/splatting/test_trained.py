@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.splatting.trained import POINTS, planned
-from surrogate.ablation.pace import Pace
 from surrogate.settings import TrainingSettings
+from surrogate.studies.ablation.pace import Pace
 
 SETTINGS = TrainingSettings(visualization_steps=0)
 

@@ -12,8 +12,8 @@ import pytest
 
 from catalogs.browse import CatalogServer, write_page
 from catalogs.catalog import Catalog
-from tests.browsers import PHONE, NewPage, serious_findings
-from tests.catalogs.browse.seen import image_of, shown, visit
+from tests.support.browsed import image_of, shown, visit
+from tests.support.browsers import PHONE, NewPage, serious_findings
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -9,8 +9,8 @@ import pytest
 
 from catalogs.browse import CatalogServer
 from catalogs.catalog import Catalog
-from tests.browsers import pixels
-from tests.catalogs.browse.seen import composited, drag, image_of, shown, turned, visit
+from tests.support.browsed import composited, drag, image_of, shown, turned, visit
+from tests.support.browsers import pixels
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from catalogs.catalog import Catalog
-from tests.browsers import DESKTOP, NewPage
+from tests.support.browsers import DESKTOP, NewPage
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

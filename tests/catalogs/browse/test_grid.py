@@ -11,8 +11,8 @@ import pytest
 from benchmarks.browse import synthetic_catalog
 from catalogs.browse import CatalogServer, write_page
 from catalogs.catalog import Catalog
-from tests.browsers import pixels
-from tests.catalogs.browse.seen import Picture, composited, picture_at, shown, visit
+from tests.support.browsed import Picture, composited, picture_at, shown, visit
+from tests.support.browsers import pixels
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -9,9 +9,9 @@ import pytest
 
 from catalogs.browse import CatalogServer, write_page
 from catalogs.catalog import Catalog
-from tests.browsers import pixels
 from tests.catalogs.browse.conftest import GRID
-from tests.catalogs.browse.seen import drag, option_texts, shown, visit
+from tests.support.browsed import drag, option_texts, shown, visit
+from tests.support.browsers import pixels
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

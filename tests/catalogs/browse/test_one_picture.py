@@ -13,9 +13,9 @@ from catalogs.browse import CatalogServer, write_page
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.parameters import Parameter, ParameterSpace
-from tests.browsers import pixels
 from tests.catalogs.browse.conftest import SIZE, grid_plan, picture
-from tests.catalogs.browse.seen import composited, drag, image_of, option_texts, shown, slider_box, turned, visit
+from tests.support.browsed import composited, drag, image_of, option_texts, shown, slider_box, turned, visit
+from tests.support.browsers import pixels
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -22,7 +22,7 @@ from catalogs.browse import CatalogServer, page_of, serve
 from catalogs.browse.server import open_below
 from catalogs.catalog import Catalog
 from tests.catalogs.browse.conftest import running
-from tests.catalogs.browse.seen import shown
+from tests.support.browsed import shown
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

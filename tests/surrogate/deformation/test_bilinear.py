@@ -2,10 +2,10 @@ import pytest
 import torch
 
 from surrogate.deformation import BilinearDeformation, Offsets, load_deformation
-from surrogate.encoding import encode
 from surrogate.gaussians import Gaussians
-from surrogate.optimizer import Adam
 from surrogate.settings import TrainingSettings
+from surrogate.storage.encoding import encode
+from surrogate.training.optimizer import Adam
 
 
 def canonical(count: int, color_columns: int, dtype: torch.dtype = torch.float32) -> Gaussians:

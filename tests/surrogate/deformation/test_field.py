@@ -12,13 +12,13 @@ from torch import Tensor, nn
 from surrogate.deformation import Deformation, Offsets
 from surrogate.deformation.field import Architecture, FieldDeformation, encode
 from surrogate.gaussians import NAMES, Gaussians
-from surrogate.needs.choice import Measured
-from surrogate.needs.fitted import Bench, Fitted
-from surrogate.needs.modes import choose_modes
-from surrogate.optimizer import Adam
-from surrogate.sampling import generator
+from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
-from surrogate.simulate import simulation_stage
+from surrogate.training.compression.choice import Measured
+from surrogate.training.compression.fitted import Bench, Fitted
+from surrogate.training.compression.modes import choose_modes
+from surrogate.training.optimizer import Adam
+from surrogate.training.stages import simulation_stage
 
 APPEARANCE = ("opacity_logits", "colors")
 COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "colors": 3}

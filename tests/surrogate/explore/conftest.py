@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from surrogate.explore.run import Run
-from tests.surrogate import families
-from tests.surrogate.explore.models import following
-from tests.surrogate.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, summary
+from tests.support import families
+from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, summary
+from tests.support.models import following
 
 MEMBERS = {"train-0": 0.0, "train-1": 0.5, "train-2": 1.0, "validation-0": 0.25, "test-0": 0.75}
 VIEW_SPLITS = ("train",) * 8 + ("validation",) * 2 + ("test",) * 2

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surrogate import Surrogate
-from tests.surrogate.explore.seen import assert_shown, open_explorer
+from tests.support.explored import assert_shown, open_explorer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -17,13 +17,13 @@ from catalogs.catalog import Catalog
 from catalogs.images import read_image, to_bytes
 from surrogate import Surrogate
 from surrogate.explore.commands import export, sweep
+from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.pictures import record_of
 from surrogate.explore.setting import Setting
 from surrogate.explore.sweep import Axis, Sweep, settings
-from surrogate.ply import ply_bytes
-from tests.surrogate import families
-from tests.surrogate.explore.models import following, plain
-from tests.surrogate.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE
+from tests.support import families
+from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE
+from tests.support.models import following, plain
 
 
 @pytest.fixture(scope="module")

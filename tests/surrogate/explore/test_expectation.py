@@ -14,6 +14,7 @@ import pytest
 
 from catalogs.catalog import Catalog
 from surrogate import Surrogate
+from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.explore import expectation as module
 from surrogate.explore.expectation import (
     FILE,
@@ -30,10 +31,9 @@ from surrogate.explore.expectation import (
     tables_of,
 )
 from surrogate.explore.setting import Setting
-from surrogate.metrics import MOST_DECIBELS
 from surrogate.rasterizer import Rasterizer
-from tests.surrogate.explore.models import following, plain
-from tests.surrogate.varied_blobs import varied_catalog, varied_surrogate
+from tests.support.models import following, plain
+from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 
 def measured(split: str, p: float, *psnr: float, varied: dict[str, float | str] | None = None) -> Measured:

@@ -14,7 +14,7 @@ from surrogate.explore.exports import FILM_STEPS, KINDS, exported
 from surrogate.explore.messages import MessageError
 from surrogate.explore.pictures import record_of
 from surrogate.explore.run import Run
-from tests.surrogate.explore.models import plain
+from tests.support.models import plain
 from tests.surrogate.explore.test_messages import message
 
 

@@ -18,10 +18,10 @@ from surrogate import Surrogate
 from surrogate.explore import facts as module
 from surrogate.explore.color_maps import NAMES
 from surrogate.explore.facts import facts
-from tests.surrogate.blobs import Blobs
+from tests.support.blobs import Blobs
+from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, VIEW_SPLITS, field_catalog
+from tests.support.models import following, plain
 from tests.surrogate.conftest import MakeCatalog
-from tests.surrogate.explore.models import following, plain
-from tests.surrogate.field_blobs import BLOBS, FUNCTION, STEPS, VIEW_SPLITS, field_catalog
 
 HOSTILE = '</script><img src=x onerror="alert(1)">"\'&\u2028\ud800'
 
@@ -85,7 +85,7 @@ def test_transfer_functions(told: dict[str, Any]) -> None:
 
 def test_fields_are_named_base_first(tmp_path: Path, surrogate: Surrogate) -> None:
     from catalogs.variations import field_variation
-    from surrogate.visualization import Visualization
+    from surrogate.deformation.visualization import Visualization
 
     of_field = Visualization(field_variation("dvr", appearances=("speed", "other")), surrogate.deformation)
     told = facts(replace(surrogate, visualizations=(of_field,)), None, "fields")

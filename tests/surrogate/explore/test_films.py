@@ -14,7 +14,7 @@ from catalogs.cameras import Camera
 from surrogate.explore.films import gif, mp4
 from surrogate.explore.setting import Setting
 from surrogate.explore.sweep import Axis, Sweep, pictures, settings
-from tests.surrogate.explore.models import following
+from tests.support.models import following
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=120, height=96)
 BACKGROUND = (0.25, 0.5, 0.75)

@@ -24,9 +24,9 @@ pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
 
 from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
+from tests.support.models import plain
+from tests.support.tabs import Tab, framed, lives, post
 from tests.surrogate.explore import test_exports, test_messages
-from tests.surrogate.explore.models import plain
-from tests.surrogate.explore.tabs import Tab, framed, lives, post
 from tests.surrogate.explore.test_messages import message
 
 ROOT = str(Path(__file__).parents[3])

@@ -16,8 +16,8 @@ from catalogs import Catalog
 from surrogate import Surrogate
 from surrogate.explore.pictures import record_of
 from surrogate.explore.run import Run
-from tests.browsers import NewPage, serious_findings
-from tests.surrogate.explore.seen import assert_shown, drawn, open_explorer, request_of, settled, shown
+from tests.support.browsers import NewPage, serious_findings
+from tests.support.explored import assert_shown, drawn, open_explorer, request_of, settled, shown
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

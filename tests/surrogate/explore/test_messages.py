@@ -20,7 +20,7 @@ from surrogate.explore.messages import (
     frame_request,
     setting_of,
 )
-from tests.surrogate.explore.models import following, plain
+from tests.support.models import following, plain
 
 CAMERA = {"position": [3.0, 1.0, 0.5], "target": [0.5, 0.0, 0.0], "up": [0, 0, 1], "field": 30}
 

@@ -24,8 +24,8 @@ from surrogate.explore import application
 from surrogate.explore.notebook import Shown, show
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
-from tests.surrogate.explore.models import plain
-from tests.surrogate.explore.tabs import Tab, lives, post
+from tests.support.models import plain
+from tests.support.tabs import Tab, lives, post
 from tests.surrogate.explore.test_messages import message
 
 

@@ -16,7 +16,7 @@ from catalogs.cameras import Camera
 from catalogs.images import premultiply, read_image, read_stored, to_bytes
 from surrogate.explore.pictures import KEY, encode, record_for, record_of
 from surrogate.explore.setting import Setting
-from tests.surrogate.explore.models import following
+from tests.support.models import following
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=40, height=24)
 SETTING = Setting({"p": 0.1 + 0.2}, {"c1_value": 0.1}, "viridis")

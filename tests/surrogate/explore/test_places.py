@@ -10,8 +10,8 @@ import pytest
 
 from surrogate.explore.places import ISOSURFACES, asked, base_name, fractions_of, place_of
 from surrogate.explore.setting import Setting
-from tests.surrogate.explore.models import following, plain
-from tests.surrogate.field_blobs import STEPS
+from tests.support.field_blobs import STEPS
+from tests.support.models import following, plain
 
 
 def test_a_whole_range_is_one() -> None:

@@ -27,8 +27,8 @@ from catalogs.browse.access import Access
 from surrogate.cli import main
 from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
-from tests.surrogate.explore.models import plain
-from tests.surrogate.explore.tabs import Tab, lives, post, wait
+from tests.support.models import plain
+from tests.support.tabs import Tab, lives, post, wait
 from tests.surrogate.explore.test_messages import message
 
 COMMAND = Path(sys.executable).with_name("surrogate")

@@ -15,7 +15,7 @@ from catalogs.parameters import Parameter, ParameterSpace
 from surrogate.explore.setting import Setting
 from surrogate.explore.snippet import snippet
 from surrogate.model import Surrogate
-from tests.surrogate.explore.models import following, plain
+from tests.support.models import following, plain
 
 PROJECT = Path(__file__).resolve().parents[3]
 CAMERA = Camera.look_at((3.1, 4.2, 1 / 3), (0.1, 0, 0), vertical_fov_degrees=31.7, width=40, height=24)

@@ -9,7 +9,7 @@ import pytest
 from catalogs.cameras import Camera
 from surrogate.explore.setting import Setting
 from surrogate.explore.sweep import Axis, Sweep, check, parameter, pictures, settings
-from tests.surrogate.explore.models import following, plain
+from tests.support.models import following, plain
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=20, height=16)
 BASE = Setting({"p": 0.5}, {"c1_value": 0.1}, "viridis")

@@ -16,7 +16,7 @@ from surrogate import Surrogate
 from surrogate.explore.setting import Setting
 from surrogate.explore.truth import Truth
 from surrogate.rasterizer import Rasterizer
-from tests.surrogate.varied_blobs import BLOBS, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
+from tests.support.varied_blobs import BLOBS, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
 
 AT_TEST = {"p": 0.5}
 FIRST, SECOND = BLOBS.cameras()[:2]

@@ -9,8 +9,8 @@ from catalogs.catalog import Catalog
 from surrogate.gaussians import Normalization
 from surrogate.initialization.hull import SLACK, hull_points, occupied, voxels
 from surrogate.initialization.pictures import Picture
-from surrogate.initialize import Points
-from tests.surrogate.initialization.balls import Ball, grey, store
+from surrogate.initialization.points import Points
+from tests.support.balls import Ball, grey, store
 
 COUNT = 5000
 BALL = Ball()

@@ -6,9 +6,9 @@ import pytest
 from catalogs.images import premultiply
 from surrogate.initialization.pictures import foreground, representative_member, straight_colors
 from surrogate.settings import TrainingSettings
-from surrogate.source import Source
-from tests.surrogate.initialization.balls import Ball, grey, store
-from tests.surrogate.varied_blobs import varied_catalog, varied_surrogate
+from surrogate.training.source import Source
+from tests.support.balls import Ball, grey, store
+from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 BALL = Ball(size=8)
 

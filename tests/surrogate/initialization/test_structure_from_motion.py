@@ -10,12 +10,12 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Normalization
 from surrogate.initialization import structure_from_motion as module
+from surrogate.initialization.points import Points
 from surrogate.initialization.structure_from_motion import (
     neighbours,
     structure_from_motion_points,
 )
-from surrogate.initialize import Points
-from tests.surrogate.initialization.balls import Ball, grey, speckled, store
+from tests.support.balls import Ball, grey, speckled, store
 
 BALL = Ball(radius=80.0, center=(505.0, -297.0, 101.0), size=160)
 PIXEL = 2.0 * 5.0 * np.tan(np.radians(16.0)) / BALL.size  # in normalized units, at the middle of the box

@@ -12,11 +12,11 @@ from torch import Tensor
 
 import surrogate.splatting
 from catalogs.cameras import Camera
-from surrogate.device import chosen
-from surrogate.losses import image_loss_reference
 from surrogate.splatting import cuda, render, render_over
-from surrogate.stress.scenes import Scene, cloud, off_center, view, with_lengths
-from surrogate.stress.table import table
+from surrogate.splatting.device import chosen
+from surrogate.studies.stress.scenes import Scene, cloud, off_center, view, with_lengths
+from surrogate.studies.stress.table import table
+from surrogate.training.losses import image_loss_reference
 
 CONSTANTS = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1.0 / 255.0}
 
@@ -197,7 +197,7 @@ def test_a_machine_without_a_gpu_draws_in_main_memory(monkeypatch: pytest.Monkey
 
 def test_the_loss_of_gpus_is_that_of_the_kernel() -> None:
     """On a GPU it is the reference that is used, with bytes and a channel that is not compared."""
-    from surrogate.losses import image_loss
+    from surrogate.training.losses import image_loss
 
     random = torch.Generator().manual_seed(0)
     image = torch.rand(19, 23, 4, generator=random)

@@ -1,0 +1,258 @@
+"""How alike two pictures are to an eye: MS-SSIM, LPIPS and FLIP, each where its package and its weights are installed.
+
+Pictures are compared as in `evaluation.metrics`: composited on the background and cut to [0, 1].  Nothing here reaches the
+network: the AlexNet that LPIPS needs is read from a file that you name in `GS_SURROGATE_LPIPS_WEIGHTS` or from torch's
+cache, and without one LPIPS is missing, with the reason.  The packages come with `pip install 'gs-surrogate[metrics]'`.
+
+Limits: torchvision is avoided, because its wheel on PyPI is built for CUDA and does not load beside a torch for CPUs; so
+AlexNet's five convolutions are spelt out here, and the heads of LPIPS are those that torchmetrics carries, byte for byte
+the file `weights/v0.1/alex.pth` of the package lpips 0.1.4.  FLIP holds Python's lock while it runs and brings its own
+threads, so two threads score no faster than one; OMP_NUM_THREADS says how many it takes.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+WEIGHTS_VARIABLE = "GS_SURROGATE_LPIPS_WEIGHTS"
+WEIGHTS_FILE = "alexnet-owt-7be5be79.pth"
+WEIGHTS_ADDRESS = f"https://download.pytorch.org/models/{WEIGHTS_FILE}"
+HEADS_PACKAGE, HEADS_FILE = "torchmetrics", "functional/image/lpips_models/alex.pth"
+INSTALL = "pip install 'gs-surrogate[metrics]'"
+
+MS_SSIM_SMALLEST = 161  # the window of 11 pixels must fit the picture after four halvings, as pytorch-msssim counts it
+LPIPS_SMALLEST = 31  # below, AlexNet's second pooling has nothing left to pool
+
+DEFINITIONS = {
+    "ms_ssim": "Wang et al. 2003, by pytorch-msssim: product over five scales, each of half the size, of contrast and "
+    "structure, and of luminance at the last, to the powers 0.0448, 0.2856, 0.3001, 0.2363, 0.1333; 11x11 Gaussian window "
+    "of sigma 1.5 wholly inside the picture, K1 0.01, K2 0.03, negative terms as 0, odd sizes are halved with a border of "
+    f"zeros, mean over channels; 1 is identical; none for a side under {MS_SSIM_SMALLEST} pixels; mean over images",
+    "lpips": "Zhang et al. 2018, version 0.1: distance of the unit-length features of torchvision's AlexNet at its five "
+    "rectified convolutions, weighed by the linear heads learnt from human judgements, mean over positions, sum over "
+    f"layers; 0 is identical; none for a side under {LPIPS_SMALLEST} pixels; mean over images",
+    "flip": "Andersson et al. 2020, LDR-FLIP by NVIDIA's flip-evaluator at its default of 67 pixels per degree: the error "
+    "seen when flipping between the two pictures, mean over pixels; 0 is identical, 1 the most; mean over images",
+}
+
+# The convolutions of torchvision's `alexnet().features`: index, shape of the weights, stride, padding.  Each is
+# rectified; the second and the third come after a maximum over 3x3 pixels, every second.
+CONVOLUTIONS = (
+    (0, (64, 3, 11, 11), 4, 2),
+    (3, (192, 64, 5, 5), 1, 2),
+    (6, (384, 192, 3, 3), 1, 1),
+    (8, (256, 384, 3, 3), 1, 1),
+    (10, (256, 256, 3, 3), 1, 1),
+)
+POOLED = (3, 6)
+# ImageNet's mean and deviation for pixels in [-1, 1], as LPIPS rounds them.
+SHIFT = (-0.030, -0.088, -0.188)
+SCALE = (0.458, 0.448, 0.450)
+LEAST_LENGTH = 1e-10
+
+Picture = NDArray[np.float32]
+Measure = Callable[[Picture, Picture], float]
+
+
+class _Unavailable(Exception):
+    """Why a metric can't be had here, in one line that a report can print."""
+
+
+@dataclass(frozen=True)
+class Perceptual:
+    """The perceptual metrics of one image: None where this machine lacks the metric, nan where the image is too small."""
+
+    ms_ssim: float | None
+    lpips: float | None
+    flip: float | None
+
+
+class PerceptualMetrics:
+    """The metrics that this machine has.  It holds no state that changes: any number of threads may score at once.
+
+    Attributes
+    ----------
+    unavailable : one line for each metric that is missing: what is missing and where to get it.
+
+    Examples
+    --------
+    >>> black, white = np.zeros((8, 8, 3), np.float32), np.ones((8, 8, 3), np.float32)
+    >>> PerceptualMetrics.load().score(black, white).flip  # doctest: +ELLIPSIS
+    0.967...
+    """
+
+    def __init__(self, measures: Mapping[str, Measure], unavailable: Mapping[str, str]) -> None:
+        self._measures = dict(measures)
+        self.unavailable: Mapping[str, str] = dict(unavailable)
+
+    @classmethod
+    def load(cls) -> PerceptualMetrics:
+        """Find out which metrics this machine has, and read the weights of LPIPS; nothing is downloaded."""
+        measures, unavailable = {}, {}
+        for name, loader in (("ms_ssim", _load_ms_ssim), ("lpips", _load_lpips), ("flip", _load_flip)):
+            try:
+                measures[name] = loader()
+            except _Unavailable as reason:
+                unavailable[name] = str(reason)
+        return cls(measures, unavailable)
+
+    def score(self, truth: Picture, prediction: Picture) -> Perceptual:
+        """Compare two pictures (H, W, 3) with values in [0, 1] by every metric that there is."""
+        if truth.ndim != 3 or truth.shape[2] != 3 or truth.shape != prediction.shape:
+            raise ValueError(f"pictures must both be (H, W, 3), got truth {truth.shape}, prediction {prediction.shape}")
+        pair = [np.ascontiguousarray(image, dtype=np.float32) for image in (truth, prediction)]
+        values = {name: measure(pair[0], pair[1]) for name, measure in self._measures.items()}
+        return Perceptual(values.get("ms_ssim"), values.get("lpips"), values.get("flip"))
+
+    def __repr__(self) -> str:
+        missing = "".join(f"\n    no {name}: {reason}" for name, reason in self.unavailable.items())
+        return f"PerceptualMetrics({', '.join(self._measures)}){missing}"
+
+
+def _load_ms_ssim() -> Measure:
+    try:
+        from pytorch_msssim import ms_ssim
+    except ImportError:
+        raise _not_installed("pytorch-msssim") from None
+
+    @torch.inference_mode()
+    def measure(truth: Picture, prediction: Picture) -> float:
+        if min(truth.shape[:2]) < MS_SSIM_SMALLEST:
+            return math.nan
+        pair = _batch(truth, prediction)
+        return float(ms_ssim(pair[1:], pair[:1], data_range=1.0))
+
+    return measure
+
+
+def _load_flip() -> Measure:
+    try:
+        import flip_evaluator
+    except ImportError:
+        raise _not_installed("flip-evaluator") from None
+
+    def measure(truth: Picture, prediction: Picture) -> float:
+        return float(flip_evaluator.evaluate(truth, prediction, "LDR", applyMagma=False, parameters={})[1])
+
+    return measure
+
+
+def _load_lpips() -> Measure:
+    heads = _heads()
+    return _Lpips(_alexnet(_weights_path()), heads)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lpips:
+    """LPIPS of two pictures (H, W, 3) from AlexNet's convolutions and the linear head of each."""
+
+    convolutions: Sequence[tuple[Tensor, Tensor]]  # weights [C', C, K, K], biases [C']
+    heads: Sequence[Tensor]  # [1, C', 1, 1]
+
+    @torch.inference_mode()
+    def __call__(self, truth: Picture, prediction: Picture) -> float:
+        if min(truth.shape[:2]) < LPIPS_SMALLEST:
+            return math.nan
+        distance = 0.0
+        for features, head in zip(self._features(_batch(truth, prediction)), self.heads, strict=True):
+            length = features.square().sum(dim=1, keepdim=True).sqrt()  # [2, 1, h, w]
+            directions = features / (length + LEAST_LENGTH)
+            difference = (directions[:1] - directions[1:]).square()  # [1, C', h, w]
+            distance += float(functional.conv2d(difference, head).mean())
+        return distance
+
+    def _features(self, images: Tensor) -> list[Tensor]:
+        """Rectified features [2, C', h, w] of each convolution for images [2, 3, H, W] in [0, 1]."""
+        shift, scale = (torch.tensor(values).view(1, 3, 1, 1) for values in (SHIFT, SCALE))
+        features = (2.0 * images - 1.0 - shift) / scale
+        found = []
+        for (index, _, stride, padding), (weights, biases) in zip(CONVOLUTIONS, self.convolutions, strict=True):
+            if index in POOLED:
+                features = functional.max_pool2d(features, kernel_size=3, stride=2)
+            features = functional.conv2d(features, weights, biases, stride, padding).relu()
+            found.append(features)
+        return found
+
+
+def _weights_path() -> Path:
+    """The file that the environment names, else torch's cached copy."""
+    named = os.environ.get(WEIGHTS_VARIABLE)
+    if named:
+        path = Path(named).expanduser()
+        if not path.is_file():
+            raise _Unavailable(f"{WEIGHTS_VARIABLE} names {path}, which is no file")
+        return path
+    path = Path(torch.hub.get_dir()) / "checkpoints" / WEIGHTS_FILE
+    if not path.is_file():
+        raise _Unavailable(
+            f"no AlexNet weights: put {WEIGHTS_ADDRESS} at {path} or name a copy in {WEIGHTS_VARIABLE} "
+            "(nothing is downloaded for you)"
+        )
+    return path
+
+
+def _alexnet(path: Path) -> list[tuple[Tensor, Tensor]]:
+    """Weights and biases of `CONVOLUTIONS` from a state dict of torchvision's AlexNet."""
+    state = _read(path)
+    return [
+        (
+            _tensor(state, f"features.{index}.weight", shape, path),
+            _tensor(state, f"features.{index}.bias", shape[:1], path),
+        )
+        for index, shape, _, _ in CONVOLUTIONS
+    ]
+
+
+def _heads() -> list[Tensor]:
+    """The linear heads of LPIPS 0.1 for AlexNet, each [1, C', 1, 1]; the package that carries them isn't imported."""
+    package = importlib.util.find_spec(HEADS_PACKAGE)
+    if package is None or not package.submodule_search_locations:
+        raise _not_installed(HEADS_PACKAGE)
+    path = Path(package.submodule_search_locations[0]) / HEADS_FILE
+    if not path.is_file():
+        raise _Unavailable(f"this release of {HEADS_PACKAGE} lacks the heads of LPIPS ({HEADS_FILE}): {INSTALL}")
+    state = _read(path)
+    return [
+        _tensor(state, f"lin{layer}.model.1.weight", (1, shape[0], 1, 1), path)
+        for layer, (_, shape, _, _) in enumerate(CONVOLUTIONS)
+    ]
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    """Tensors by name from a .safetensors file, of which only the convolutions are read, or one that torch saved."""
+    try:
+        if path.suffix == ".safetensors":
+            with safetensors.safe_open(path, framework="pt") as file:
+                return {name: file.get_tensor(name) for name in file.keys() if name.startswith("features.")}  # noqa: SIM118
+        return dict(torch.load(path, map_location="cpu", weights_only=True))
+    except Exception as error:  # whatever a wrong file raises, the other metrics are still worth having
+        raise _Unavailable(f"{path} can't be read as a state dict of tensors ({type(error).__name__})") from error
+
+
+def _tensor(state: Mapping[str, Any], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+    tensor = state.get(name)
+    if not isinstance(tensor, Tensor) or tuple(tensor.shape) != shape:
+        raise _Unavailable(f"{path} holds other weights than LPIPS needs: it has no {name} of shape {shape}")
+    return tensor.detach().float()
+
+
+def _batch(truth: Picture, prediction: Picture) -> Tensor:
+    """Both pictures (H, W, 3), the truth first, as one tensor [2, 3, H, W]."""
+    return torch.from_numpy(np.stack([truth, prediction])).permute(0, 3, 1, 2).contiguous()
+
+
+def _not_installed(package: str) -> _Unavailable:
+    return _Unavailable(f"the package {package} is not installed: {INSTALL}")

@@ -1,0 +1,1 @@
+"""Pictures, tables, films and Gaussians as files."""

@@ -1,0 +1,93 @@
+"""Where the Gaussians start: on points that the hook sampled by opacity, that pictures tell, or anywhere in the box."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.appearance import VolumeRendering, field_of
+from catalogs.catalog import Catalog
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.initialization.points import Points
+from surrogate.randomness import generator
+from surrogate.settings import TrainingSettings
+
+
+def initial_points(
+    settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
+) -> Points | None:
+    """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
+
+    They are of the field that `appearance` shows.  Their colours are those of the transfer function, where it has one.  Raises
+    ValueError where `settings.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
+    """
+    if settings.initialization == "random":
+        return None
+    if settings.initialization in ("hull", "sfm"):
+        return _from_pictures(settings, catalog, appearance, normalization)
+    shown = next(a for a in catalog.plan.appearances if a.name == appearance)
+    summaries = [m.summary(field_of(shown)) for m in catalog.members if m.split == "train"]
+    kept = [s for s in summaries if s is not None and len(s.points)]
+    if not kept and settings.initialization == "in-situ":
+        raise ValueError(
+            'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
+            'set it to "auto" or "random"'
+        )
+    if not kept:
+        return None
+    places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
+    if not isinstance(shown, VolumeRendering):
+        return Points(places, None)
+    return Points(places, shown.transfer_function.colors(np.concatenate([s.point_values for s in kept])))
+
+
+def _from_pictures(
+    settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
+) -> Points:
+    """Points that the pictures of one member tell, slower and coarser than what the hook knew."""
+    from surrogate.initialization.hull import hull_points
+    from surrogate.initialization.pictures import representative_member
+    from surrogate.initialization.structure_from_motion import structure_from_motion_points
+
+    member = representative_member(catalog, appearance)
+    if settings.initialization == "sfm":
+        return structure_from_motion_points(catalog, member, appearance, normalization, seed=settings.seed)
+    random = generator(settings.seed, "hull")
+    return hull_points(catalog, member, appearance, normalization, settings.gaussians, random)
+
+
+def initial_gaussians(
+    settings: TrainingSettings, box: NDArray[np.float64], points: Points | None, color: NDArray[np.float64]
+) -> Gaussians:
+    """The Gaussians that training starts from, of colour degree 0 where it is still to be chosen.
+
+    Parameters
+    ----------
+    box : (2, 3), low and high corner of the volume in normalized coordinates.
+    points : where to put them; None puts them uniformly in the box.
+    color : (3,), straight RGB of a Gaussian whose point has no colour of its own.
+    """
+    count, random = settings.gaussians, generator(settings.seed, "initialization")
+    spacing = float(np.prod(box[1] - box[0]) / count) ** (1.0 / 3.0) or float((box[1] - box[0]).max()) / count
+    colors = np.broadcast_to(color, (count, 3))  # [N, 3]
+    if points is None:
+        places = random.uniform(box[0], box[1], (count, 3))  # [N, 3]
+    else:
+        chosen = random.choice(len(points.places), count, replace=len(points.places) < count)  # [N]
+        places = points.places[chosen] + random.normal(0.0, 0.25 * spacing, (count, 3))  # [N, 3]
+        colors = colors if points.colors is None else points.colors[chosen]
+    flat = np.zeros((count, 9 * (settings.color_degree == 1)))
+    opacity_logit = float(np.log(settings.initial_opacity / (1.0 - settings.initial_opacity)))
+    return Gaussians(
+        means=_float32(places),
+        log_scales=torch.full((count, 3), float(np.log(settings.initial_scale * spacing))),
+        quats=torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
+        opacity_logits=torch.full((count,), opacity_logit),
+        colors=_float32(np.concatenate([colors, flat], axis=1)),
+    )
+
+
+def _float32(array: NDArray[np.float64]) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array)).to(torch.float32)

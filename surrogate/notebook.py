@@ -1,0 +1,117 @@
+"""What notebooks show of a surrogate, and of its Gaussians at some parameters: facts and a small picture, as HTML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.cameras import Camera
+from catalogs.cards import WHITE, Picture, card, never_failing, on_background
+from catalogs.html import CAPTIONED, DIRECTION
+from catalogs.parameters import ParameterSpace
+from surrogate.deformation.values import ValuesDeformation
+from surrogate.deformation.visualization import Visualization
+from surrogate.gaussians import Normalization
+from surrogate.splatting.threads import one_torch_thread
+
+if TYPE_CHECKING:
+    from surrogate.model import DeformedGaussians, Surrogate
+
+WIDTH = 176  # pixels of the picture
+FIELD = 30.0  # degrees
+FILL = 0.9  # of the frame, by the sphere around the volume's box
+
+
+def surrogate_html(surrogate: Surrogate) -> str:
+    """The card of a surrogate, with a picture at the middle of its parameters; never raises."""
+    with one_torch_thread():
+        return never_failing("Surrogate", lambda: _surrogate_card(surrogate))
+
+
+def deformed_html(deformed: DeformedGaussians) -> str:
+    """The card of the Gaussians of one member; never raises."""
+    with one_torch_thread():
+        return never_failing("DeformedGaussians", lambda: _deformed_card(deformed))
+
+
+def first_camera(normalization: Normalization, side: int = WIDTH) -> Camera:
+    """A camera that sees the whole box, cubic as the longest of its sides, from where catalogs are shown as well."""
+    distance = math.sqrt(3.0) * normalization.extent / math.sin(math.atan(FILL * math.tan(math.radians(FIELD) / 2.0)))
+    toward = np.asarray(DIRECTION) / np.linalg.norm(DIRECTION)  # [3]
+    position = normalization.center + distance * toward
+    return Camera.look_at(position, normalization.center, vertical_fov_degrees=FIELD, width=side, height=side)
+
+
+def _surrogate_card(surrogate: Surrogate) -> str:
+    degree = surrogate.gaussians.color_degree
+    rows = [
+        *(("parameter", words) for words in _bounds(surrogate.space)),
+        *(("follows", _followed(visualization)) for visualization in surrogate.visualizations),
+        ("Gaussians", f"{len(surrogate.gaussians):,}{', colours depend on the direction' if degree else ''}"),
+        ("deformation", surrogate.deformation.kind),
+        ("size", f"{surrogate.megabytes:.2f} MB"),
+        *_trained(surrogate.training),
+    ]
+    pictures, notes = list[Picture](), list[str]()
+    try:
+        pictures.append(_middle(surrogate))
+    except Exception as error:  # the facts are worth showing without it
+        notes.append(f"no picture: {type(error).__name__}: {error}")
+    return card("Surrogate", rows, pictures, notes, width=WIDTH)
+
+
+def _deformed_card(deformed: DeformedGaussians) -> str:
+    rows = [
+        *((name, _value(value)) for name, value in deformed.parameters.items()),
+        ("Gaussians", f"{len(deformed):,}"),
+    ]
+    picture = Picture(on_background(_seen(deformed)), title=_listed(deformed.parameters))
+    return card("Gaussians of one member", rows, [picture], width=WIDTH)
+
+
+def _middle(surrogate: Surrogate) -> Picture:
+    values = {p.name: (p.low + p.high) / 2.0 for p in surrogate.space.parameters}
+    rgb = on_background(_seen(surrogate.at(**values)), surrogate.background or WHITE)
+    words = _listed(values)
+    caption = f"at {words}" if 0 < len(values) <= CAPTIONED else "at the middle of the parameters"
+    return Picture(rgb, caption if values else "", words)
+
+
+def _seen(deformed: DeformedGaussians) -> NDArray[np.float32]:
+    return deformed.render(first_camera(deformed.normalization))
+
+
+def _listed(parameters: Mapping[str, float | str]) -> str:
+    return ", ".join(f"{name} {_value(value)}" for name, value in parameters.items())
+
+
+def _bounds(space: ParameterSpace) -> list[str]:
+    return [f"{p.name} from {p.low:g} to {p.high:g} {p.unit}".rstrip() for p in space.parameters]
+
+
+def _followed(visualization: Visualization) -> str:
+    """What a variation lets one ask for, in words."""
+    variation = visualization.variation
+    if variation.kind == "field":
+        return f"other fields: appearance {', '.join(setting.appearance for setting in variation.settings)}"
+    if isinstance(visualization.deformation, ValuesDeformation):
+        low, high = visualization.deformation.base.bounds
+        return f"any transfer function over field values {low:g} to {high:g}"
+    bounds = ", ".join(_bounds(variation.space))
+    return f"displacements of the transfer function: {bounds}" if variation.kind == "transfer_function" else bounds
+
+
+def _trained(training: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How it came to be, as far as it is known."""
+    said = [f"{training['steps']:,} steps"] if "steps" in training else []
+    said += [f"in {training['seconds']:,.0f} s"] if "seconds" in training else []
+    said += [f"on pictures of {training['appearance']}"] if training.get("appearance") else []
+    return [("trained", " ".join(said))] if said else []
+
+
+def _value(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

@@ -1,0 +1,91 @@
+"""Sheets of truth, prediction and difference, a row for each image, with the worst part of each enlarged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.catalog import Catalog
+from surrogate.evaluation.metrics import WHITE, composite
+from surrogate.evaluation.scoring import Scored
+from surrogate.model import Surrogate
+
+DIFFERENCE_FACTOR = 4.0
+LARGEST_WINDOW = 64  # pixels; and no more than a quarter of a side, or little would be enlarged
+ROW_INCHES, WIDTH_INCHES = 2.5, 11.0
+
+
+@dataclass(frozen=True, eq=False)
+class SheetRow:
+    """One image: what it is, and two pictures (H, W, 3) with values in [0, 1]."""
+
+    label: str
+    title: str
+    truth: NDArray[np.float32]
+    prediction: NDArray[np.float32]
+
+
+def sheet_row(name: str, scored: Scored, surrogate: Surrogate, catalog: Catalog) -> SheetRow:
+    """The row of one image that was scored, drawn again; `name` says which one it is."""
+    case, background = scored.target, catalog.plan.background
+    truth = catalog.image(case.member, case.appearance, case.view)
+    prediction = surrogate.at(**case.parameters).render(case.camera, background=background)
+    pair = [composite(image, background or WHITE) for image in (truth, prediction)]
+    return SheetRow(f"{name}: {scored.score.psnr:.1f} dB\nview {case.view}", _place(case.parameters), pair[0], pair[1])
+
+
+def chosen_rows(
+    scored: Sequence[Scored], names: Sequence[str], surrogate: Surrogate, catalog: Catalog
+) -> list[SheetRow]:
+    """Rows of the "worst", "median" and "best" image by PSNR, those of them that are named."""
+    ordered = sorted(scored, key=lambda s: s.score.psnr)
+    places: Mapping[str, int] = {"worst": 0, "median": len(ordered) // 2, "best": -1}
+    return [sheet_row(name, ordered[places[name]], surrogate, catalog) for name in names]
+
+
+def draw_sheet(figure: Any, title: str, rows: Sequence[SheetRow]) -> bool:
+    """Draw the rows into a figure, which is sized to hold them."""
+    figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(rows) + 0.5)
+    grid = figure.subplots(len(rows), 5, squeeze=False)
+    for axes, row in zip(grid, rows, strict=True):
+        top, left, size = worst_window(row.truth, row.prediction)
+        part = np.s_[top : top + size, left : left + size]
+        difference = np.clip(DIFFERENCE_FACTOR * np.abs(row.truth - row.prediction), 0.0, 1.0)
+        whole = {row.title: row.truth, "prediction": row.prediction, f"difference × {DIFFERENCE_FACTOR:g}": difference}
+        parts = {f"truth, worst {size}×{size} pixels": row.truth[part], "prediction of these": row.prediction[part]}
+        for axis, (name, picture) in zip(axes, {**whole, **parts}.items(), strict=True):
+            axis.imshow(picture, interpolation="nearest")
+            axis.set_title(name, fontsize=8)
+            axis.set_xticks([])
+            axis.set_yticks([])
+        axes[0].set_ylabel(row.label, fontsize=9)
+        for axis in axes[:3]:
+            axis.add_patch(_outline(top, left, size))
+    figure.suptitle(title, fontsize=11)
+    return True
+
+
+def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> tuple[int, int, int]:
+    """Top row, left column and side of the square with the largest squared error, of two pictures (H, W, 3)."""
+    size = max(1, min(LARGEST_WINDOW, min(truth.shape[:2]) // 4))
+    errors = np.square(truth.astype(np.float64) - prediction).sum(axis=-1)  # [H, W]
+    sums = np.pad(errors.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))  # [H + 1, W + 1]
+    windows = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]
+    top, left = np.unravel_index(int(windows.argmax()), windows.shape)
+    return int(top), int(left), size
+
+
+def _outline(top: int, left: int, size: int) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((left - 0.5, top - 0.5), size, size, fill=False, edgecolor="tab:red", linewidth=0.8)
+
+
+def _place(parameters: Mapping[str, float | str]) -> str:
+    values = {name: value if isinstance(value, str) else f"{value:.4g}" for name, value in parameters.items()}
+    at = [f"{name} = {value}" for name, value in values.items()]
+    return "\n".join(["truth", *(", ".join(at[i : i + 2]) for i in range(0, len(at), 2))])

@@ -1,0 +1,1 @@
+"""Many trainings compared: ablation, seeds, the ceiling of one member fitted alone, and the stress table."""

@@ -1,0 +1,221 @@
+"""What a study fits: the base appearance from the start, or F_vis alone on a surrogate that is there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+
+from catalogs.catalog import Catalog
+from catalogs.variations import Variation
+from surrogate.deformation.visualization import Visualization
+from surrogate.evaluation.scoring import Case, Scored, Scorer
+from surrogate.model import Surrogate
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.device import chosen
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.studies.ablation.pace import ROUGHLY, Pace, measured, settled
+from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS, Variant
+from surrogate.training.data import ImageRow, TrainingData, validation_rows
+from surrogate.training.loop import StageRun
+from surrogate.training.progress import ProgressReport, TrainingProgress
+from surrogate.training.run import train
+from surrogate.training.source import JUDGES, Source
+from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
+
+BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's run
+# Settings with which all time is given to training itself.
+NOTHING_ELSE: dict[str, Any] = {
+    "fit_to_need": False,
+    "validation_interval": 0,
+    "validation_images": 0,
+    "checkpoint_seconds": 86400.0,
+}
+REPORT_STEPS = 50  # between two looks at the progress
+WITHOUT_JUDGES = (
+    "and an ablation must not be judged on test images: at least one member or view of split validation is needed"
+)
+
+
+class Fits(Protocol):
+    """What the variants of a study are, and how one of them is trained and judged."""
+
+    @property
+    def variants(self) -> Sequence[Variant]:
+        """The first is what the others are compared with."""
+
+    @property
+    def base(self) -> TrainingSettings:
+        """The settings that all variants depart from."""
+
+    @property
+    def mark(self) -> str:
+        """Changes with everything but the settings of a variant that its result depends on."""
+
+    def pace(self, settings: TrainingSettings, seconds: float) -> Pace:
+        """How fast these settings train here and now, found out in about `seconds`."""
+
+    def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
+        """The surrogate of these settings, trained in the folder `work`."""
+
+    def score(self, surrogate: Surrogate) -> list[Scored]:
+        """How well a surrogate shows the validation images."""
+
+
+class BaseFits:
+    """Stages 1 and 2 of a scene's settings, with all time given to training itself.
+
+    Nothing is chosen on the way, since each choice would take its time and fall differently from run to run: colours are of
+    degree 0 where they are left to be chosen, and "auto" is what it stands for.
+    Raises ValueError for a catalog without validation images.
+    """
+
+    variants = VARIANTS
+
+    def __init__(self, settings: TrainingSettings, catalog: Catalog) -> None:
+        self.base, self._catalog = base_settings(settings, catalog), catalog
+        self.mark = fingerprint(self.base, catalog)
+        self._judges = judges(self.base, catalog)
+
+    def pace(self, settings: TrainingSettings, seconds: float) -> Pace:
+        """See `Fits`."""
+        return measured(settings, self._catalog, seconds)
+
+    def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
+        """See `Fits`."""
+        return train(settings, self._catalog, work, progress=progress)
+
+    @one_torch_thread()
+    def score(self, surrogate: Surrogate) -> list[Scored]:
+        """See `Fits`."""
+        cases = [Case(row.member, row.view, row.appearance) for row in self._judges]
+        return Scorer(surrogate, self._catalog).score(cases)
+
+
+@dataclass(frozen=True, eq=False)
+class _Learnt:
+    """What of a variation is learnt from, and its validation images."""
+
+    variation: Variation
+    data: TrainingData
+    cases: Sequence[Case]
+
+
+class VisualizationFits:
+    """Stage 3 of a scene's settings on the F_sim of its finished `surrogate`, the same for all variants.
+
+    The colour degree is the one that was chosen then, and nothing else is chosen.
+    Raises ValueError where the catalog varies nothing, has no validation images of it, or the surrogate has no F_vis.
+    """
+
+    variants = VISUALIZATION_VARIANTS
+
+    def __init__(self, settings: TrainingSettings, catalog: Catalog, surrogate: Surrogate) -> None:
+        self._source, self._surrogate = Source(settings, catalog), surrogate
+        if not self._source.variations:
+            raise ValueError(f"catalog {catalog.path} has no variation of {self._source.appearance}: there is no F_vis")
+        if not surrogate.visualizations or surrogate.training.get("appearance") != self._source.appearance:
+            raise ValueError(f"the surrogate has no F_vis of {self._source.appearance}: train the scene first")
+        if not _is_of(surrogate, self._source):
+            raise ValueError(
+                f"the surrogate has other parameters or another box than catalog {catalog.path}: delete or rename its folder and "
+                "train the scene again"
+            )
+        if not all(self._cases(variation) for variation in self._source.variations):
+            raise ValueError(f"catalog {catalog.path} has no validation images of its variations, {WITHOUT_JUDGES}")
+        degree = max(v.color_degree for v in surrogate.visualizations)
+        kinds = {kind_of(variation, settings) for variation in self._source.variations}
+        self.base = replace(
+            settings,
+            visualization_deformation=kinds.pop() if len(kinds) == 1 else "auto",
+            canonical_steps=0,
+            deformation_steps=0,
+            visualization_color_degree=1 if degree else 0,
+            **NOTHING_ELSE,
+        )
+        self.mark = f"{fingerprint(self.base, catalog)} on {surrogate.training.get('fingerprint')}"
+
+    def pace(self, settings: TrainingSettings, seconds: float) -> Pace:
+        """See `Fits`; the images are loaded once for all, so that takes no variant's time."""
+        learnt = self._learnt
+
+        @one_torch_thread()
+        def timed(form: TrainingSettings, of: Callable[[StageRun], float]) -> Pace:
+            each = [of(self._begun(form, one)[1]) for one in learnt]
+            return Pace(0.0, visualization=math.fsum(each))
+
+        return settled(settings, seconds, timed, ROUGHLY * seconds / len(learnt))
+
+    @one_torch_thread()
+    def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
+        """See `Fits`; nothing is written into `work`, and an interrupted training begins anew."""
+        found = []
+        for one in self._learnt:
+            visualization, run = self._begun(settings, one)
+            while run.step < run.stage.steps:
+                run.advance()
+                if run.step % REPORT_STEPS == 0:
+                    progress(TrainingProgress(run.stage.name, run.step, run.stage.steps))
+            run.require_finite()
+            found.append(visualization.copy())
+        cpu = torch.device("cpu")
+        return replace(self._surrogate, visualizations=tuple(v.to(cpu) for v in found))
+
+    @one_torch_thread()
+    def score(self, surrogate: Surrogate) -> list[Scored]:
+        """See `Fits`."""
+        return Scorer(surrogate, self._source.catalog).score([case for one in self._learnt for case in one.cases])
+
+    @cached_property
+    def _learnt(self) -> list[_Learnt]:
+        silent = Source(self.base, self._source.catalog)
+        return [_Learnt(v, silent.varied_data(v), self._cases(v)) for v in self._source.variations]
+
+    def _cases(self, variation: Variation) -> list[Case]:
+        shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
+        rows = validation_rows(self._source.catalog, list(shown), JUDGES)
+        return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
+
+    def _begun(self, settings: TrainingSettings, learnt: _Learnt) -> tuple[Visualization, StageRun]:
+        """A new F_vis and its training."""
+        device, source = chosen(settings.device), Source(settings, self._source.catalog)
+        fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
+        degree = int(settings.visualization_color_degree)
+        visualization = new_visualization(*fitted, learnt.variation, source, degree)
+        stage = visualization_stage(*fitted, visualization, settings)
+        return visualization, StageRun(stage, settings, learnt.data)
+
+
+def _is_of(surrogate: Surrogate, source: Source) -> bool:
+    """Whether what the surrogate knows means the same in the catalog."""
+    own, there = surrogate.normalization, source.normalization
+    same_box = own.extent == there.extent and (own.center == there.center).all()
+    return bool(same_box) and surrogate.space == source.catalog.plan.space
+
+
+def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
+    """What all variants of `BaseFits` depart from."""
+    start = settings.initialization
+    if start == "auto":
+        start = "random" if Source(settings, catalog).points is None else "in-situ"
+    return replace(
+        settings,
+        initialization=start,
+        color_degree=0 if settings.color_degree == "auto" else settings.color_degree,
+        visualization_steps=0,
+        **NOTHING_ELSE,
+    )
+
+
+def judges(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
+    """The validation images that variants are judged on; raises ValueError where there are none."""
+    found = validation_rows(catalog, [Source(settings, catalog).appearance], JUDGES)
+    if not found:
+        raise ValueError(f"catalog {catalog.path} has no validation images, {WITHOUT_JUDGES}")
+    return found

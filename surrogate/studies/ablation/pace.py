@@ -1,0 +1,155 @@
+"""How fast a variant trains here and now, and the steps that fit into a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from catalogs.catalog import Catalog
+from surrogate.gaussians import Gaussians
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.device import chosen
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.studies.ablation.clock import clock
+from surrogate.training.data import Example, ImageRow, TrainingData, load_examples, training_rows
+from surrogate.training.loop import StageRun
+from surrogate.training.run import new_deformation
+from surrogate.training.source import Source
+from surrogate.training.stages import canonical_stage, simulation_stage
+
+IMAGES = 96  # that the probe learns from, and by which the time to load all is judged
+WARM_STEPS, FEWEST_TIMED = 2, 3
+ROUGHLY = 0.15  # of the probe, for a first guess of how many steps it can take
+SETTLED = 0.5  # of a stage's steps, after which they are timed
+FEWEST_STEPS = 4
+
+
+class Pace(NamedTuple):
+    """Seconds before the first step, and of a step in each stage; 0 in one that is not there."""
+
+    start: float
+    canonical: float = 0.0
+    deformation: float = 0.0
+    visualization: float = 0.0
+
+    def seconds(self, settings: TrainingSettings) -> float:
+        """How long the stages of `settings` will take."""
+        return self.start + sum(steps * seconds for steps, seconds in zip(steps_of(settings), self[1:], strict=True))
+
+
+def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
+    """Of the three stages."""
+    return settings.canonical_steps, settings.deformation_steps, settings.visualization_steps
+
+
+@one_torch_thread()
+def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pace:
+    """The pace of `settings`, from a training of about `seconds` that goes through all stages as the real one will.
+
+    A step takes longer or shorter as Gaussians grow, fade and are relocated (one from a random start twice as long in the end),
+    so that the first steps of a stage say little.
+    """
+    source, now = Source(settings, catalog), clock(settings)
+    data, loading = _some_data(source)
+    begun = now()
+    gaussians = source.initial_gaussians(data)
+    start = loading + now() - begun
+    return settled(
+        settings,
+        seconds,
+        lambda form, timed: Pace(start, *_timed(form, gaussians, data, timed)),
+        ROUGHLY * seconds / 2.0,
+    )
+
+
+def settled(
+    settings: TrainingSettings,
+    seconds: float,
+    trained: Callable[[TrainingSettings, Callable[[StageRun], float]], Pace],
+    first: float,
+) -> Pace:
+    """The pace of a training of about `seconds`, timed once it has settled.
+
+    `trained` goes through the stages of some settings, and lets the function that it is given time each; `first` is how many
+    seconds of each stage say how many steps such a training may have.
+    """
+    roughly = trained(settings, lambda run: _first_steps(run, first))
+    short = scheduled(settings, (1.0 - ROUGHLY) * seconds, roughly._replace(start=0.0))
+    return trained(short, _last_steps)
+
+
+def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
+    """`settings` with as many steps as fit into `seconds`, shared out between the stages as before.
+
+    Raises ValueError where the time is over before the first step.
+    """
+    if pace.start >= seconds:
+        raise ValueError(
+            f"it takes {round(pace.start, 1):g} s before the first step, and the budget is {seconds:g} s: --seconds allows more"
+        )
+    before = steps_of(settings)
+    per_step = (pace.seconds(settings) - pace.start) / sum(before)
+    return with_steps(settings, round((seconds - pace.start) / per_step))
+
+
+def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
+    """`settings` with so many steps, shared out between the stages as before; none that is there loses all."""
+    before, total = steps_of(settings), max(steps, FEWEST_STEPS)
+    shares = [max(round(part * total / sum(before)), 1) if part else 0 for part in before]
+    shares[before.index(max(before))] += total - sum(shares)
+    return replace(settings, canonical_steps=shares[0], deformation_steps=shares[1], visualization_steps=shares[2])
+
+
+def _some_data(source: Source) -> tuple[TrainingData, float]:
+    """Some training images, evenly spread, and how long it would have taken to load all."""
+    rows = training_rows(source.catalog, [source.appearance])
+    some = rows[:: -(-len(rows) // IMAGES)]
+    _load(source, some[:2])  # what only the first image costs
+    now = clock(source.settings)
+    begun = now()
+    examples = _load(source, some)
+    seconds = (now() - begun) * len(rows) / len(some)
+    return TrainingData(examples, (), source.catalog.plan.background), seconds
+
+
+def _load(source: Source, rows: Sequence[ImageRow]) -> list[Example]:
+    return load_examples(source.catalog, rows, source.normalization)
+
+
+def _timed(
+    settings: TrainingSettings, gaussians: Gaussians, data: TrainingData, timed: Callable[[StageRun], float]
+) -> tuple[float, float]:
+    """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
+    device, canonical, deformation = chosen(settings.device), 0.0, 0.0
+    gaussians = gaussians.copy().to(device)
+    if settings.canonical_steps:
+        canonical = timed(StageRun(canonical_stage(gaussians, settings), settings, data))
+    if settings.deformation_steps:
+        gaussians, parameters = gaussians.copy(), len(data.examples[0].parameters)
+        moving = new_deformation(gaussians, parameters, settings).to(device)
+        deformation = timed(StageRun(simulation_stage(gaussians, moving, settings), settings, data))
+    return canonical, deformation
+
+
+def _first_steps(run: StageRun, seconds: float) -> float:
+    """Seconds of a step, over some of the first."""
+    for _ in range(WARM_STEPS):
+        run.advance()
+    now = clock(run.settings)
+    begun, taken = now(), 0.0
+    while run.step < WARM_STEPS + FEWEST_TIMED or taken < seconds:
+        run.advance()
+        taken = now() - begun
+    return taken / (run.step - WARM_STEPS)
+
+
+def _last_steps(run: StageRun) -> float:
+    """Seconds of a step once the stage has settled, taking all its steps."""
+    first, now = int(SETTLED * run.stage.steps), clock(run.settings)
+    while run.step < first:
+        run.advance()
+    begun = now()
+    while run.step < run.stage.steps:
+        run.advance()
+    return (now() - begun) / (run.stage.steps - first)

@@ -1,0 +1,272 @@
+"""The fits of one study: those that have no result yet, each kept as soon as it has one; processes may share them out."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from catalogs import durable
+from surrogate.evaluation.scoring import mean
+from surrogate.provenance import commit, machine
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import locked
+from surrogate.studies.ablation.clock import clock
+from surrogate.studies.ablation.fits import Fits
+from surrogate.studies.ablation.pace import Pace, scheduled, with_steps
+from surrogate.studies.ablation.records import Records, Result, Stamp
+from surrogate.studies.ablation.variants import Variant, selected
+from surrogate.training.progress import TrainingProgress
+
+PROBE = 0.1  # of the budget, spent on measuring the pace first
+LONGEST = 10.0  # budgets, that a fit may take whose steps are given
+WORK = "fits"  # where each is trained, and locked by the process that does
+MODEL = "surrogate"
+
+_One = tuple[Variant, int]  # with its seed
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a study stands.
+
+    Attributes
+    ----------
+    fit, fits : the number of the current one, and of all that had to be done.
+    training : where that stands; None while its pace is measured.
+    seconds_left : for all of them; fits whose steps are given count like the others, though they may take longer.
+    """
+
+    fit: int
+    fits: int
+    variant: str
+    seed: int
+    training: TrainingProgress | None
+    seconds_left: float
+
+    def __str__(self) -> str:
+        minutes = int(self.seconds_left) // 60
+        parts = [f"fit {self.fit} / {self.fits}", f"{self.variant}, seed {self.seed}"]
+        if self.training is None:
+            parts.append("measuring the pace")
+        else:
+            parts.append(f"{self.training.stage} {self.training.step} / {self.training.steps}")
+            parts += [f"{self.training.rate:.1f} steps/s"] if self.training.rate else []
+        return "  ".join([*parts, f"{minutes // 60}:{minutes % 60:02d}:{int(self.seconds_left) % 60:02d} left"])
+
+
+class Study:
+    """The variants of `fits`, each trained for `seconds` with each of so many `seeds`, in `folder`.
+
+    `only` names variants, none meaning all; `longest` is how many seconds a fit may take whose steps another one gives.  With
+    `again`, a result that took noticeably more or less time than it should is not taken for one.
+    Raises ValueError for an unknown variant, and for times or seeds that are not positive.
+    """
+
+    def __init__(
+        self,
+        fits: Fits,
+        folder: Path,
+        *,
+        seconds: float = 180.0,
+        seeds: int = 3,
+        only: Iterable[str] = (),
+        longest: float | None = None,
+        again: bool = False,
+    ) -> None:
+        longest = LONGEST * seconds if longest is None else longest
+        for name, value in (("seconds", seconds), ("seeds", seeds), ("longest", longest)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive, got {value}")
+        self.variants, self.seeds = selected(only, fits.variants), seeds
+        self.longest, self._again = longest, again
+        self.records = Records(folder, fits.mark, fits.base, seconds, fits.variants)
+        self._fits = fits
+        self._rejected: dict[_One, Stamp | None] = {}
+
+    def run(
+        self,
+        *,
+        progress: Callable[[Standing], None] = lambda _: None,
+        tell: Callable[[Result], None] = lambda _: None,
+    ) -> None:
+        """Fit what is missing; `tell` is given each result once it is kept, failures included.
+
+        An interruption loses the current fit only.  What another process is fitting is left to it, with what takes the steps of
+        that, and looked at again after the others: that process may have been killed.
+        """
+        watch = _Watch(self.records.budget, progress)
+        # Every variant once before any has its second seed.
+        left, fitted = [(variant, seed) for seed in range(self.seeds) for variant in self.variants], True
+        self._rejected = {one: self.records.stamp(*one) for one in left if self._is_to_be_repeated(*one)}
+        while left and fitted:
+            left, fitted = self._passed_over(left, watch, tell)
+
+    def _passed_over(
+        self, left: Sequence[_One], watch: _Watch, tell: Callable[[Result], None]
+    ) -> tuple[list[_One], bool]:
+        """Fit what is missing; what was left to other processes, and whether anything was fitted."""
+        passed, fitted = [], False
+        # Asked anew each time: one may take the steps of one before it.
+        while left := [one for one in left if not self._is_finished(*one)]:
+            (variant, seed), *left = left
+            with self._claimed(variant, seed) as work:
+                if work is None:
+                    passed.append((variant, seed))
+                    continue
+                watch.begin(variant.name, seed, len(left))
+                result = self._attempted(variant, seed, work, watch)
+                self._keep(variant, result)
+                watch.end()
+                fitted = True
+                tell(result)
+        return passed, fitted
+
+    def _keep(self, variant: Variant, result: Result) -> None:
+        """Save a result, but no failure in the place of one that can still be used."""
+        before = self.records.find(variant, result.seed)
+        usable = before is not None and not before.error and not variant.steps_of
+        if not (result.error and usable):
+            self.records.save(result)
+
+    @contextlib.contextmanager
+    def _claimed(self, variant: Variant, seed: int) -> Iterator[Path | None]:
+        """Where to train, while no other process does; None where one does or has just done so."""
+        folder = self._folder(variant.name, seed)
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(locked(folder))
+                free = not self._is_finished(variant, seed) and not self._is_awaited(variant, seed)
+            except RuntimeError:
+                free = False
+            yield folder / MODEL if free else None
+
+    def _folder(self, name: str, seed: int) -> Path:
+        folder = self.records.folder / WORK / f"{name}.seed{seed}"
+        durable.make_folder(folder)
+        return folder
+
+    def _is_to_be_repeated(self, variant: Variant, seed: int) -> bool:
+        """Asked at the start: what failed is tried again, as the reason may be gone, but only once by all processes together."""
+        result = self.records.find(variant, seed)
+        late = self._again and not variant.steps_of
+        return result is not None and bool(result.error or (late and not result.is_timely))
+
+    def _is_finished(self, variant: Variant, seed: int) -> bool:
+        result, rejected = self.records.find(variant, seed), self._rejected.get((variant, seed))
+        if result is None or (rejected is not None and rejected == self.records.stamp(variant, seed)):
+            return False
+        if not variant.steps_of or result.error:
+            return True
+        like = self._like(variant, seed)
+        return like is not None and like.steps == result.steps
+
+    def _is_awaited(self, variant: Variant, seed: int) -> bool:
+        """Whether another process is fitting that whose steps a variant takes."""
+        if not variant.steps_of or self._like(variant, seed) is not None:
+            return False
+        try:
+            with locked(self._folder(variant.steps_of, seed)):
+                return False
+        except RuntimeError:
+            return True
+
+    def _like(self, variant: Variant, seed: int) -> Result | None:
+        """The result whose steps a variant takes, if there is one."""
+        found = self.records.find(next(v for v in self._fits.variants if v.name == variant.steps_of), seed)
+        return None if found is None or found.error else found
+
+    def _attempted(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> Result:
+        made: dict[str, Any] = {"machine": machine(), "commit": commit()}
+        try:
+            shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+            return self.records.result(variant, seed, **made, **self._fit(variant, seed, work, watch))
+        except Exception as error:  # whatever it is, the other variants may do without
+            return self.records.result(variant, seed, **made, error=_sentence(error))
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+
+    def _fit(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> dict[str, Any]:
+        settings = self.records.settings(variant, seed)
+        default = self._fits.variants[0]
+        same = settings == self.records.settings(default, seed) and variant.budgets == default.budgets
+        if same and variant is not default and not variant.steps_of:
+            raise ValueError("the scene's settings say the same, so this is the default")
+        watch.report(None)
+        pace = self._fits.pace(settings, PROBE * self.records.budget)
+        planned = self._planned(variant, seed, settings, pace)
+        watch.expect(pace.seconds(planned))
+        now = clock(settings)
+        begun = now()
+        surrogate = self._fits.trained(planned, work, watch.report)
+        taken = now() - begun
+        scored = self._fits.score(surrogate)
+        psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
+        if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
+            raise ValueError(f"training diverged: PSNR {psnr} dB, SSIM {ssim}")
+        return {
+            "canonical_steps": planned.canonical_steps,
+            "deformation_steps": planned.deformation_steps,
+            "visualization_steps": planned.visualization_steps,
+            "seconds": taken,
+            "psnr": psnr,
+            "ssim": ssim,
+            "images": len(scored),
+            "gaussians": len(surrogate.gaussians),
+            "pace": list(pace),
+        }
+
+    def _planned(self, variant: Variant, seed: int, settings: TrainingSettings, pace: Pace) -> TrainingSettings:
+        if not variant.steps_of:
+            return scheduled(settings, variant.budgets * self.records.budget, pace)
+        like = self._like(variant, seed)
+        if like is None:
+            raise ValueError(f"{variant.steps_of} has no result of this seed whose steps could be taken")
+        planned = with_steps(settings, like.steps)
+        if pace.seconds(planned) > self.longest:
+            raise ValueError(
+                f"{like.steps:,} steps would take {pace.seconds(planned):,.0f} s, more than the {self.longest:,.0f} s that "
+                "a fit may take: --longest allows more"
+            )
+        return planned
+
+
+class _Watch:
+    """How long a study still takes."""
+
+    def __init__(self, budget: float, progress: Callable[[Standing], None]) -> None:
+        self._usual, self._progress = (1.0 + PROBE) * budget, progress
+        self._fit, self._left, self._taken = 0, 0, 0.0
+        self._variant, self._seed = "", 0
+        self._begun, self._expected = time.perf_counter(), self._usual
+
+    def begin(self, variant: str, seed: int, left: int) -> None:
+        """A fit begins, before so many others."""
+        self._fit, self._left, self._variant, self._seed = self._fit + 1, left, variant, seed
+        self._begun, self._expected = time.perf_counter(), self._usual
+
+    def expect(self, seconds: float) -> None:
+        """The current fit will take so long from now on."""
+        self._expected = time.perf_counter() - self._begun + seconds
+
+    def end(self) -> None:
+        """The current fit is over."""
+        self._taken += time.perf_counter() - self._begun
+        self._usual = self._taken / self._fit
+
+    def report(self, training: TrainingProgress | None) -> None:
+        """Tell where the study stands."""
+        current = max(self._expected - (time.perf_counter() - self._begun), 0.0)
+        left, fits = current + self._left * self._usual, self._fit + self._left
+        self._progress(Standing(self._fit, fits, self._variant, self._seed, training, left))
+
+
+def _sentence(error: Exception) -> str:
+    """What went wrong, in one line."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"

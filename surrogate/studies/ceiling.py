@@ -1,0 +1,255 @@
+"""What the same Gaussians could reach at all: fitted to one unseen member alone, with nothing to deform.
+
+The difference between this and what a surrogate reaches on the same images is what is lost by predicting the member instead of
+seeing it; what is missing to a perfect picture is due to the Gaussians, their number and the training views.  It is no strict
+bound: as many steps on one member's views, which are fewer, may also overfit.  And it learns from a test member, so no choice
+may be made by it.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from catalogs import durable
+from catalogs.catalog import Catalog, Member
+from catalogs.variations import Variation
+from surrogate.evaluation.scoring import Case, Scored, Scorer, compare, mean
+from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.provenance import commit, machine
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.device import chosen
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.training.data import ImageRow, TrainingData, load_examples, middle
+from surrogate.training.loop import StageRun
+from surrogate.training.progress import ProgressReport, TrainingProgress
+from surrogate.training.source import Source
+from surrogate.training.stages import canonical_stage
+
+FILE = "ceiling.json"
+VERSION = 2
+REPORT_SECONDS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is fitted alone: one member under one appearance, of `variation` unless it is the base."""
+
+    member: Member
+    appearance: str
+    variation: Variation | None = None
+
+    @property
+    def varied(self) -> dict[str, float | str]:
+        """Its visualization parameters by name; none for the base."""
+        setting = None if self.variation is None else self.variation.setting(self.appearance)
+        return {} if self.variation is None or setting is None else self.variation.asked(setting)
+
+    def cases(self) -> list[Case]:
+        """Its images at test views."""
+        return [Case(self.member, view, self.appearance, self.varied) for view in self.views("test")]
+
+    def views(self, split: str) -> list[int]:
+        """Numbers of the views of a split."""
+        return [view for view, kept in enumerate(self.member.view_splits) if kept == split]
+
+
+@one_torch_thread()
+def measure_ceiling(
+    settings: TrainingSettings,
+    catalog: Catalog,
+    path: Path,
+    surrogate: Surrogate | None = None,
+    *,
+    progress: ProgressReport = lambda _: None,
+) -> dict[str, Any]:
+    """What `path` holds in the end: an entry for the base appearance and for the middle unseen setting of every variation.
+
+    Each says which `member` and `appearance` was fitted, the `psnr` (dB) and `ssim` at its test views, and what `surrogate`
+    reaches on exactly these images, None without it.  What is there with the same settings and catalog is not fitted again; each
+    entry is kept once it is finished.
+
+    Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
+    """
+    source, known = Source(settings, catalog), (load_ceiling(path) or {}).get("entries", [])
+    mark, entries = fingerprint(settings, catalog), []
+    wanted = subjects(source)
+    forms = [_settings(settings, subject, surrogate) for subject in wanted]
+    keys = [_key(mark, subject, form) for subject, form in zip(wanted, forms, strict=True)]
+    found = [next((e for e in known if _same(e, key)), None) for key in keys]
+    report = _Report(progress, [form.canonical_steps for form, one in zip(forms, found, strict=True) if one is None])
+    for subject, form, key, entry in zip(wanted, forms, keys, found, strict=True):
+        entry = entry or {**key, **_fitted_alone(form, source, subject, report)}
+        entries.append({**entry, "surrogate": _reached(surrogate, source, subject)})
+        durable.make_folder(path.parent)
+        durable.replace(path, json.dumps({"version": VERSION, "entries": entries}, indent=1).encode())
+    return {"version": VERSION, "entries": entries}
+
+
+def load_ceiling(path: Path) -> dict[str, Any] | None:
+    """What `measure_ceiling` wrote; None where there is nothing that this version can read."""
+    try:
+        record = json.loads(path.read_text())
+        return record if record["version"] == VERSION and isinstance(record["entries"], list) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def subjects(source: Source) -> list[Subject]:
+    """The middle test member under the base appearance, and one under the middle unseen setting of each variation that is shown.
+
+    Where no test member has views to learn from, it is the training member with the most test views: what it reaches alone says
+    what views and Gaussians allow, but nothing of unseen parameters.
+    """
+    members = [m for m in source.catalog.members if {"train", "test"} <= set(m.view_splits)]
+    shown = [m for m in members if m.split == "test" and source.appearance in m.appearances]
+    if not shown:
+        seen = [m for m in members if m.split == "train" and source.appearance in m.appearances]
+        most = max((m.view_splits.count("test") for m in seen), default=0)
+        shown = [m for m in seen if m.view_splits.count("test") == most]
+    if not shown:
+        raise ValueError(
+            f"catalog {source.catalog.path} has no member with views to learn from and views that test: there is none that "
+            "could be fitted alone"
+        )
+    found = [Subject(middle(shown, source.catalog.plan.space), source.appearance)]
+    for variation in source.variations:
+        appearance = _middle_setting(variation)
+        shown = [m for m in members if m.split == "test" and appearance in m.appearances]
+        if shown:
+            found.append(Subject(middle(shown, source.catalog.plan.space), appearance, variation))
+    return found
+
+
+def line(entry: Mapping[str, Any]) -> str:
+    """An entry in a line."""
+    reached = entry["surrogate"]
+    beside = "" if reached is None else f"   the surrogate {reached['psnr']:.2f} dB   SSIM {reached['ssim']:.4f}"
+    own = f"{entry['psnr']:6.2f} dB   SSIM {entry['ssim']:.4f}"
+    return f"{entry['appearance']} of {entry['member']}, fitted alone: {own}{beside}"
+
+
+def _middle_setting(variation: Variation) -> str:
+    """The name of the appearance in the middle of those that test, by isovalue where that is what varies."""
+    names = variation.named("test")
+    settings = [s for s in variation.settings if s.appearance in names]
+    ordered = sorted(settings, key=lambda s: s.values) if variation.kind == "isovalue" else settings
+    return ordered[len(ordered) // 2].appearance if ordered else ""
+
+
+def _settings(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
+    """Stage 1 alone, with the steps of all stages that the surrogate takes for such a picture, and its colour degree."""
+    more = settings.visualization_steps if subject.variation is not None else 0
+    return replace(
+        settings,
+        canonical_steps=settings.canonical_steps + settings.deformation_steps + more,
+        deformation_steps=0,
+        visualization_steps=0,
+        color_degree=_color_degree(settings, subject, surrogate),  # type: ignore[arg-type]
+    )
+
+
+def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> int:
+    """What the surrogate's colours have; without one the settings', and 1 where it is left to be chosen: no less than it may be."""
+    if surrogate is not None:
+        mine = [v for v in surrogate.visualizations if subject.variation and v.variation.kind == subject.variation.kind]
+        return max([surrogate.gaussians.color_degree, *(v.color_degree for v in mine)])
+    asked = [settings.color_degree, *([settings.visualization_color_degree] if subject.variation else [])]
+    return max(1 if degree == "auto" else degree for degree in asked)
+
+
+def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
+    """What an entry must agree in to be taken for finished."""
+    return {
+        "mark": mark,
+        "member": subject.member.name,
+        "split": subject.member.split,
+        "appearance": subject.appearance,
+        "parameters": {**subject.member.parameters, **subject.varied},
+        "gaussians": form.gaussians,
+        "color_degree": form.color_degree,
+        "steps": form.canonical_steps,
+        "seed": form.seed,
+    }
+
+
+def _same(entry: Mapping[str, Any], key: Mapping[str, Any]) -> bool:
+    return all(entry.get(name) == value for name, value in key.items())
+
+
+def _fitted_alone(
+    settings: TrainingSettings, source: Source, subject: Subject, report: Callable[[str, float], None]
+) -> dict[str, Any]:
+    """Fit the subject, and judge it at its test views."""
+    started, catalog = time.perf_counter(), source.catalog
+    rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
+    examples = load_examples(catalog, rows, source.normalization)
+    data = TrainingData(examples, (), catalog.plan.background)
+    gaussians = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
+    gaussians = gaussians.to(chosen(settings.device))
+    run = StageRun(canonical_stage(gaussians, settings), settings, data)
+    while run.step < run.stage.steps:
+        report(subject.appearance, run.advance())
+    seconds = time.perf_counter() - started
+    still = DeformedGaussians(gaussians.copy(), {}, source.normalization, Rasterizer.of(settings))
+    scored = [_compared(still, case, catalog) for case in subject.cases()]
+    return {
+        "train_views": len(rows),
+        "test_views": len(scored),
+        **_means(scored),
+        "seconds": seconds,
+        "machine": machine(),
+        "commit": commit(),
+    }
+
+
+def _compared(still: DeformedGaussians, case: Case, catalog: Catalog) -> Scored:
+    background = catalog.plan.background
+    truth = catalog.image(case.member, case.appearance, case.view)
+    return compare(case, truth, still.render(case.camera, background=background), background)
+
+
+def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> dict[str, Any] | None:
+    """What the surrogate makes of the same images; None where it does not follow this appearance."""
+    if surrogate is None or surrogate.training["appearance"] != source.appearance:
+        return None
+    if not set(subject.varied) <= set(surrogate.visualization_names):
+        return None
+    scored = Scorer(surrogate, source.catalog).score(subject.cases())
+    return {
+        "fingerprint": surrogate.training["fingerprint"],
+        "gaussians": len(surrogate.gaussians),
+        **_means(scored),
+    }
+
+
+def _means(scored: Sequence[Scored]) -> dict[str, float | None]:
+    return {"psnr": mean(scored, "psnr"), "ssim": mean(scored, "ssim")}
+
+
+class _Report:
+    """Counts the steps of all fits, and tells of them now and then."""
+
+    def __init__(self, progress: ProgressReport, steps: Sequence[int]) -> None:
+        self._progress, self._steps = progress, sum(steps)
+        self._step, self._loss = 0, 0.0
+        self._started = self._told = time.perf_counter()
+
+    def __call__(self, appearance: str, loss: float) -> None:
+        self._step += 1
+        self._loss = loss if self._step == 1 else 0.99 * self._loss + 0.01 * loss
+        now = time.perf_counter()
+        if now - self._told < REPORT_SECONDS and self._step < self._steps:
+            return
+        self._told, rate = now, self._step / (now - self._started)
+        self._progress(
+            TrainingProgress(
+                appearance, self._step, self._steps, rate, self._loss, seconds_left=(self._steps - self._step) / rate
+            )
+        )

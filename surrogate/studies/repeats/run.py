@@ -1,0 +1,121 @@
+"""A scene trained with several seeds, each scored as its report is; what is finished is not done again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from catalogs.catalog import Catalog
+from surrogate.model import Surrogate
+from surrogate.provenance import commit, machine
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import Checkpoint, fingerprint
+from surrogate.studies.repeats.progress import RepeatProgress, RepeatWatch
+from surrogate.studies.repeats.records import SEEDS, Scores, load, save, scores_beside
+from surrogate.studies.repeats.scoring import score_model
+from surrogate.training.run import train
+
+MODEL = "surrogate"
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """A seed to be trained: with which settings, recognized by which fingerprint, and in which folder the model is kept."""
+
+    settings: TrainingSettings
+    mark: str
+    model: Path
+
+    @property
+    def seed(self) -> int:
+        return self.settings.seed
+
+
+def repeat(
+    settings: TrainingSettings,
+    catalog: Catalog,
+    run: Path,
+    *,
+    seeds: int = 3,
+    progress: Callable[[RepeatProgress], None] = lambda _: None,
+    tell: Callable[[Scores], None] = lambda _: None,
+) -> list[Scores]:
+    """Train `settings` with `seeds` successive seeds and keep their scores in `run`; returns all that are there, by seed.
+
+    The first seed is that of the settings, and its model `run`/surrogate, which is taken as it is where it is finished.
+    Scores that are there with the same fingerprint are not made again, nor are models trained again; an
+    interrupted training goes on from its last checkpoint.  `tell` is given each seed's scores once they are kept.
+
+    Raises ValueError, before anything is written, for fewer than two seeds and where a folder is none, or holds a run of other
+    settings or of another catalog; RuntimeError where another process is training there.
+    """
+    plan = planned(settings, catalog, run, seeds)
+    base = plan[0].mark
+    left = [one for one in plan if not _is_scored(run, one, base)]
+    _check(left, run)
+    watch = RepeatWatch(len(left), progress)
+    for one in left:
+        watch.begin(one.seed)
+        scores = _trained_and_scored(one, catalog, base, watch)
+        save(run, scores)
+        tell(scores)
+    return scores_beside(run, base)
+
+
+def planned(settings: TrainingSettings, catalog: Catalog, run: Path, seeds: int) -> list[Repeat]:
+    """What is to be trained: the settings' own seed first.  Raises ValueError for fewer than two `seeds`."""
+    if seeds < 2:
+        raise ValueError(f"seeds must be at least 2, or nothing could be said about their spread; got {seeds}")
+    varied = [replace(settings, seed=settings.seed + number) for number in range(seeds)]
+    folders = [run, *(run / SEEDS / str(one.seed) for one in varied[1:])]
+    return [Repeat(one, fingerprint(one, catalog), folder / MODEL) for one, folder in zip(varied, folders, strict=True)]
+
+
+def _is_scored(run: Path, one: Repeat, base: str) -> bool:
+    scores = load(run, one.seed)
+    return scores is not None and (scores.fingerprint, scores.base) == (one.mark, base)
+
+
+def _check(plan: Sequence[Repeat], run: Path) -> None:
+    """Raise ValueError where the folder of any seed is none or holds something else: an hour later would be too late."""
+    folders = [run / SEEDS, *(folder for one in plan for folder in (run / SEEDS / str(one.seed), one.model))]
+    files = [str(path) for path in folders if path.exists() and not path.is_dir()]
+    if files:
+        raise ValueError(f"{' and '.join(files)} must be folders of results: delete or rename these files")
+    other = [str(one.model) for one in plan if _mark_in(one.model) not in (None, one.mark)]
+    if other:
+        raise ValueError(
+            f"{' and '.join(other)} hold runs with other training settings or of another catalog, and nothing is overwritten: "
+            "delete or rename these folders"
+        )
+
+
+def _mark_in(directory: Path) -> str | None:
+    """The fingerprint of the finished or interrupted run in a folder; None without one."""
+    if Surrogate.exists(directory):
+        return str(Surrogate.load(directory).training.get("fingerprint"))
+    checkpoint = Checkpoint.load(directory)
+    return None if checkpoint is None else str(checkpoint.record["fingerprint"])
+
+
+def _trained_and_scored(one: Repeat, catalog: Catalog, base: str, watch: RepeatWatch) -> Scores:
+    surrogate = train(one.settings, catalog, one.model, progress=watch.training)
+    watch.trained(surrogate.training["seconds"])
+    try:
+        scored = score_model(surrogate, catalog, progress=watch.scoring)
+    except ValueError as error:
+        raise ValueError(f"seed {one.seed}, {one.model}: {error}") from error
+    return Scores(
+        seed=one.seed,
+        fingerprint=one.mark,
+        base=base,
+        **scored,
+        gaussians=len(surrogate.gaussians),
+        megabytes=surrogate.megabytes,
+        seconds=surrogate.training["seconds"],
+        machine=machine(),
+        commit=commit(),
+        made=datetime.now(UTC).isoformat(timespec="seconds"),
+    )

@@ -1,0 +1,81 @@
+"""Adam with one rate per named tensor, whose whole state can be saved and edited row by row."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import torch
+from torch import Tensor
+
+DECAY_FIRST, DECAY_SECOND = 0.9, 0.999
+EPSILON = 1e-15  # as in 3D Gaussian Splatting: gradients of single Gaussians are far below the usual 1e-8
+
+
+@contextmanager
+def without_subnormals() -> Iterator[None]:
+    """Take subnormal numbers for zero, in this thread (training runs torch on one: `surrogate.splatting.threads`).
+
+    Processors are slow with them, and decay ends there, not at zero: 0.9 times the smallest is rounded to itself.  Of a training
+    on isosurfaces half of the first moments were such, of Gaussians that no picture shows any more (52 % of 520,000).
+    """
+    before = sys.float_info.min / 2.0 == 0.0
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(before)
+
+
+class Adam:
+    """Adam (Kingma & Ba 2015, algorithm 1) over named leaf tensors.
+
+    It calls the fused kernel under `torch.optim.Adam` itself: that class loads torch's compiler at its first use, which
+    takes seconds, and spends as long around the kernel as in it.
+    """
+
+    def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
+        self._tensors, self._rates = dict(tensors), dict(rates)
+        self._steps = torch.zeros((), device=next(iter(tensors.values())).device)
+        self._moments = {
+            name: (torch.zeros_like(t, requires_grad=False), torch.zeros_like(t, requires_grad=False))
+            for name, t in tensors.items()
+        }
+
+    @torch.no_grad()
+    @without_subnormals()
+    def step(self, factor: float) -> None:
+        """Move every tensor by its gradient with `factor` times its rate, and forget the gradients."""
+        self._steps += 1.0
+        for name, tensor in self._tensors.items():
+            if tensor.grad is None:
+                continue
+            first, second = self._moments[name]
+            torch._fused_adam_(
+                [tensor],
+                [tensor.grad],
+                [first],
+                [second],
+                [],
+                [self._steps],
+                lr=self._rates[name] * factor,
+                beta1=DECAY_FIRST,
+                beta2=DECAY_SECOND,
+                weight_decay=0.0,
+                eps=EPSILON,
+                amsgrad=False,
+                maximize=False,
+            )
+            tensor.grad = None
+
+    def moments(self) -> dict[str, tuple[Tensor, Tensor]]:
+        """First and second moment of each tensor; writing to them changes the optimizer."""
+        return dict(self._moments)
+
+    def restore(self, moments: Mapping[str, tuple[Tensor, Tensor]], steps: int) -> None:
+        """Continue from `moments` after `steps` steps."""
+        self._steps.fill_(steps)
+        for name, own in self._moments.items():
+            for kept, given in zip(own, moments[name], strict=True):
+                kept.copy_(given)

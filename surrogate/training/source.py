@@ -1,0 +1,132 @@
+"""What a training run takes from its catalog: images, the box, and where Gaussians start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.appearance import field_of
+from catalogs.catalog import Catalog
+from catalogs.variations import Variation
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.initialization.points import Points
+from surrogate.initialization.start import initial_gaussians, initial_points
+from surrogate.settings import TrainingSettings
+from surrogate.training.data import (
+    Example,
+    TrainingData,
+    foreground_color,
+    load_examples,
+    training_rows,
+    validation_rows,
+)
+
+COLOR_SAMPLES = 32  # images that the first colour is taken from
+JUDGES = 48  # validation images that say what a model needs
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The catalog as one run sees it.
+
+    Raises ValueError where it has nothing to learn from, or not what the settings ask for.
+    """
+
+    settings: TrainingSettings
+    catalog: Catalog
+    appearance: str = field(init=False)
+    normalization: Normalization = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = [a.name for a in self.catalog.plan.appearances]
+        appearance = self.settings.appearance or names[0]
+        if appearance not in names:
+            raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
+        normalization = Normalization.of_box(self.catalog.plan.bounds)
+        object.__setattr__(self, "appearance", appearance)
+        object.__setattr__(self, "normalization", normalization)
+        for shown in ([appearance], *(_shown_by(variation) for variation in self.variations)):
+            training_rows(self.catalog, shown)  # says at once where there are none
+        if self.settings.initialization == "in-situ":
+            _ = self.points  # says at once where the catalog has none
+
+    def data(self) -> TrainingData:
+        """All images that training needs, decoded."""
+        shown = [self.appearance]
+        learn = training_rows(self.catalog, shown)
+        watch = validation_rows(self.catalog, shown, self.settings.validation_images)
+        return TrainingData(
+            load_examples(self.catalog, learn, self.normalization),
+            load_examples(self.catalog, watch, self.normalization),
+            self.catalog.plan.background,
+        )
+
+    @property
+    def variations(self) -> tuple[Variation, ...]:
+        """Those of the appearance that is learnt, where they are learnt too."""
+        kept = self.catalog.plan.variations if self.settings.visualization_steps else ()
+        return tuple(v for v in kept if v.base == self.appearance)
+
+    def varied_data(self, variation: Variation) -> TrainingData:
+        """All images of a variation that training needs, the base left out, decoded."""
+        shown = _shown_by(variation)
+        learn = training_rows(self.catalog, shown)
+        watch = validation_rows(self.catalog, shown, self.settings.validation_images)
+        return TrainingData(
+            load_examples(self.catalog, learn, self.normalization, variation),
+            load_examples(self.catalog, watch, self.normalization, variation),
+            self.catalog.plan.background,
+        )
+
+    def varied_judges(self, variation: Variation) -> TrainingData:
+        """The validation images that choices about a variation are made on; none where the settings want none."""
+        watch = validation_rows(self.catalog, _shown_by(variation), JUDGES if self.settings.validation_images else 0)
+        return TrainingData(
+            [], load_examples(self.catalog, watch, self.normalization, variation), self.catalog.plan.background
+        )
+
+    @cached_property
+    def judges(self) -> list[Example]:
+        """The validation images that choices about the model are made on."""
+        watch = validation_rows(self.catalog, [self.appearance], JUDGES)
+        return load_examples(self.catalog, watch, self.normalization)
+
+    @property
+    def histogram(self) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
+        """How often the training members have which values, (K,), and the bins' edges (K + 1,); None where not known.
+
+        Values are those of the field that the appearance shows.
+        """
+        shown = next(a for a in self.catalog.plan.appearances if a.name == self.appearance)
+        summaries = [m.summary(field_of(shown)) for m in self.catalog.members if m.split == "train"]
+        known = [summary for summary in summaries if summary is not None]
+        if not known:
+            return None, None
+        return np.sum([summary.histogram for summary in known], axis=0), known[0].bin_edges
+
+    @cached_property
+    def points(self) -> Points | None:
+        """What Gaussians start on; None: anywhere in the box."""
+        return initial_points(self.settings, self.catalog, self.appearance, self.normalization)
+
+    def initial_gaussians(
+        self, data: TrainingData, settings: TrainingSettings | None = None, *, own_colors: bool = True
+    ) -> Gaussians:
+        """What stage 1 starts from, by the run's own settings where none are given.
+
+        Without `own_colors` all start in the mean colour of the images: the points' colours are those of the base appearance.
+        """
+        points = self.points
+        if points is not None and not own_colors:
+            points = Points(points.places, None)
+        box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
+        some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
+        return initial_gaussians(settings or self.settings, box, points, foreground_color(some, data.background))
+
+
+def _shown_by(variation: Variation) -> list[str]:
+    """The appearances of a variation, the base left out."""
+    return [setting.appearance for setting in variation.settings]

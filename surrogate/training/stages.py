@@ -1,0 +1,82 @@
+"""What a stage of training optimizes, how fast, and how it makes the Gaussians of a member: the first two of them.
+
+Stage 1 fits one set of Gaussians to all members at once, as well as one can.  In stage 2, F_sim, these deform with the simulation's
+parameters, and both are optimized together.  Stage 3 is in `training.visualizations`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from surrogate.deformation import Deformation
+from surrogate.gaussians import NAMES, Gaussians
+from surrogate.settings import TrainingSettings
+
+PREFIX = "deformation."
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One stage.
+
+    Attributes
+    ----------
+    name : "canonical", "deformation", or the kind of a variation.
+    steps : its length.
+    tensors : the leaf tensors that are optimized, by name; those of the Gaussians under the names in `Gaussians`.
+    rates : Adam's rate per tensor at the stage's start.
+    per_gaussian : which of them have a row per Gaussian.
+    gaussians_at : the Gaussians at normalized parameters (P,), differentiable in `tensors`.
+    rest_at : what the stage's deformation acts on, there; None where it has none.
+    relocates : whether dead Gaussians may move; all rows of `per_gaussian` are among `tensors` then.
+    """
+
+    name: str
+    steps: int
+    tensors: Mapping[str, Tensor]
+    rates: Mapping[str, float]
+    per_gaussian: frozenset[str]
+    gaussians_at: Callable[[Tensor], Gaussians]
+    relocates: bool = True
+    rest_at: Callable[[Tensor], Gaussians] | None = None
+
+
+def canonical_rates(settings: TrainingSettings) -> dict[str, float]:
+    """Adam's rates for the tensors of `Gaussians`."""
+    return {
+        "means": settings.mean_rate,
+        "log_scales": settings.log_scale_rate,
+        "quats": settings.quat_rate,
+        "opacity_logits": settings.opacity_rate,
+        "colors": settings.color_rate,
+    }
+
+
+def canonical_stage(gaussians: Gaussians, settings: TrainingSettings) -> Stage:
+    """Optimize `gaussians` in place; every member looks the same."""
+    return Stage(
+        name="canonical",
+        steps=settings.canonical_steps,
+        tensors={name: tensor.requires_grad_() for name, tensor in gaussians.tensors().items()},
+        rates=canonical_rates(settings),
+        per_gaussian=frozenset(NAMES),
+        gaussians_at=lambda parameters: gaussians,
+    )
+
+
+def simulation_stage(gaussians: Gaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:
+    """Optimize `gaussians` (at a reduced rate) and `deformation` in place."""
+    canonical = {name: rate * settings.canonical_rate_factor for name, rate in canonical_rates(settings).items()}
+    tensors = gaussians.tensors() | {PREFIX + name: tensor for name, tensor in deformation.tensors().items()}
+    return Stage(
+        name="deformation",
+        steps=settings.deformation_steps,
+        tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
+        rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
+        per_gaussian=frozenset(NAMES) | {PREFIX + name for name in deformation.per_gaussian},
+        gaussians_at=lambda parameters: deformation.deformed(gaussians, parameters),
+        rest_at=lambda parameters: gaussians,
+    )

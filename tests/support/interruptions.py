@@ -1,0 +1,79 @@
+"""Training that is stopped before its end, and what a run ends with however often it was."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from catalogs.catalog import Catalog
+from surrogate import TrainingSettings, train
+from surrogate.training.progress import TrainingProgress
+
+PROJECT = Path(__file__).resolve().parents[2]
+# Forked before any thread exists, so that each of the many short lives does not import torch anew.
+KILLED = """
+import json, os, random, signal, sys, time
+from catalogs.catalog import Catalog
+from surrogate import Surrogate, TrainingSettings, train
+settings, catalog, folder = TrainingSettings.from_table(json.loads(sys.argv[1])), sys.argv[2], sys.argv[3]
+random.seed(1)
+kills = 0
+while not Surrogate.exists(folder):
+    child = os.fork()
+    if not child:
+        train(settings, Catalog.open(catalog), folder)
+        os._exit(0)
+    time.sleep(random.uniform(0.0, 0.05 + 0.01 * kills))
+    os.kill(child, signal.SIGKILL)
+    kills += os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+print(kills)
+"""
+
+
+def outcome(folder: Path) -> tuple[bytes, list[dict], list[tuple]]:
+    """Everything that a run ends with, but for the time it took."""
+    training = json.loads((folder / "model.json").read_text())["training"]
+    curve = [{**point, "seconds": None} for point in training["curve"]]
+    choices = [(choice["name"], choice["kept"], choice["options"]) for choice in training["choices"]]
+    return (folder / "model.safetensors").read_bytes(), curve, choices
+
+
+def files(folder: Path) -> list[str]:
+    """The names of what is kept there."""
+    return sorted(path.name for path in folder.glob("[!.]*"))
+
+
+def interrupt(
+    when: Callable[[TrainingProgress], bool], settings: TrainingSettings, catalog: Catalog, folder: Path
+) -> None:
+    """Train in this process until the moment has come, then press Ctrl-C."""
+    pressed = []
+
+    def press(progress: TrainingProgress) -> None:
+        if when(progress) and not pressed:
+            pressed.append(os.kill(os.getpid(), signal.SIGINT))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("surrogate.training.run.REPORT_SECONDS", 0.0)
+        with pytest.raises(KeyboardInterrupt):
+            train(settings, catalog, folder, progress=press)
+
+
+def kill_again_and_again(settings: TrainingSettings, catalog: Catalog, folder: Path) -> int:
+    """Train in processes that are killed at random until one comes to the end; returns how many were."""
+    result = subprocess.run(
+        [sys.executable, "-c", KILLED, json.dumps(settings.to_json()), str(catalog.path), str(folder)],
+        cwd=PROJECT,
+        capture_output=True,
+        text=True,
+        timeout=250,
+    )
+    assert result.returncode == 0, result.stderr
+    return int(result.stdout)

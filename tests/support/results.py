@@ -1,0 +1,138 @@
+"""A folder of runs made by hand, whose numbers are known, of scenes whose pictures are blobs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from catalogs.appearance import ImportedImages
+from catalogs.catalog import Catalog, CatalogPlan
+from surrogate.evaluation.evaluate import VERSION
+from surrogate.evaluation.scoring import METRICS, PARAMETERS, PERCEPTUAL_METRICS, VIEWS
+from surrogate.evaluation.varied import SETTINGS
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.studies.ablation.fits import BaseFits
+from surrogate.studies.ablation.records import Records
+from surrogate.studies.ablation.variants import VARIANTS
+from surrogate.studies.ceiling import VERSION as CEILING_VERSION
+from surrogate.studies.repeats.records import save
+from tests.support.blobs import Blobs
+from tests.support.scores import cells_of, scores_of
+
+MACHINE = {"processor": "abacus", "cores": 2, "system": "wood"}
+SCENE = """
+name = "{name}"
+title = "Some blobs"
+[source]
+kind = "nerf"
+path = "none"
+[training]
+gaussians = {gaussians}
+canonical_steps = 6
+deformation_steps = 6
+"""
+SETTINGS_OF_SCENE = TrainingSettings(gaussians=20, canonical_steps=6, deformation_steps=6)
+BLOBS = Blobs(count=4, size=16)
+MEMBERS = {"train-0": 0.0, "train-1": 1.0, "validation-0": 0.5, "test-0": 0.7}
+VIEW_SPLITS = ("train", "train", "train", "test")
+
+
+def make_scene(root: Path, name: str, gaussians: int = 20) -> Path:
+    """Write a scene file; returns its path."""
+    path = root / "scenes" / f"{name}.toml"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(SCENE.format(name=name, gaussians=gaussians))
+    return path
+
+
+def make_catalog(root: Path, name: str) -> Catalog:
+    """The data set of a scene."""
+    cameras = BLOBS.cameras()[: len(VIEW_SPLITS)]
+    plan = CatalogPlan(BLOBS.space, (ImportedImages("drawn"),), cameras, VIEW_SPLITS, BLOBS.bounds)
+    catalog = Catalog.create(root / "runs" / name / "catalog.cdb", plan)
+    for member, p in MEMBERS.items():
+        with catalog.begin_member(member, {"p": p}, split=member.split("-")[0]) as writer:
+            for view, camera in enumerate(cameras):
+                writer.write_image("drawn", view, BLOBS.picture(p, camera))
+    return Catalog.open(catalog.path)
+
+
+def report_of(name: str, mark: str, value: float, *, isovalues: float | None = None) -> dict[str, Any]:
+    """A report in which everything is `value`, under isovalues `isovalues`, and a predictor is 1 dB better."""
+    better = dict.fromkeys(PARAMETERS, value + 1.0)
+    predictor = {
+        "name": "nearest member (of 2)",
+        **{m: {v: {"unseen_parameters": value + 1.0} for v in VIEWS} for m in METRICS},
+    }
+    worse = {**predictor, "name": "mean image", "psnr": {v: {"unseen_parameters": value - 1.0} for v in VIEWS}}
+    varied = {
+        "kind": "isovalue",
+        "base": "drawn",
+        "parameters": [{"name": "isovalue", "low": 1.0, "high": 2.0, "unit": ""}],
+        **cells_of(isovalues, SETTINGS),
+        **{m: {row: dict.fromkeys(PARAMETERS) for row in SETTINGS} for m in PERCEPTUAL_METRICS},
+        "trivial_predictors": [{"name": "nearest trained setting", "psnr": better, "lead": {}}],
+        "milliseconds": {"visualization_change": 1.25, "view_change": 2.0},
+    }
+    return {
+        "scene": name,
+        "commit": "c0ffee",
+        "machine": MACHINE,
+        "fingerprint": f"{VERSION}:{mark}:12.5",
+        "seed": 0,
+        "seconds": {"dataset": 45.0, "train": 12.5},
+        "model_megabytes": 0.75,
+        "gaussians": 1234,
+        "milliseconds": {"parameter_change": 0.25, "view_change": 1.5},
+        **cells_of(value),
+        **{m: {v: dict.fromkeys(PARAMETERS) for v in VIEWS} for m in PERCEPTUAL_METRICS},
+        "flip": {v: dict.fromkeys(PARAMETERS, 0.0125) for v in VIEWS},
+        "trivial_predictors": [predictor, worse],
+        "variations": [] if isovalues is None else [varied],
+    }
+
+
+def ceiling_entry(mark: str, psnr: float, appearance: str = "drawn", **parameters: float) -> dict[str, Any]:
+    """An entry of `ceiling.json`, beside a surrogate half a dB behind."""
+    return {
+        "appearance": appearance,
+        "parameters": {"p": 0.7, **parameters},
+        "psnr": psnr,
+        "ssim": 0.9,
+        "seed": 0,
+        "commit": "c0ffee",
+        "machine": MACHINE,
+        "surrogate": {"fingerprint": mark, "psnr": psnr - 0.5, "ssim": 0.8},
+    }
+
+
+def make_results(root: Path, name: str, value: float, *, seeds: tuple[float, ...] = ()) -> Catalog:
+    """A scene with its data set, report, ceiling and, with these values, seeds."""
+    make_scene(root, name)
+    catalog = make_catalog(root, name)
+    run, mark = root / "runs" / name, fingerprint(SETTINGS_OF_SCENE, catalog)
+    (run / "report").mkdir()
+    (run / "report" / "report.json").write_text(json.dumps(report_of(name, mark, value)))
+    (run / "report" / "comparison.png").write_bytes(b"a picture")
+    entries = [ceiling_entry(mark, value + 2.0)]
+    (run / "ceiling.json").write_text(json.dumps({"version": CEILING_VERSION, "entries": entries}))
+    for seed, reached in enumerate(seeds):
+        save(run, scores_of(seed, reached, base=mark))
+    return catalog
+
+
+def make_study(
+    root: Path, name: str, catalog: Catalog, psnr: dict[str, tuple[float, ...]], budget: float = 60.0
+) -> None:
+    """Results of variants by name, one for each seed."""
+    fits = BaseFits(SETTINGS_OF_SCENE, catalog)
+    records = Records(root / "runs" / name / "ablation", fits.mark, fits.base, budget)
+    for variant in VARIANTS:
+        for seed, reached in enumerate(psnr.get(variant.name, ())):
+            result = records.result(
+                variant, seed, psnr=reached, ssim=0.9, seconds=budget, images=8, deformation_steps=100
+            )
+            records.save(replace(result, gaussians=20, machine=MACHINE, commit="bead"))

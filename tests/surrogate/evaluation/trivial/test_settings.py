@@ -1,0 +1,66 @@
+"""Predictors of settings: what they know, and the weights that they give it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surrogate.evaluation.trivial.settings import Trained, inverse_distance, mixtures, setting_predictors
+from tests.support.varied_blobs import FUNCTIONS, ISOVALUE, PLACES, varied_catalog, varied_surrogate
+
+
+def test_the_base_is_known_among_transfer_functions_and_not_among_isovalues() -> None:
+    isovalues, functions = Trained.of(ISOVALUE), Trained.of(FUNCTIONS)
+    assert isovalues.appearances == ISOVALUE.named("train")
+    np.testing.assert_allclose(isovalues.places[:, 0], [-1, -1 / 3, 1 / 3, 1])
+    assert functions.appearances == (*FUNCTIONS.named("train"), "dvr")
+    np.testing.assert_allclose(functions.places, [*PLACES["train"], (0, 0, 0, 0)], atol=1e-12)
+
+
+def test_only_what_is_shown_is_known() -> None:
+    some = Trained.of(FUNCTIONS, ("dvr", "iso=1", "tf-test-0", "tf-train-2"))
+    assert some.appearances == ("tf-train-2", "dvr")
+    assert len(Trained.of(ISOVALUE, ("dvr", "iso=2.5"))) == 0
+    assert Trained.of(ISOVALUE, ("dvr",)).places.shape == (0, 1)
+
+
+def test_nearest_is_by_the_distance_that_a_network_sees() -> None:
+    assert Trained.of(ISOVALUE).nearest(ISOVALUE.normalize((8.0,))) == "iso=4"
+    assert Trained.of(ISOVALUE).nearest(ISOVALUE.normalize((11.0,))) == "iso=16"  # 10 is midway
+    assert Trained.of(FUNCTIONS).nearest(np.array([0.75, 0.25, 0, 0])) == "tf-train-0"
+    assert Trained.of(FUNCTIONS).nearest(np.array([0.2, 0.25, 0, 0])) == "dvr"
+
+
+def test_inverse_distances_are_those_of_the_four_nearest() -> None:
+    random = np.random.default_rng(3)
+    known, wanted = random.random((9, 4)), random.random((5, 4))
+    weights = inverse_distance(known, wanted)
+    for place, row in zip(wanted, weights, strict=True):
+        distances = [float(np.sqrt(sum((place - other) ** 2))) for other in known]
+        near = sorted(range(9), key=lambda i, d=distances: d[i])[:4]
+        total = sum(1 / distances[i] for i in near)
+        expected = [1 / distances[i] / total if i in near else 0.0 for i in range(9)]
+        np.testing.assert_allclose(row, expected, rtol=1e-12)
+
+
+def test_inverse_distances_meet_what_they_know_and_need_no_four() -> None:
+    known = np.array([[0.0], [1.0], [3.0]])
+    weights = inverse_distance(known, np.array([[1.0], [2.0]]))
+    np.testing.assert_allclose(weights, [[0, 1, 0], [0.2, 0.4, 0.4]])
+    np.testing.assert_array_equal(inverse_distance(known[:1], np.array([[7.0]])), [[1.0]])
+
+
+@pytest.mark.parametrize(
+    ("isovalue", "weights"), [(2.5, {"iso=2": 0.75, "iso=4": 0.25}), (8.0, {"iso=4": 2 / 3, "iso=16": 1 / 3})]
+)
+def test_isovalues_are_interpolated_between_their_neighbours(
+    isovalue: float, weights: dict[str, float], tmp_path
+) -> None:
+    catalog = varied_catalog(tmp_path / "a.cdb", varied_surrogate(), {"train-0": (0.0, ISOVALUE.named("train"))})
+    member = catalog.member("train-0")
+    trained = Trained.of(ISOVALUE, member.appearances)
+    wanted = ISOVALUE.normalize((isovalue,))
+    nearest, between = mixtures(catalog, trained, member, 2, wanted, setting_predictors(ISOVALUE))
+    pictures = {name: catalog.image(member, name, 2) / 255.0 for name in weights}
+    np.testing.assert_allclose(between, sum(w * pictures[name] for name, w in weights.items()), atol=1e-5)
+    np.testing.assert_allclose(nearest, pictures[max(weights, key=weights.__getitem__)], atol=1e-6)

@@ -1,0 +1,158 @@
+"""The table of hard cases holds for every instruction set, and does not hold for engines that are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+from click.testing import CliRunner
+from torch import Tensor
+
+import native
+import surrogate.splatting
+from surrogate.cli import main
+from surrogate.splatting import cpu
+from surrogate.splatting.rendering import Rendering
+from surrogate.studies.stress.cases import Agreement, Case, agreements, cases, refusals
+from surrogate.studies.stress.check import check, check_agreement, check_refusal
+from surrogate.studies.stress.drift import Drift, Look, measure_drift
+from surrogate.studies.stress.table import table
+
+HEAVY = 5_000  # Gaussians
+
+
+def by_name(name: str) -> Case:
+    return next(case for case in cases() if case.name == name)
+
+
+def marked(case: Case) -> Any:
+    return pytest.param(case, marks=pytest.mark.slow if heavy(case) else (), id=case.name)
+
+
+def heavy(case: Case) -> bool:
+    """Whether the twin takes seconds."""
+    return len(case.scene().means) > HEAVY or case.camera().width > 200
+
+
+@pytest.mark.parametrize("case", [marked(case) for case in cases()])
+def test_every_hard_case_holds(case: Case) -> None:
+    sets = native.instruction_sets()
+    for name in sets[:1] if heavy(case) else sets:
+        outcome = check(case, {"instruction_set": name})
+        assert outcome.passed, (name, outcome.complaints)
+        assert outcome.uncertain < 0.2
+
+
+@pytest.mark.parametrize("row", [*agreements(), *refusals()], ids=lambda row: row.name)
+def test_what_must_agree_agrees_and_what_must_be_refused_is(row: Any) -> None:
+    outcome = check_agreement(row, {}) if isinstance(row, Agreement) else check_refusal(row, {})
+    assert outcome.passed, outcome.complaints
+
+
+def drawn_wrong(
+    change: Callable[[Rendering], Rendering], prepare: Callable[..., Any] = lambda *tensors: tensors
+) -> Any:
+    def render(*inputs: Any, **options: Any) -> Rendering:
+        *tensors, camera = inputs
+        return change(cpu.render(*prepare(*tensors), camera, **options))
+
+    return SimpleNamespace(render=render)
+
+
+def brighter(picture: Rendering) -> Rendering:
+    return picture._replace(color=picture.color + 1e-3)
+
+
+def one_nan(picture: Rendering) -> Rendering:
+    spoilt = picture.alpha.clone()
+    spoilt[0, 0] = torch.nan
+    return picture._replace(alpha=spoilt)
+
+
+def gradient_lost(*tensors: Tensor) -> list[Tensor]:
+    """Scales that are seen but have no gradient of their own size."""
+    means, scales, *others = tensors
+    return [means, scales.detach() + 0.5 * (scales - scales.detach()), *others]
+
+
+def last_dropped(*tensors: Tensor) -> list[Tensor]:
+    keep = torch.ones(len(tensors[3]))
+    keep[-1:] = 0.0
+    return [*tensors[:3], tensors[3] * keep, tensors[4]]
+
+
+def nan_made_zero(*tensors: Tensor) -> list[Tensor]:
+    return [tensor.nan_to_num(0.0, 0.0, 0.0) for tensor in tensors]
+
+
+@pytest.mark.parametrize(
+    ("engine", "complaint"),
+    [
+        (drawn_wrong(brighter), "image error"),
+        (drawn_wrong(one_nan), "not finite"),
+        (drawn_wrong(lambda picture: picture, gradient_lost), "gradient by scales"),
+        (drawn_wrong(lambda picture: picture, last_dropped), "image error"),
+    ],
+    ids=["too bright", "a NaN", "half a gradient", "one Gaussian missing"],
+)
+def test_a_wrong_engine_misses(engine: Any, complaint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", engine)
+    outcome = check(by_name("radius 1 px"), {"backend": "wrong"})
+    assert not outcome.passed
+    assert any(complaint in text for text in outcome.complaints)
+
+
+def test_an_engine_that_repairs_nan_misses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", drawn_wrong(lambda p: p, nan_made_zero))
+    outcomes = [check_refusal(row, {"backend": "wrong"}) for row in refusals()]
+    assert all(outcome.complaints == ("it was drawn",) for outcome in outcomes)
+
+
+def test_an_engine_that_depends_on_the_run_misses(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def flicker(picture: Rendering) -> Rendering:
+        calls.append(picture)
+        return picture._replace(color=picture.color * (1.0 + len(calls) * 2.0**-20))
+
+    monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", drawn_wrong(flicker))
+    assert check_agreement(Agreement("again"), {"backend": "wrong"}).complaints == (
+        "the picture differs",
+        *(f"the gradient by {name} differs" for name in ("means", "scales", "quats", "opacities", "colors")),
+    )
+
+
+def test_a_short_training_does_not_drift() -> None:
+    drift = measure_drift(steps=30)
+    assert drift.complaints == ()
+    assert [look.step for look in drift.exact] == [1, 10, 30]
+    assert drift.exact[-1].psnr > drift.exact[0].psnr + 1.0
+    assert 0 < drift.distances()[-1][1] < 1e-2
+
+
+def test_runs_that_part_are_said_to() -> None:
+    def look(offset: float, psnr: float, loss: float = 0.1) -> list[Look]:
+        return [Look(1, torch.full((3, 3), offset).double(), loss, psnr)]
+
+    assert Drift(look(0.0, 30.0), look(1e-3, 29.9), look(1e-3, 30.0)).complaints == ()
+    assert "dB from float64" in Drift(look(0.0, 30.0), look(1e-3, 28.0), look(1e-3, 30.0)).complaints[0]
+    assert "times as far" in Drift(look(0.0, 30.0), look(0.1, 30.0), look(1e-3, 30.0)).complaints[0]
+    assert "not finite" in Drift(look(0.0, 30.0), look(1e-3, 30.0, float("nan")), look(1e-3, 30.0)).complaints[0]
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = CliRunner().invoke(main, ["stress", "-o", str(tmp_path / "good")])
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "good" / "stress.md").read_text()
+    assert "All rows hold." in page
+    assert "It does not." in page
+    assert (tmp_path / "good" / "stress.png").stat().st_size > 50_000
+    monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", drawn_wrong(brighter))
+    done = CliRunner().invoke(main, ["stress", "--backend", "wrong", "--no-drift", "-o", str(tmp_path / "bad")])
+    assert done.exit_code == 1
+    assert "image error" in (tmp_path / "bad" / "stress.md").read_text()
+    assert len(table({"backend": "wrong"})) == len(cases()) + len(agreements()) + len(refusals())

@@ -1,0 +1,89 @@
+"""Small trained models whose needs are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from catalogs.cameras import Camera
+from surrogate.deformation import BilinearDeformation
+from surrogate.gaussians import Gaussians
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.training.compression.fitted import Bench, Fitted
+from surrogate.training.data import Example, TrainingData
+from tests.support.blobs import Blobs
+
+SETTINGS = TrainingSettings(canonical_steps=200, deformation_steps=800, latent_size=6, hidden_width=8)
+TRUE_MODES = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A model that fits its images exactly, and the bench to try it on."""
+
+    fitted: Fitted
+    bench: Bench
+
+
+MakeKnown = Callable[..., Known]
+
+
+@pytest.fixture
+def make_known() -> MakeKnown:
+    """Blobs that only the named attributes of follow the parameter, by two modes of six; `useless` more change nothing."""
+
+    def make(moving: tuple[str, ...] = ("means",), useless: int = 0, directional: float = 0.0) -> Known:
+        blobs, random = Blobs(), torch.Generator().manual_seed(4)
+        gaussians = blobs.gaussians(0.5)
+        deformation = BilinearDeformation.create(gaussians, 1, SETTINGS)
+        for name in ("means", "log_scales", "quats", "opacity_logits", "colors"):
+            if name not in moving:
+                deformation = deformation.without(name)
+        torch.nn.init.normal_(deformation.weights_out, std=1.0, generator=random)
+        rank = torch.randn(6, TRUE_MODES, generator=random) @ torch.randn(TRUE_MODES, 6, generator=random)
+        exact = replace(deformation, latents=0.4 * deformation.latents @ rank)
+        fitted = Fitted(gaussians, exact)
+        truth = gaussians.with_color_degree(1)
+        truth.colors[:, 3:] = directional * torch.randn(len(truth), 9, generator=random)
+        images = [
+            example(Fitted(truth, exact), camera, p) for camera in blobs.cameras()[:10] for p in (-1.0, -0.4, 0.2, 0.8)
+        ]
+        learnt, watched = [e for i, e in enumerate(images) if i % 4], images[::4]
+        return Known(with_useless(fitted, useless), Bench(SETTINGS, TrainingData(learnt, watched, None)))
+
+    return make
+
+
+def example(fitted: Fitted, camera: Camera, p: float) -> Example:
+    """The picture of a model as a stored image."""
+    parameters = torch.tensor([p])
+    return stored_picture(fitted.at(parameters), camera, parameters)
+
+
+def stored_picture(gaussians: Gaussians, camera: Camera, parameters: Tensor) -> Example:
+    """What `camera` sees of Gaussians as a stored image of those `parameters` (P,)."""
+    with torch.no_grad():
+        drawn = Rasterizer().draw(gaussians, camera)
+    rgba = torch.cat([drawn.color, drawn.alpha[..., None]], dim=2).numpy().clip(0, 1)
+    rgba[..., :3] = np.minimum(rgba[..., :3], rgba[..., 3:])
+    return Example(camera, parameters, np.round(255.0 * rgba).astype(np.uint8))
+
+
+def with_useless(fitted: Fitted, count: int) -> Fitted:
+    """`count` copies of the first Gaussian, too faint to be drawn, among the others."""
+    rows = torch.cat([torch.zeros(count, dtype=torch.int64), torch.arange(len(fitted.gaussians))])
+    more = fitted.of(rows).copy()
+    more.gaussians.opacity_logits[:count] = -9.0
+    shuffled = torch.randperm(len(rows), generator=torch.Generator().manual_seed(1))
+    return more.of(shuffled)
+
+
+def same(a: Gaussians, b: Gaussians) -> bool:
+    """Whether all numbers are equal."""
+    return all(torch.equal(x, y) for x, y in zip(a.tensors().values(), b.tensors().values(), strict=True))

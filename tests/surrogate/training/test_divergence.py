@@ -1,0 +1,107 @@
+"""A training that runs away says so, and keeps nothing of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from surrogate import TrainingSettings, train
+from surrogate.gaussians import Gaussians
+from surrogate.storage.checkpoints import Checkpoint
+from surrogate.training.divergence import as_drawn, first_infinite
+from surrogate.training.loop import StageRun
+from tests.support.blobs import Blobs
+
+SMALL = Blobs(count=4, size=16)
+QUICK = TrainingSettings(
+    gaussians=30, canonical_steps=10, deformation_steps=20, color_degree=0, fit_to_need=False, checkpoint_seconds=1e-9
+)
+COMPLAINT = (
+    r"^training diverged in stage {stage} at step \d+ of {steps}, where {what} is -?(inf|nan): "
+    r"lower the rates in the scene's \[training\] table$"
+)
+
+
+def complaint(stage: str, steps: int, what: str) -> str:
+    return COMPLAINT.format(stage=stage, steps=steps, what=what)
+
+
+def test_the_first_number_that_is_not_finite_is_named() -> None:
+    tensors = {"means": torch.zeros(4, 3), "latents": torch.zeros(4, 2), "one": torch.tensor(torch.nan)}
+    assert first_infinite(tensors) == "one is nan"
+    tensors["latents"][2, 1] = -torch.inf
+    assert first_infinite(tensors) == "latents[2, 1] is -inf"
+    assert first_infinite({"means": tensors["means"]}) == ""
+
+
+def test_scales_may_be_infinite_where_their_logarithms_are_not() -> None:
+    shown = Gaussians(torch.zeros(2, 3), torch.full((2, 3), 90.0), torch.ones(2, 4), torch.zeros(2), torch.zeros(2, 3))
+    assert first_infinite(shown.tensors()) == ""
+    assert first_infinite(as_drawn(shown)) == "scales[0, 0] is inf"
+
+
+@pytest.mark.parametrize(
+    ("changes", "stage", "steps", "what"),
+    [
+        ({"log_scale_rate": 60.0}, "canonical", 10, r"scales\[\d+, \d\]"),
+        ({"canonical_steps": 0, "latent_rate": 1e38}, "deformation", 20, r"[\w.]+\[\d+(, \d+)?\]"),
+        ({"color_rate": 1e39}, "canonical", 10, r"colors\[\d+, \d\]"),
+    ],
+)
+def test_it_says_where_and_what_helps(
+    make_catalog, tmp_path: Path, changes: dict, stage: str, steps: int, what: str
+) -> None:
+    catalog, settings = make_catalog(SMALL, view_splits=("train",) * 3), replace(QUICK, **changes)
+    for _ in range(2):  # from the last checkpoint too
+        with pytest.raises(ValueError, match=complaint(stage, steps, what)):
+            train(settings, catalog, tmp_path / "surrogate")
+        kept = Checkpoint.load(tmp_path / "surrogate")
+        assert kept is None or first_infinite({n: t for n, t in kept.tensors.items() if "moments" not in n}) == ""
+    assert not (tmp_path / "surrogate" / "model.safetensors").exists()
+
+
+def test_the_last_good_checkpoint_stays(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    catalog, steps, advance = make_catalog(SMALL, view_splits=("train",) * 3), [], StageRun.advance
+
+    def spoilt(run: StageRun) -> float:
+        loss = advance(run)
+        steps.append(run.step)
+        if len(steps) == 5:
+            with torch.no_grad():
+                run.stage.tensors["quats"][7, 2] = torch.nan
+        return loss
+
+    monkeypatch.setattr(StageRun, "advance", spoilt)
+    with pytest.raises(ValueError, match=complaint("canonical", 10, r"quats\[7, 2\]")):
+        train(QUICK, catalog, tmp_path / "surrogate")
+    kept = Checkpoint.load(tmp_path / "surrogate")
+    assert kept is not None
+    assert kept.record["step"] == 4
+
+
+def test_what_diverges_in_the_last_step_is_no_model(
+    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    catalog, advance = make_catalog(SMALL, view_splits=("train",) * 3), StageRun.advance
+
+    def spoilt(run: StageRun) -> float:
+        loss = advance(run)
+        if (run.stage.name, run.step) == ("deformation", 20):
+            with torch.no_grad():
+                run.stage.tensors["deformation.latents"][0] = torch.nan
+        return loss
+
+    monkeypatch.setattr(StageRun, "advance", spoilt)
+    settings = replace(QUICK, validation_images=0, checkpoint_seconds=1e9)
+    with pytest.raises(ValueError, match=complaint("deformation", 20, r"deformation.latents\[0, 0\]")):
+        train(settings, catalog, tmp_path / "surrogate")
+    assert not list((tmp_path / "surrogate").glob("*.safetensors"))
+
+
+def test_an_error_of_another_kind_is_told_as_it_is(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog(SMALL, view_splits=("train",) * 3)
+    with pytest.raises(ValueError, match="backend must be one of"):
+        train(replace(QUICK, backend="nonsense"), catalog, tmp_path / "surrogate")

@@ -1,0 +1,166 @@
+"""The fused loss against its twin, and the twin against scikit-image."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from skimage.metrics import structural_similarity as skimage_ssim
+
+import native
+from surrogate.deformation import BilinearDeformation
+from surrogate.gaussians import NAMES, Gaussians
+from surrogate.settings import TrainingSettings
+from surrogate.training.loop import StageRun
+from surrogate.training.losses import deformation_size, image_loss, image_loss_reference, structural_similarity
+from surrogate.training.source import Source
+from surrogate.training.stages import canonical_stage, simulation_stage
+
+
+def pair(height: int, width: int, channels: int = 3, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
+    random = torch.Generator().manual_seed(seed)
+    target = torch.rand(height, width, channels, generator=random, dtype=torch.float64)
+    noise = torch.randn(height, width, channels, generator=random, dtype=torch.float64)
+    return (target + 0.1 * noise).clamp(0, 1), target
+
+
+@pytest.mark.parametrize("size", [(40, 64), (37, 41), (1, 1), (5, 90), (70, 3)], ids=str)
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_value_and_gradient_equal_the_twin(size: tuple[int, int], channels: int) -> None:
+    image, target = pair(*size, channels)
+    slow = image.clone().requires_grad_()
+    wanted = image_loss_reference(slow, target)
+    wanted.backward()
+    fast = image.float().requires_grad_()
+    got = image_loss(fast, target.float())
+    got.backward()
+    assert abs(got.item() - wanted.item()) < 1e-6
+    assert slow.grad is not None
+    assert fast.grad is not None
+    assert float((fast.grad - slow.grad).abs().max()) < 2e-5 * float(slow.grad.abs().max())
+
+
+def test_the_twin_agrees_with_scikit_image_away_from_the_border() -> None:
+    image, target = pair(50, 44)
+    mine = structural_similarity(image, target)[5:-5, 5:-5].mean()
+    _, theirs = skimage_ssim(
+        target.numpy(),
+        image.numpy(),
+        data_range=1.0,
+        channel_axis=2,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        full=True,
+    )
+    assert float(mine) == pytest.approx(float(theirs[5:-5, 5:-5].mean()), abs=1e-9)
+
+
+def test_equal_pictures_lose_nothing_and_flat_ones_stay_finite() -> None:
+    _, target = pair(30, 30)
+    image = target.float().requires_grad_()
+    loss = image_loss(image, target.float())
+    loss.backward()
+    assert abs(loss.item()) < 1e-6
+    flat = torch.ones(30, 30, 3, requires_grad=True)
+    image_loss(flat, torch.ones(30, 30, 3)).backward()
+    assert flat.grad is not None
+    assert torch.isfinite(flat.grad).all()
+
+
+def test_threads_and_instruction_sets_agree() -> None:
+    image, target = (t.float().numpy() for t in pair(100, 75))
+    first = native.image_loss(image, target, 0.2, 1)
+    for threads in (2, 5):
+        again = native.image_loss(image, target, 0.2, threads)
+        assert again[:2] == first[:2]
+        assert np.array_equal(again[2], first[2])
+    for name in native.instruction_sets():
+        other = native.image_loss(image, target, 0.2, 2, name)
+        assert other[0] == pytest.approx(first[0], rel=1e-6)
+        assert other[1] == pytest.approx(first[1], rel=1e-6)
+
+
+def test_different_shapes_are_refused() -> None:
+    with pytest.raises(ValueError, match="same shape"):
+        image_loss(torch.zeros(4, 4, 3), torch.zeros(4, 5, 3))
+
+
+def test_bytes_are_compared_as_the_fractions_that_they_stand_for() -> None:
+    image = pair(30, 37)[0].float()
+    target = torch.randint(0, 256, (30, 37, 3), generator=torch.Generator().manual_seed(1), dtype=torch.uint8)
+    for name in native.instruction_sets():
+        as_bytes = native.image_loss(image.numpy(), target.numpy(), 0.2, 1, name)
+        as_floats = native.image_loss(image.numpy(), (target.float() * (1 / 255)).numpy(), 0.2, 1, name)
+        assert as_bytes[:2] == as_floats[:2]
+        assert np.array_equal(as_bytes[2], as_floats[2])
+    assert image_loss(image, target).item() == pytest.approx(image_loss(image, target / 255).item(), rel=1e-6)
+
+
+def test_channels_that_the_target_lacks_are_not_compared() -> None:
+    image, target = (t.float() for t in pair(20, 33, channels=4))
+    four = image.clone().requires_grad_()
+    image_loss(four, target[..., :3].contiguous()).backward()
+    three = image[..., :3].clone().requires_grad_()
+    loss = image_loss(three, target[..., :3].contiguous())
+    loss.backward()
+    assert four.grad is not None
+    assert three.grad is not None
+    assert torch.equal(four.grad[..., :3], three.grad)
+    assert not four.grad[..., 3].any()
+
+
+def some_gaussians(count: int, seed: int, color_columns: int = 3) -> Gaussians:
+    random = torch.Generator().manual_seed(seed)
+    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, color_columns))
+    return Gaussians(*(torch.randn(shape, generator=random, dtype=torch.float64) for shape in shapes))
+
+
+@pytest.mark.parametrize("color_columns", [3, 12])
+def test_the_size_of_a_deformation_is_the_mean_of_each_gaussians_squared_offsets(color_columns: int) -> None:
+    deformed, rest = (some_gaussians(7, seed, color_columns) for seed in (1, 2))
+    total = 0.0
+    for i in range(7):
+        for name in NAMES:
+            offset = (getattr(deformed, name)[i] - getattr(rest, name)[i]).numpy().reshape(-1)
+            total += float(sum(value**2 for value in offset))
+    assert float(deformation_size(deformed, rest)) == pytest.approx(total / 7, rel=1e-12)
+    assert float(deformation_size(rest, rest)) == 0.0
+
+
+def test_the_size_of_a_deformation_has_the_gradient_of_finite_differences() -> None:
+    deformed, rest = (some_gaussians(3, seed) for seed in (1, 2))
+
+    def size(*tensors: torch.Tensor) -> torch.Tensor:
+        return deformation_size(Gaussians(*tensors), rest)
+
+    assert torch.autograd.gradcheck(size, [t.requires_grad_() for t in deformed.tensors().values()])
+
+
+def test_a_penalty_keeps_deformations_small_and_is_part_of_the_loss(make_catalog) -> None:
+    catalog, sizes, losses = make_catalog(view_splits=("train",) * 3), [], []
+    for penalty in (0.0, 10.0):
+        settings = TrainingSettings(gaussians=30, deformation_steps=60, deformation_penalty=penalty)
+        source = Source(settings, catalog)
+        data = source.data()
+        gaussians = source.initial_gaussians(data)
+        deformation = BilinearDeformation.create(gaussians, 1, settings)
+        stage = simulation_stage(gaussians, deformation, settings)
+        run = StageRun(stage, settings, data)
+        losses.append([run.advance() for _ in range(60)])
+        with torch.no_grad():
+            sizes.append(float(deformation_size(stage.gaussians_at(torch.ones(1)), gaussians)))
+    assert losses[0][0] == losses[1][0]  # nothing has moved yet
+    assert losses[0][10] != losses[1][10]
+    assert sizes[1] < 0.2 * sizes[0]
+
+
+def test_a_stage_without_a_deformation_has_no_penalty(make_catalog) -> None:
+    catalog, losses = make_catalog(view_splits=("train",) * 3), []
+    for penalty in (0.0, 10.0):
+        settings = TrainingSettings(gaussians=30, canonical_steps=8, deformation_penalty=penalty)
+        source = Source(settings, catalog)
+        data = source.data()
+        run = StageRun(canonical_stage(source.initial_gaussians(data), settings), settings, data)
+        losses.append([run.advance() for _ in range(8)])
+    assert losses[0] == losses[1]

@@ -1,0 +1,78 @@
+import torch
+
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.optimizer import Adam, without_subnormals
+
+
+def steps(adam: Adam, tensors: dict[str, torch.Tensor], first: int, last: int) -> None:
+    for i in range(first, last):
+        loss = sum(((t - k) ** 2 * (1.0 + 0.1 * i)).sum() for k, t in enumerate(tensors.values()))
+        loss.backward()
+        adam.step(0.9**i)
+
+
+def leaves() -> dict[str, torch.Tensor]:
+    generator = torch.Generator().manual_seed(0)
+    return {name: torch.randn(5, 3, generator=generator).requires_grad_() for name in ("a", "b")}
+
+
+def test_it_is_adam_with_a_rate_per_tensor() -> None:
+    tensors, rates = leaves(), {"a": 0.1, "b": 0.01}
+    twin = {n: t.detach().double().clone() for n, t in tensors.items()}
+    first = {n: torch.zeros_like(t) for n, t in twin.items()}
+    second = {n: torch.zeros_like(t) for n, t in twin.items()}
+    steps(Adam(tensors, rates), tensors, 0, 20)
+    for i in range(20):
+        for k, name in enumerate(twin):
+            gradient = 2.0 * (twin[name] - k) * (1.0 + 0.1 * i)
+            first[name] = 0.9 * first[name] + 0.1 * gradient
+            second[name] = 0.999 * second[name] + 0.001 * gradient**2
+            mean, variance = first[name] / (1 - 0.9 ** (i + 1)), second[name] / (1 - 0.999 ** (i + 1))
+            twin[name] = twin[name] - rates[name] * 0.9**i * mean / (variance.sqrt() + 1e-15)
+    for name in twin:
+        torch.testing.assert_close(tensors[name].detach().double(), twin[name], rtol=1e-5, atol=1e-6)
+
+
+def test_a_restored_optimizer_goes_on_bit_for_bit() -> None:
+    rates = {"a": 0.1, "b": 0.01}
+    whole = leaves()
+    steps(Adam(whole, rates), whole, 0, 30)
+    halves = leaves()
+    interrupted = Adam(halves, rates)
+    steps(interrupted, halves, 0, 13)
+    saved = {name: (first.clone(), second.clone()) for name, (first, second) in interrupted.moments().items()}
+    resumed = {name: tensor.detach().clone().requires_grad_() for name, tensor in halves.items()}
+    adam = Adam(resumed, rates)
+    adam.restore(saved, 13)
+    steps(adam, resumed, 13, 30)
+    assert all(torch.equal(resumed[name], whole[name]) for name in whole)
+
+
+@one_torch_thread()  # as in training: the processor's mode is one thread's
+def test_moments_of_what_no_picture_shows_end_at_zero_and_not_below_normal_numbers() -> None:
+    """Rounding keeps them at a few of the smallest number for ever: a step of 20,000 latents took 3.5 ms and not 0.35."""
+    seen, unseen = torch.ones(4, 3), torch.zeros(4, 3)
+    tensor = torch.zeros(8, 3, requires_grad=True)
+    adam = Adam({"latents": tensor}, {"latents": 0.1})
+    for step in range(1200):
+        tensor.grad = torch.cat([seen, unseen if step else seen])
+        adam.step(1.0)
+    first, second = adam.moments()["latents"]
+    assert not first[4:].any()
+    assert bool((first[:4] > 0.9).all())
+    assert bool((second > 0).all())
+    assert bool(tensor.isfinite().all())
+
+
+def test_numbers_are_as_before_after_a_step() -> None:
+    tiny = torch.tensor(1e-40)
+    tensor = torch.ones(3, requires_grad=True)
+    tensor.grad = torch.ones(3)
+    Adam({"t": tensor}, {"t": 0.1}).step(1.0)
+    assert float(tiny * 2.0) > 0.0
+    with without_subnormals():
+        assert float(tiny * 2.0) == 0.0
+        with without_subnormals():
+            pass
+        assert float(tiny * 2.0) == 0.0
+    assert float(tiny * 2.0) > 0.0
