@@ -19,7 +19,7 @@ from catalogs.plan import CatalogPlan
 from catalogs.show import describe
 from catalogs.variations import field_variation
 from tests.catalogs.conftest import make_plan, picture, summary
-from tests.catalogs.test_varied_catalog import BASE, FUNCTION, FUNCTIONS, OLD_CATALOG
+from tests.support.transfer_functions import BASE, FUNCTION, FUNCTIONS, OLD_CATALOG
 
 Q = VolumeRendering("dvr", FUNCTION, field="q")
 SPEED = VolumeRendering("speed-dvr", FUNCTION, field="speed")

@@ -18,7 +18,7 @@ from catalogs.html import DIRECTION, first_view
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.show import facts
 from tests.catalogs.conftest import add_member, make_plan, picture
-from tests.catalogs.test_cards import HOSTILE, Tags, images
+from tests.support.cards import HOSTILE, Tags, images
 
 CLOVERLEAF = Path(__file__).resolve().parents[2] / "runs" / "cloverleaf" / "catalog.cdb"
 

@@ -12,20 +12,16 @@ import numpy as np
 import pytest
 
 from catalogs import cinema
-from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
+from catalogs.appearance import Isosurface
 from catalogs.catalog import Catalog, CatalogError
 from catalogs.check import check
 from catalogs.members import known_appearances
 from catalogs.plan import CatalogPlan
 from catalogs.show import describe
-from catalogs.variations import POINT_PARAMETERS, isovalue_family, transfer_function_family
+from catalogs.variations import POINT_PARAMETERS, isovalue_family
 from tests.catalogs.conftest import make_plan, picture, summary
+from tests.support.transfer_functions import BASE, FUNCTIONS, OLD_CATALOG
 
-FUNCTION = TransferFunction(
-    ((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (0.3, 0.2), (0.6, 0.5), (1.0, 1.0)), 0.1
-)
-BASE = VolumeRendering("dvr", FUNCTION)
-FUNCTIONS = transfer_function_family(BASE, first_step=(0.1, 0.1), second_step=(0.1, 0.25), validation=1, test=2)
 ISOVALUES = isovalue_family("dvr", train=(0.2, 0.4, 0.8), validation=(0.3,), test=(0.5,))
 SOME = ("dvr", "dvr-train-07", "dvr-train-66", "dvr-test-02", "iso=0.4", "iso=0.5", "iso=0.3")
 
@@ -255,28 +251,6 @@ def test_it_is_shown_in_a_few_lines(varied: Catalog) -> None:
     assert "(86 in all)" in repr(varied)
 
 
-OLD_CATALOG = """{
- "schema": 1,
- "parameters": [{"name": "Re", "low": 100.0, "high": 200.0, "unit": ""}],
- "appearances": [
-  {"kind": "volume", "name": "dvr",
-   "transfer_function": {"color_points": [[0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 0.0, 0.0]],
-                         "opacity_points": [[0.0, 0.0], [1.0, 0.5]], "opacity_unit_distance": 0.1},
-   "shaded": false},
-  {"kind": "isosurface", "name": "iso", "isovalue": 0.25, "color": [0.85, 0.85, 0.85],
-   "ambient": 0.15, "diffuse": 0.75, "specular": 0.2, "specular_power": 20.0}
- ],
- "cameras": [
-  {"world_to_camera": [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 5.0], [0.0, 0.0, 0.0, 1.0]],
-   "fx": 20.0, "fy": 20.0, "cx": 8.0, "cy": 6.0, "width": 16, "height": 12}
- ],
- "view_splits": ["train"],
- "bounds": [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]],
- "background": null,
- "image_format": "png",
- "images": {"memory": "premultiplied RGBA", "disk": "straight RGBA", "rows": "top first"},
- "provenance": {"bounds_from": "given"}
-}"""
 OLD_MEMBER = """{
  "name": "first",
  "parameters": {"Re": 120.0},

@@ -16,23 +16,16 @@ import pytest
 
 import insitu
 from catalogs import durable
-from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
+from catalogs.appearance import Isosurface, VolumeRendering
 from catalogs.catalog import Catalog
 from catalogs.check import check
 from catalogs.plan import name_problem
 from catalogs.scene import ViewPlan
 from insitu.hook import member_name
+from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
 PROJECT = Path(__file__).resolve().parents[2]
-FUNCTION = TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
 VOLUME = VolumeRendering("dvr", FUNCTION)
-SPACING = (0.1, 0.1, 0.1)
-
-
-def blob(width: float = 0.5, size: int = 12) -> np.ndarray:
-    """A Gaussian blob around the middle of the grid, (z, y, x)."""
-    grid = np.meshgrid(*[np.linspace(-1.0, 1.0, size)] * 3, indexing="ij")
-    return np.exp(-sum(g**2 for g in grid) / (2 * width**2)).astype(np.float32)
 
 
 def render(path: Path, field: Any = None, reynolds: float = 150.0, **changes: Any) -> insitu.RenderedMember:
@@ -45,10 +38,6 @@ def render(path: Path, field: Any = None, reynolds: float = 150.0, **changes: An
     }
     options.update(changes)
     return insitu.render_member(blob() if field is None else field, {"Re": reynolds}, catalog=path, **options)
-
-
-def tree(path: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file() and p.name != ".lock"}
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from insitu.ensemble import run_ensemble
 from insitu.kept import KeptField, keep_field, kept_field
 from insitu.planning import Wishes, value_range_of
 from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
-from tests.insitu.test_hook import FUNCTION, SPACING, blob, tree
+from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
 PROJECT = Path(__file__).resolve().parents[2]
 WIDE = TransferFunction(((0.0, 0.0, 1.0, 0.0), (8.0, 1.0, 0.0, 1.0)), ((1.0, 0.0), (8.0, 0.9)), 0.2)

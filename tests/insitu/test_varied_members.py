@@ -22,7 +22,7 @@ from insitu.cli import main
 from insitu.dataset import make_dataset
 from insitu.fields import as_fields
 from insitu.planning import Pilot, Wishes, disagreements, measure_pilot, misplaced, plan_catalog
-from tests.insitu.test_hook import blob, tree
+from tests.support.hooked import blob, tree
 
 FUNCTION = TransferFunction(
     ((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (0.3, 0.2), (0.6, 0.5), (1.0, 1.0)), 0.3

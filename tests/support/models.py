@@ -7,8 +7,8 @@ from functools import cache
 
 from surrogate import Surrogate
 from surrogate.settings import TrainingSettings
-from tests.surrogate.deformation.test_visualization import base, of_isovalue, visualization
-from tests.surrogate.deformation.test_visualization import surrogate as made
+from tests.support.visualizations import base, of_isovalue, visualization
+from tests.support.visualizations import surrogate as made
 
 TRAINING = {
     "appearance": "dvr",

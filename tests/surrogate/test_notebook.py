@@ -15,10 +15,10 @@ from catalogs.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.model import DeformedGaussians
 from surrogate.notebook import WIDTH, first_camera
-from tests.catalogs.test_cards import Tags, images
+from tests.support.cards import Tags, images
 from tests.support.field_blobs import FUNCTION, ISOVALUE
-from tests.surrogate.deformation.test_visualization import base, of_isovalue, surrogate, visualization
-from tests.surrogate.test_model import some_surrogate
+from tests.support.surrogates import some_surrogate
+from tests.support.visualizations import base, of_isovalue, surrogate, visualization
 
 MIDDLE = {"Re": 2000.0, "time": 1.0}
 

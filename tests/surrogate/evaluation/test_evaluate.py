@@ -24,6 +24,7 @@ from surrogate.studies import ceiling
 from surrogate.studies.repeats.records import save
 from surrogate.training.run import train
 from tests.support.scores import scores_of
+from tests.support.tables import tables
 
 SETTINGS = TrainingSettings(gaussians=30, canonical_steps=20, deformation_steps=20, validation_interval=10)
 MEMBERS = {0.0: "train", 0.5: "validation", 0.75: "test", 1.0: "train"}
@@ -187,17 +188,6 @@ def test_seeds_stand_in_the_report_of_the_surrogate_that_they_repeat(
         assert (record["repeats"] is not None) == stands
         assert all(len(set(widths)) == 1 for widths in tables(page))
         assert is_current(report, surrogate)
-
-
-def tables(page: str) -> list[list[int]]:
-    """How many cells each row of each table of a page has."""
-    found: list[list[int]] = [[]]
-    for line in page.splitlines():
-        if line.startswith("|"):
-            found[-1].append(line.count("|"))
-        elif found[-1]:
-            found.append([])
-    return [widths for widths in found if widths]
 
 
 def test_cells_without_images_are_null(tmp_path: Path) -> None:

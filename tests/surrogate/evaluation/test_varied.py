@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog
 from surrogate.cli import main
@@ -19,6 +18,7 @@ from surrogate.evaluation.scoring import METRICS, PARAMETERS, Case
 from surrogate.evaluation.varied import AT_NEAREST, SETTINGS, VariedEvaluation, drawn_evenly
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
+from tests.support.tables import squared_error, tables
 from tests.support.varied_blobs import (
     FUNCTIONS,
     ISOVALUE,
@@ -28,7 +28,6 @@ from tests.support.varied_blobs import (
     varied_catalog,
     varied_surrogate,
 )
-from tests.surrogate.evaluation.test_evaluate import tables
 
 WHITE = (1.0, 1.0, 1.0)
 KINDS = {"isovalue": 0, "transfer_function": 1}
@@ -55,15 +54,6 @@ def wrong(tmp_path_factory: pytest.TempPathFactory) -> tuple[Surrogate, Catalog,
     )
     surrogate = replace(truth, visualizations=weaker)
     return surrogate, catalog, evaluate(surrogate, catalog)
-
-
-def over_white(picture: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float64]:
-    values = picture / 255.0 if picture.dtype == np.uint8 else picture.astype(np.float64)
-    return np.clip(values[..., :3] + 1.0 - values[..., 3:], 0.0, 1.0)
-
-
-def squared_error(first: NDArray, second: NDArray) -> float:
-    return float(np.mean((over_white(first) - over_white(second)) ** 2))
 
 
 def test_the_surrogate_that_drew_the_images_is_perfect_on_all_of_them(perfect) -> None:

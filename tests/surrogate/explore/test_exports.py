@@ -14,16 +14,14 @@ from surrogate.explore.exports import FILM_STEPS, KINDS, exported
 from surrogate.explore.messages import MessageError
 from surrogate.explore.pictures import record_of
 from surrogate.explore.run import Run
+from tests.support.exports import SWEEP, WRONG
+from tests.support.messages import message
 from tests.support.models import plain
-from tests.surrogate.explore.test_messages import message
 
 
 @pytest.fixture(scope="module")
 def run(run_folder: Path) -> Run:
     return Run.open(run_folder)
-
-
-SWEEP = {"name": "p", "low": "", "high": "", "count": 3, "second": "", "secondCount": 2}
 
 
 def test_a_picture_is_what_is_drawn_and_knows_it(run: Run) -> None:
@@ -67,23 +65,6 @@ def test_sweeps_become_sheets_and_films(run: Run) -> None:
     film = Image.open(io.BytesIO(exported(message(kind="gif", sweep={**SWEEP, "low": 0.2, "high": 0.4}), run).content))
     assert getattr(film, "n_frames", 0) == 2 * FILM_STEPS - 2
     assert exported(message(kind="mp4", sweep=SWEEP), run).content[4:8] == b"ftyp"
-
-
-WRONG: list[tuple[dict[str, Any], str]] = [
-    ({}, "kind must be one of"),
-    ({"kind": "../../x"}, "kind must be one of"),
-    ({"kind": ["png"]}, "kind must be one of"),
-    ({"kind": "gif"}, "needs a sweep"),
-    ({"kind": "gif", "sweep": [1]}, "needs a sweep"),
-    ({"kind": "gif", "sweep": {"name": 3, "count": 3}}, "the name of a parameter"),
-    ({"kind": "gif", "sweep": {"name": "p", "count": "3"}}, "the name of a parameter"),
-    ({"kind": "gif", "sweep": {"name": "q", "count": 3}}, "q"),
-    ({"kind": "sheet", "sweep": {"name": "p", "count": 10**9}}, "steps"),
-    ({"kind": "sheet", "sweep": {**SWEEP, "low": 1e9}}, "too far outside"),
-    ({"kind": "sheet", "sweep": {**SWEEP, "low": 0.5, "high": 0.5}}, "to a larger one"),
-    ({"kind": "sheet", "sweep": {**SWEEP, "second": "p"}}, "two different parameters"),
-    ({"kind": "png", "size": [10**6, 10**6]}, "a side of a picture"),
-]
 
 
 @pytest.mark.parametrize(("changes", "complaint"), WRONG)

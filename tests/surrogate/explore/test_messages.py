@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,6 @@ from hypothesis import strategies as st
 
 from surrogate import Surrogate
 from surrogate.explore.messages import (
-    MOST_SETTINGS,
-    MOST_SIDE,
     FrameRequest,
     MessageError,
     camera_of,
@@ -20,25 +17,13 @@ from surrogate.explore.messages import (
     frame_request,
     setting_of,
 )
+from tests.support.messages import CAMERA, WRONG, message
 from tests.support.models import following, plain
-
-CAMERA = {"position": [3.0, 1.0, 0.5], "target": [0.5, 0.0, 0.0], "up": [0, 0, 1], "field": 30}
 
 
 @pytest.fixture(scope="module")
 def surrogate() -> Surrogate:
     return following()
-
-
-def message(**changes: Any) -> dict[str, Any]:
-    good = {
-        "settings": [{"parameters": {"p": 0.25}, "visualization": {}, "color_map": ""}],
-        "camera": CAMERA,
-        "size": [64, 48],
-        "background": "#ff8000",
-        "form": "png",
-    }
-    return {**good, **changes}
 
 
 def test_a_good_message_says_what_to_draw(surrogate: Surrogate) -> None:
@@ -72,61 +57,6 @@ def test_what_is_drawn_is_what_the_surrogate_draws(surrogate: Surrogate) -> None
     camera = frame_request(message(), surrogate).camera
     expected = surrogate.at(p=0.5, isovalue=0.3).render(camera)
     np.testing.assert_array_equal(asked.gaussians(surrogate).render(camera), expected)
-
-
-WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"settings": None}, "settings must be a list"),
-    ({"settings": []}, "settings must be a list"),
-    ({"settings": [{}] * (MOST_SETTINGS + 1)}, "settings must be a list"),
-    ({"settings": ["p"]}, "a setting must be an object"),
-    ({"settings": [{"parameters": {}}]}, "parameters must be exactly"),
-    ({"settings": [{"parameters": {"p": 0.5, "q": 1}}]}, "parameters must be exactly"),
-    ({"settings": [{"parameters": {"p": "0.5"}}]}, "p must be a number"),
-    ({"settings": [{"parameters": {"p": True}}]}, "p must be a number"),
-    ({"settings": [{"parameters": {"p": math.nan}}]}, "p must be finite"),
-    ({"settings": [{"parameters": {"p": 10**400}}]}, "p must be finite"),
-    ({"settings": [{"parameters": {"p": 1e30}}]}, "too far outside its bounds"),
-    ({"settings": [{"parameters": {1: 0.5}}]}, "named values"),
-    (
-        {"settings": [{"parameters": {"p": 0.5}, "visualization": {"isovalue": 0.3, "c1_value": 0}}]},
-        "visualization must",
-    ),
-    ({"settings": [{"parameters": {"p": 0.5}, "visualization": {"__class__": 0.3}}]}, "visualization must be"),
-    ({"settings": [{"parameters": {"p": 0.5}, "visualization": {"isovalue": math.inf}}]}, "isovalue must be finite"),
-    ({"settings": [{"parameters": {"p": 0.5}, "color_map": "../../etc/passwd"}]}, "color_map must be one of"),
-    ({"settings": [{"parameters": {"p": 0.5}, "color_map": ["viridis"]}]}, "color_map must be one of"),
-    (
-        {"settings": [{"parameters": {"p": 0.5}, "visualization": {"isovalue": 0.3}, "color_map": "viridis"}]},
-        "belongs to a transfer function",
-    ),
-    (
-        {"settings": [{"parameters": {"p": 0.5}, "visualization": {"c1_value": 0.75, "c2_value": -0.75}}]},
-        "strictly increasing",
-    ),
-    ({"camera": None}, "camera must be an object"),
-    ({"camera": {**CAMERA, "position": [1, 2]}}, "camera.position must be a list of 3"),
-    ({"camera": {**CAMERA, "position": [1, 2, math.nan]}}, "camera.position must be finite"),
-    ({"camera": {**CAMERA, "position": [1e30, 2, 3]}}, "half sizes of the volume away"),
-    ({"camera": {**CAMERA, "target": CAMERA["position"]}}, "this is no camera"),
-    ({"camera": {**CAMERA, "up": [0, 0, 0]}}, "camera.up must have a length"),
-    ({"camera": {**CAMERA, "field": 0}}, "camera.field must lie in"),
-    ({"camera": {**CAMERA, "field": 180}}, "camera.field must lie in"),
-    ({"size": [64]}, "size must be a list of 2"),
-    ({"size": [10**6, 10**6]}, "a side of a picture has"),
-    ({"size": [64.5, 64]}, "a side of a picture has"),
-    ({"size": [0, 64]}, "a side of a picture has"),
-    ({"size": [-64, 64]}, "a side of a picture has"),
-    ({"settings": [message()["settings"][0]] * 2, "size": [MOST_SIDE, MOST_SIDE]}, "are more than"),
-    ({"background": "red"}, "a colour is written #rrggbb"),
-    ({"background": "#ff800"}, "a colour is written #rrggbb"),
-    ({"background": "#ff8000\n"}, "a colour is written #rrggbb"),
-    ({"background": 7}, "a colour is written #rrggbb"),
-    ({"form": "svg"}, "form must be jpeg or png"),
-    ({"form": ["png"]}, "form must be jpeg or png"),
-    ({"difference": 1}, "difference must be true or false"),
-    ({"difference": True}, "a difference is between two"),
-    ({"truth": True, "settings": [message()["settings"][0]] * 2}, "the truth stands beside one"),
-]
 
 
 @pytest.mark.parametrize(("changes", "complaint"), WRONG)

@@ -24,9 +24,9 @@ from surrogate.explore import application
 from surrogate.explore.notebook import Shown, show
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
+from tests.support.messages import message
 from tests.support.models import plain
 from tests.support.tabs import Tab, lives, post
-from tests.surrogate.explore.test_messages import message
 
 
 @pytest.fixture

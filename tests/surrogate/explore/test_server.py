@@ -10,7 +10,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,17 +20,18 @@ import aiohttp
 import pytest
 from click.testing import CliRunner
 
+from tests.support.explorer_process import COMMAND, address_in, command
+
 pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
 
 from catalogs.browse.access import Access
 from surrogate.cli import main
 from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
+from tests.support.messages import message
 from tests.support.models import plain
 from tests.support.tabs import Tab, lives, post, wait
-from tests.surrogate.explore.test_messages import message
 
-COMMAND = Path(sys.executable).with_name("surrogate")
 TOKEN = secrets.token_urlsafe(24)
 OUTSIDE = ("class Explorer", "root:", "import annotations")  # what files beside the page's hold, and /etc/passwd
 
@@ -81,29 +81,10 @@ GARBAGE = [
 ]
 
 
-@contextmanager
-def command(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The running command and the first line that it prints."""
-    process = subprocess.Popen(
-        [COMMAND, "explore", *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        yield process, process.stdout.readline()
-    finally:
-        process.kill()
-        process.wait()
-
-
 def suppressed(work: Callable[..., object], *arguments: object) -> None:
     """Do it, whatever comes of it."""
     with suppress(Exception):
         work(*arguments)
-
-
-def address_in(line: str) -> str:
-    (address,) = re.findall(r"http://\S+", line)
-    return str(address)
 
 
 def test_it_prints_one_address_and_stops_on_control_c(run_folder: Path) -> None:

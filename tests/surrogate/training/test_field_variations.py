@@ -29,12 +29,11 @@ from surrogate.studies.ceiling import subjects
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
+from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FieldBlobs, summary
 from tests.support.interruptions import interrupt, outcome
-from tests.surrogate.deformation.test_visualization import base
-from tests.surrogate.evaluation.test_evaluate import tables
-from tests.surrogate.evaluation.test_varied import squared_error
-from tests.surrogate.training.compression.conftest import same
+from tests.support.tables import squared_error, tables
+from tests.support.visualizations import base
 
 OTHER = TransferFunction(
     ((0.0, 0.2, 0.8, 0.1), (3.0, 0.9, 0.2, 0.9)), ((0.0, 0.5), (1.0, 0.1), (2.0, 0.6), (3.0, 0.0)), 0.3

@@ -19,9 +19,9 @@ from surrogate import Surrogate, TrainingSettings, train
 from surrogate.training.compression import Choice
 from surrogate.training.compression.precision import precision_of_visualization
 from surrogate.training.progress import TrainingProgress
+from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEPS, appearance_of, field_catalog
 from tests.support.interruptions import files, interrupt, kill_again_and_again, outcome
-from tests.surrogate.training.compression.conftest import same
 
 QUICK = TrainingSettings(
     gaussians=40,

@@ -12,7 +12,7 @@ from surrogate.training.loop import StageRun
 from surrogate.training.screen_gradients import Pulls
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage, simulation_stage
-from tests.surrogate.deformation.test_visualization import base
+from tests.support.visualizations import base
 
 CAMERA = Camera.look_at([0.4, -3.0, 2.0], [0.1, 0.0, -0.2], vertical_fov_degrees=30, width=64, height=48)
 

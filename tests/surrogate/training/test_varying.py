@@ -4,7 +4,7 @@ import torch
 
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.varying import Varying
-from tests.surrogate.deformation.test_visualization import base, of_isovalue, visualization
+from tests.support.visualizations import base, of_isovalue, visualization
 
 
 def test_without_a_checkpoint_nothing_is_finished() -> None:

@@ -18,9 +18,9 @@ from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
+from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, appearance_of, field_catalog
-from tests.surrogate.deformation.test_visualization import base
-from tests.surrogate.training.compression.conftest import same
+from tests.support.visualizations import base
 
 SETTINGS = TrainingSettings(
     visualization_steps=30, visualization_latent_size=3, visualization_hidden_width=5, value_bins=9

@@ -15,7 +15,7 @@ from surrogate.explore.exporting.ply import SH_C0, ply_bytes
 from surrogate.gaussians import SH_C1, Normalization
 from surrogate.model import DeformedGaussians
 from surrogate.splatting import render
-from tests.surrogate.test_model import some_surrogate
+from tests.support.surrogates import some_surrogate
 
 plyfile = pytest.importorskip("plyfile")
 

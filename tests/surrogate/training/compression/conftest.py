@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.deformation import BilinearDeformation
-from surrogate.gaussians import Gaussians
-from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.fitted import Bench, Fitted
 from surrogate.training.data import Example, TrainingData
 from tests.support.blobs import Blobs
+from tests.support.comparing import stored_picture
 
 SETTINGS = TrainingSettings(canonical_steps=200, deformation_steps=800, latent_size=6, hidden_width=8)
 TRUE_MODES = 2
@@ -66,15 +63,6 @@ def example(fitted: Fitted, camera: Camera, p: float) -> Example:
     return stored_picture(fitted.at(parameters), camera, parameters)
 
 
-def stored_picture(gaussians: Gaussians, camera: Camera, parameters: Tensor) -> Example:
-    """What `camera` sees of Gaussians as a stored image of those `parameters` (P,)."""
-    with torch.no_grad():
-        drawn = Rasterizer().draw(gaussians, camera)
-    rgba = torch.cat([drawn.color, drawn.alpha[..., None]], dim=2).numpy().clip(0, 1)
-    rgba[..., :3] = np.minimum(rgba[..., :3], rgba[..., 3:])
-    return Example(camera, parameters, np.round(255.0 * rgba).astype(np.uint8))
-
-
 def with_useless(fitted: Fitted, count: int) -> Fitted:
     """`count` copies of the first Gaussian, too faint to be drawn, among the others."""
     rows = torch.cat([torch.zeros(count, dtype=torch.int64), torch.arange(len(fitted.gaussians))])
@@ -82,8 +70,3 @@ def with_useless(fitted: Fitted, count: int) -> Fitted:
     more.gaussians.opacity_logits[:count] = -9.0
     shuffled = torch.randperm(len(rows), generator=torch.Generator().manual_seed(1))
     return more.of(shuffled)
-
-
-def same(a: Gaussians, b: Gaussians) -> bool:
-    """Whether all numbers are equal."""
-    return all(torch.equal(x, y) for x, y in zip(a.tensors().values(), b.tensors().values(), strict=True))

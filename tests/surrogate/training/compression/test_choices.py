@@ -18,7 +18,8 @@ from surrogate.training.compression.fitted import Bench
 from surrogate.training.compression.modes import choose_modes
 from surrogate.training.compression.precision import choose_precision
 from surrogate.training.compression.pruning import choose_gaussians
-from tests.surrogate.training.compression.conftest import TRUE_MODES, MakeKnown, same
+from tests.support.comparing import same
+from tests.surrogate.training.compression.conftest import TRUE_MODES, MakeKnown
 
 
 @pytest.mark.parametrize("moving", [("means",), ("colors",), ("opacity_logits", "log_scales"), ()])

@@ -14,9 +14,9 @@ from surrogate.training.compression.fitted import Bench, Fitted
 from surrogate.training.compression.fitting import NEEDS, VARIED_NEEDS, gaussians, precision
 from surrogate.training.compression.precision import precision_of_visualization
 from surrogate.training.data import TrainingData
+from tests.support.comparing import same, stored_picture
 from tests.support.field_blobs import BLOBS
-from tests.surrogate.deformation.test_visualization import base, of_isovalue, visualization
-from tests.surrogate.training.compression.conftest import same, stored_picture
+from tests.support.visualizations import base, of_isovalue, visualization
 
 KINDS = ("values", "bilinear", "paper", "isovalue")
 

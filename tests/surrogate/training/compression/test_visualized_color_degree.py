@@ -13,8 +13,8 @@ from surrogate.training.compression.fitted import Fitted
 from surrogate.training.compression.visualized_color_degree import NAME, choose_visualized_color_degree
 from surrogate.training.data import TrainingData
 from surrogate.training.source import Source
+from tests.support.comparing import stored_picture
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
-from tests.surrogate.training.compression.conftest import stored_picture
 
 SETTINGS = TrainingSettings(
     visualization_steps=2000,
