@@ -24,9 +24,6 @@ input gives bitwise the same output for any number of threads.
             -> gradient by the weights (N, B)
     hat_means(values, color_points, opacity_points, samples, most_opaque) -> extinctions, and those times colours (B, 4), float64
             values (B,) increasing; control points (P, 4) and (Q, 2), a field value first, increasing
-    peak(instruction_set="", threads=1, seconds=0.2) -> (gigaflops, gigabytes per second)
-            the most that this machine does: float32 multiply-adds (two operations each) in a fixed loop without memory, and a
-            triad over 192 MB (read and written)
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
@@ -49,7 +46,6 @@ __all__ = [
     "hat_means",
     "image_loss",
     "instruction_sets",
-    "peak",
     "transfer",
     "transfer_gradient",
 ]

@@ -14,15 +14,10 @@ import tempfile
 from pathlib import Path
 
 import native
+from benchmarks.compiling import WIDTHS, compiled
 from benchmarks.page import table
 
 SOURCE = Path(__file__).with_name("loops.cpp")
-FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-Wno-psabi"]
-HASWELL = ["-mavx2", "-mfma", "-mbmi"]
-INSTRUCTION_SETS = {
-    "avx512": [*HASWELL, "-mavx512f", "-mavx512dq", "-mavx512bw", "-mavx512vl", "-mprefer-vector-width=512"],
-    "avx2": HASWELL,
-}
 LIBRARIES = {
     "GCC's vector extensions (the kernels')": ["-DWITH_VECTOR_EXTENSIONS"],
     "std::experimental::simd": ["-DWITH_STD_SIMD"],
@@ -40,7 +35,7 @@ def compare(runs: int = RUNS) -> str:
     """
     rows, sums = [], set()
     with tempfile.TemporaryDirectory() as folder:
-        for name in [name for name in INSTRUCTION_SETS if name in native.instruction_sets()]:
+        for name in [name for name in native.instruction_sets() if WIDTHS[name] > 4]:
             programs = {library: _compiled(library, name, Path(folder)) for library in LIBRARIES}
             found: dict[str, list[list[float]]] = {library: [] for library in LIBRARIES}
             for _ in range(runs):
@@ -58,11 +53,12 @@ def compare(runs: int = RUNS) -> str:
 def _compiled(library: str, instruction_set: str, folder: Path) -> Path | None:
     """The program of a library, or None where its headers are missing."""
     program = folder / f"{instruction_set}-{list(LIBRARIES).index(library)}"
-    command = ["g++", *FLAGS, *INSTRUCTION_SETS[instruction_set], *LIBRARIES[library], str(SOURCE), "-o", str(program)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)
-    if built.returncode and "No such file" not in built.stderr:
-        raise RuntimeError(built.stderr)
-    return None if built.returncode else program
+    try:
+        return compiled(SOURCE, program, instruction_set, *LIBRARIES[library])
+    except RuntimeError as error:
+        if "No such file" in str(error):
+            return None
+        raise
 
 
 def _cells(times: list[list[float]]) -> list[str]:

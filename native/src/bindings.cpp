@@ -24,7 +24,6 @@
 #include "drawing.hpp"
 #include "instruction_sets.hpp"
 #include "loss.hpp"
-#include "peak.hpp"
 
 namespace gs {
 namespace {
@@ -178,15 +177,6 @@ Loss bound_image_loss(Input image, Target target, double ssim_weight, int thread
     return {loss.difference, loss.similarity, gradient};
 }
 
-std::tuple<double, double> bound_peak(const std::string& instruction_set, int threads, double seconds) {
-    require(threads >= 1 && threads <= 4096, "threads must lie in 1 to 4096, got " + std::to_string(threads));
-    require(seconds > 0 && seconds <= 60, "seconds must lie in (0, 60], got " + std::to_string(seconds));
-    const Kernels& kernels = kernels_named(instruction_set);
-    nb::gil_scoped_release released;
-    const Peak peak = measure_peak(kernels, threads, seconds);
-    return {peak.gigaflops, peak.gigabytes_per_second};
-}
-
 }  // namespace
 }  // namespace gs
 
@@ -211,7 +201,6 @@ NB_MODULE(_kernels, m) {
     m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
     m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
     bind_deformations(m);
-    m.def("peak", &bound_peak, "instruction_set"_a = "", "threads"_a = 1, "seconds"_a = 0.2);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,
           "instruction_set"_a = "");

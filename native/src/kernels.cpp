@@ -21,7 +21,6 @@ namespace {
 #include "bilinear.inc"
 #include "logarithms.inc"
 #include "transfer.inc"
-#include "peak.inc"
 
 }  // namespace
 
@@ -41,9 +40,6 @@ extern const Kernels GS_KERNELS = {
     bilinear_backward,
     transfer,
     transfer_backward,
-    kChains * GS_WIDTH,
-    multiply_adds,
-    triad,
 };
 
 }  // namespace gs

@@ -158,10 +158,6 @@ struct Kernels {
     void (*transfer)(const Transfer&, int64_t first, int64_t last, float* logits, float* colors);
     void (*transfer_backward)(const Transfer&, int64_t first, int64_t last, const float* by_logits, const float* by_colors,
                               float* by_weights);
-    // What the machine can do at most, see peak.inc.
-    int multiply_adds_per_round;
-    float (*multiply_adds)(int64_t rounds, float factor, float term);
-    void (*triad)(const float* first, const float* second, float factor, int64_t count, float* out);
 };
 
 extern const Kernels kernels_baseline;

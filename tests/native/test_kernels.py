@@ -145,12 +145,3 @@ def test_other_layouts_and_precisions_are_converted() -> None:
     assert same(everything(other), everything(scene))
     with pytest.raises(TypeError):
         draw([[1.0, 2.0, 3.0], *scene[1:]])  # type: ignore[list-item]
-
-
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
-def test_the_peak_is_one_that_a_processor_can_have(instruction_set: str) -> None:
-    gigaflops, gigabytes = native.peak(instruction_set, 1, 0.02)
-    assert 0.5 < gigaflops < 1000.0
-    assert 0.1 < gigabytes < 1000.0
-    with pytest.raises(ValueError, match="threads must lie in"):
-        native.peak(instruction_set, 0)
