@@ -24,8 +24,17 @@ from catalogs.catalog import Catalog
 from surrogate import Surrogate
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import spread
-from surrogate.explore.expectation import NEAREST, Expectation, Table, gap_of, left_out, levelled, measure, tables_of
-from surrogate.explore.places import ISOSURFACES, base_name
+from surrogate.explore.reliability.expectation import (
+    NEAREST,
+    Expectation,
+    Table,
+    gap_of,
+    left_out,
+    levelled,
+    measure,
+    tables_of,
+)
+from surrogate.explore.reliability.places import ISOSURFACES, base_name
 from surrogate.explore.setting import Setting
 from surrogate.provenance import machine
 from surrogate.splatting.threads import one_torch_thread

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from surrogate.explore.commands import export, sweep
+from surrogate.explore.exporting.commands import export, sweep
 
 if TYPE_CHECKING:
     from catalogs.catalog import Catalog

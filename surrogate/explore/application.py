@@ -34,15 +34,15 @@ from trame.widgets import html
 from catalogs.browse.access import LOCAL, Access
 from catalogs.catalog import CatalogError
 from catalogs.images import ImageError
-from surrogate.explore.expectation import measure
-from surrogate.explore.exports import Export, exported
-from surrogate.explore.facts import facts
+from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.frames import Frames
 from surrogate.explore.guard import Guard
 from surrogate.explore.messages import frame_request
+from surrogate.explore.reliability.expectation import measure
+from surrogate.explore.reliability.facts import facts
+from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.run import Run
 from surrogate.explore.sockets import LARGEST, Sockets
-from surrogate.explore.truth import Truth
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait

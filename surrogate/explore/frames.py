@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.evaluation.metrics import composite
-from surrogate.explore.difference import Difference, difference_of
-from surrogate.explore.expectation import Expectation
-from surrogate.explore.facts import orbit_of
+from surrogate.explore.exporting.difference import Difference, difference_of
+from surrogate.explore.exporting.pictures import encode
 from surrogate.explore.messages import FrameRequest
-from surrogate.explore.pictures import encode
+from surrogate.explore.reliability.expectation import Expectation
+from surrogate.explore.reliability.facts import orbit_of
+from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.setting import Setting
-from surrogate.explore.truth import Truth
 from surrogate.model import DeformedGaussians, Surrogate
 
 KEPT = 32  # deformed Gaussians of the last settings: moving the camera deforms nothing
@@ -81,7 +81,7 @@ class Frames:
     def nearest(self, request: FrameRequest) -> dict[str, Any] | None:
         """The stored picture that is most like the first setting from this camera; None without one.
 
-        `parameters`, `visualization`, `orbit` as in `surrogate.explore.facts`, `member`, `view` and `split`.
+        `parameters`, `visualization`, `orbit` as in `surrogate.explore.reliability.facts`, `member`, `view` and `split`.
         """
         if self.truth is None or not self.truth.members:
             return None

@@ -14,7 +14,7 @@ from PIL import Image
 
 from catalogs import Catalog
 from surrogate import Surrogate
-from surrogate.explore.pictures import record_of
+from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.run import Run
 from tests.support.browsers import NewPage, serious_findings
 from tests.support.explored import assert_shown, drawn, open_explorer, request_of, settled, shown

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.images import read_image, to_bytes
 from catalogs.parameters import Parameter, ParameterSpace
+from surrogate.explore.exporting.snippet import snippet
 from surrogate.explore.setting import Setting
-from surrogate.explore.snippet import snippet
 from surrogate.model import Surrogate
 from tests.support.models import following, plain
 
-PROJECT = Path(__file__).resolve().parents[3]
+PROJECT = Path(__file__).resolve().parents[4]
 CAMERA = Camera.look_at((3.1, 4.2, 1 / 3), (0.1, 0, 0), vertical_fov_degrees=31.7, width=40, height=24)
 SETTINGS = {
     "base": Setting({"p": 0.1 + 0.2}),

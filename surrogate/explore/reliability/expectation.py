@@ -27,7 +27,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.images import ImageError
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
-from surrogate.explore.places import Place, base_name, fractions_of, place_of
+from surrogate.explore.reliability.places import Place, base_name, fractions_of, place_of
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from catalogs.cameras import Camera
-from surrogate.explore.films import gif, mp4
+from surrogate.explore.exporting.films import gif, mp4
+from surrogate.explore.exporting.sweep import Axis, Sweep, pictures, settings
 from surrogate.explore.setting import Setting
-from surrogate.explore.sweep import Axis, Sweep, pictures, settings
 from tests.support.models import following
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=120, height=96)

@@ -15,8 +15,8 @@ import pytest
 from catalogs.catalog import Catalog
 from surrogate import Surrogate
 from surrogate.evaluation.metrics import MOST_DECIBELS
-from surrogate.explore import expectation as module
-from surrogate.explore.expectation import (
+from surrogate.explore.reliability import expectation as module
+from surrogate.explore.reliability.expectation import (
     FILE,
     NEAREST,
     VIEWS,

@@ -36,7 +36,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
-from surrogate.explore.places import base_name
+from surrogate.explore.reliability.places import base_name
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from catalogs.cameras import Camera
+from surrogate.explore.exporting.sweep import Axis, Sweep, check, parameter, pictures, settings
 from surrogate.explore.setting import Setting
-from surrogate.explore.sweep import Axis, Sweep, check, parameter, pictures, settings
 from tests.support.models import following, plain
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=20, height=16)

@@ -16,11 +16,11 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.images import read_image, to_bytes
 from surrogate import Surrogate
-from surrogate.explore.commands import export, sweep
+from surrogate.explore.exporting.commands import export, sweep
+from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.ply import ply_bytes
-from surrogate.explore.pictures import record_of
+from surrogate.explore.exporting.sweep import Axis, Sweep, settings
 from surrogate.explore.setting import Setting
-from surrogate.explore.sweep import Axis, Sweep, settings
 from tests.support import families
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE
 from tests.support.models import following, plain
@@ -197,10 +197,10 @@ def test_mistakes_are_named_in_one_line_and_nothing_is_written(
 
 def test_the_commands_load_nothing_heavy() -> None:
     program = (
-        "import sys, surrogate.explore.commands\n"
+        "import sys, surrogate.explore.exporting.commands\n"
         "print([n for n in ('torch', 'numpy', 'matplotlib', 'PIL', 'av', 'trame') if n in sys.modules])"
     )
-    project = Path(__file__).resolve().parents[3]
+    project = Path(__file__).resolve().parents[4]
     result = subprocess.run([sys.executable, "-c", program], cwd=project, capture_output=True, text=True, timeout=60)
     assert result.stdout.strip() == "[]", result.stdout + result.stderr
 

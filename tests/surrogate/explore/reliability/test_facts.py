@@ -15,9 +15,9 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
-from surrogate.explore import facts as module
 from surrogate.explore.color_maps import NAMES
-from surrogate.explore.facts import facts
+from surrogate.explore.reliability import facts as module
+from surrogate.explore.reliability.facts import facts
 from tests.support.blobs import Blobs
 from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, VIEW_SPLITS, field_catalog
 from tests.support.models import following, plain

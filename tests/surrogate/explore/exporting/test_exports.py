@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 from plyfile import PlyData
 
-from surrogate.explore.exports import FILM_STEPS, KINDS, exported
+from surrogate.explore.exporting.exports import FILM_STEPS, KINDS, exported
+from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.messages import MessageError
-from surrogate.explore.pictures import record_of
 from surrogate.explore.run import Run
 from tests.support.exports import SWEEP, WRONG
 from tests.support.messages import message

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from surrogate.explore.places import ISOSURFACES, asked, base_name, fractions_of, place_of
+from surrogate.explore.reliability.places import ISOSURFACES, asked, base_name, fractions_of, place_of
 from surrogate.explore.setting import Setting
 from tests.support.field_blobs import STEPS
 from tests.support.models import following, plain

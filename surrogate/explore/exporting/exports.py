@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from surrogate.explore.exporting.films import gif, mp4
+from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
-from surrogate.explore.films import gif, mp4
+from surrogate.explore.exporting.sheets import captioned, strip
+from surrogate.explore.exporting.snippet import snippet
+from surrogate.explore.exporting.sweep import Axis, Sweep, check, parameter, pictures
 from surrogate.explore.messages import FrameRequest, MessageError, frame_request, within
-from surrogate.explore.pictures import encode, record_for
 from surrogate.explore.run import Run
-from surrogate.explore.sheets import captioned, strip
-from surrogate.explore.snippet import snippet
-from surrogate.explore.sweep import Axis, Sweep, check, parameter, pictures
 
 FILM_STEPS = 49  # frames of a film there, as many back
 

@@ -11,9 +11,9 @@ import click
 
 if TYPE_CHECKING:
     from catalogs.cameras import Camera
+    from surrogate.explore.exporting.sweep import Axis
     from surrogate.explore.run import Run
     from surrogate.explore.setting import Setting
-    from surrogate.explore.sweep import Axis
     from surrogate.model import Surrogate
 
 EXPORTS = (".png", ".exr", ".ply")
@@ -59,7 +59,7 @@ def export(run: Path, like: Path | None, output: Path, **options: Any) -> None:
 
     def work() -> str:
         from catalogs import durable
-        from surrogate.explore.pictures import record_for, record_of
+        from surrogate.explore.exporting.pictures import record_for, record_of
         from surrogate.explore.run import Run
 
         suffix = _suffix(output, EXPORTS)
@@ -73,7 +73,7 @@ def export(run: Path, like: Path | None, output: Path, **options: Any) -> None:
 
             durable.replace(output, ply_bytes(gaussians))
             return f"{output}: {len(gaussians):,} Gaussians, {_said(setting)}"
-        from surrogate.explore.pictures import encode
+        from surrogate.explore.exporting.pictures import encode
 
         camera = _camera(opened, options["view"], options["size"], record)
         behind = _background(opened.surrogate, options["background"], record)
@@ -113,11 +113,11 @@ def sweep(run: Path, output: Path, **options: Any) -> None:
 
     def work() -> str:
         from catalogs import durable
-        from surrogate.explore.films import gif, mp4
-        from surrogate.explore.pictures import record_for
+        from surrogate.explore.exporting.films import gif, mp4
+        from surrogate.explore.exporting.pictures import record_for
+        from surrogate.explore.exporting.sheets import captioned, strip
+        from surrogate.explore.exporting.sweep import Sweep, parameter, pictures
         from surrogate.explore.run import Run
-        from surrogate.explore.sheets import captioned, strip
-        from surrogate.explore.sweep import Sweep, parameter, pictures
 
         suffix = _suffix(output, SHEETS + FILMS)
         if suffix in FILMS and options["down"]:
@@ -259,7 +259,7 @@ def _axes(surrogate: Surrogate, options: Mapping[str, Any], *, film: bool) -> tu
 
 
 def _axis(surrogate: Surrogate, name: str, low: float | None, high: float | None, steps: int) -> Axis:
-    from surrogate.explore.sweep import Axis, parameter
+    from surrogate.explore.exporting.sweep import Axis, parameter
 
     bounds = parameter(surrogate, name)
     return Axis(name, bounds.low if low is None else low, bounds.high if high is None else high, steps)
@@ -279,7 +279,7 @@ def _assignment(text: str) -> tuple[str, float | str]:
 
 def _warn(surrogate: Surrogate, setting: Setting, swept: Mapping[str, tuple[float, float]] | None = None) -> None:
     """Say on the terminal what lies out of bounds, where a surrogate can only guess."""
-    from surrogate.explore.sweep import parameter
+    from surrogate.explore.exporting.sweep import parameter
 
     reached = {name: (value, value) for name, value in _values(setting).items() if not isinstance(value, str)}
     for name, (low, high) in (reached | dict(swept or {})).items():

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.images import to_bytes
-from surrogate.explore.pictures import encode
-from surrogate.explore.sweep import Sweep
+from surrogate.explore.exporting.pictures import encode
+from surrogate.explore.exporting.sweep import Sweep
 
 FONT = "fonts/ttf/DejaVuSans.ttf"  # comes with matplotlib, and has the letters of units and Greek parameters
 LEAST_TEXT, MOST_TEXT = 11, 28  # pixels
@@ -66,10 +66,10 @@ def strip(
     Parameters
     ----------
     sweep : what is shown.
-    pictures : (H, W, 3) each, row by row, as `surrogate.explore.sweep.pictures` draws them.
+    pictures : (H, W, 3) each, row by row, as `surrogate.explore.exporting.sweep.pictures` draws them.
     background : straight RGB in [0, 1] of the paper; text is black or white.
     units : of the parameters by name, where they have one.
-    record : JSON values that the PNG keeps, as in `surrogate.explore.pictures.encode`.
+    record : JSON values that the PNG keeps, as in `surrogate.explore.exporting.pictures.encode`.
 
     More than eight pictures of one parameter are broken into rows.  Raises ValueError for a sheet larger than 16384 pixels a side
     or 64 million pixels together, as soon as the first picture is drawn, and for more or fewer pictures than the sweep has.

@@ -14,7 +14,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
-from surrogate.explore.places import asked, base_name, fractions_of
+from surrogate.explore.reliability.places import asked, base_name, fractions_of
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from catalogs.cameras import Camera
 from catalogs.images import premultiply, read_image, read_stored, to_bytes
-from surrogate.explore.pictures import KEY, encode, record_for, record_of
+from surrogate.explore.exporting.pictures import KEY, encode, record_for, record_of
 from surrogate.explore.setting import Setting
 from tests.support.models import following
 

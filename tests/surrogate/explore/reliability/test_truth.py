@@ -13,8 +13,8 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.variations import Setting as VariedSetting
 from surrogate import Surrogate
+from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.setting import Setting
-from surrogate.explore.truth import Truth
 from surrogate.rasterizer import Rasterizer
 from tests.support.varied_blobs import BLOBS, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
 

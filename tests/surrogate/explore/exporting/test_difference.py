@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from skimage.metrics import peak_signal_noise_ratio
 
-from surrogate.explore.difference import COLOR_MAP, difference_of
+from surrogate.explore.exporting.difference import COLOR_MAP, difference_of
 
 
 def pictures(channels: int = 3) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
