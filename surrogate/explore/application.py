@@ -37,10 +37,10 @@ from catalogs.images import ImageError
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.frames import Frames
 from surrogate.explore.guard import Guard
-from surrogate.explore.messages import frame_request
 from surrogate.explore.reliability.expectation import measure
 from surrogate.explore.reliability.facts import facts
 from surrogate.explore.reliability.truth import Truth
+from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.sockets import LARGEST, Sockets
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from surrogate.evaluation.metrics import composite
 from surrogate.explore.exporting.difference import Difference, difference_of
 from surrogate.explore.exporting.pictures import encode
-from surrogate.explore.messages import FrameRequest
 from surrogate.explore.reliability.expectation import Expectation
 from surrogate.explore.reliability.facts import orbit_of
 from surrogate.explore.reliability.truth import Truth
+from surrogate.explore.request import FrameRequest
 from surrogate.explore.setting import Setting
 from surrogate.model import DeformedGaussians, Surrogate
 

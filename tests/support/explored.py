@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from surrogate import Surrogate
-from surrogate.explore.messages import frame_request
+from surrogate.explore.request import frame_request
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -20,7 +20,7 @@ import aiohttp
 import msgpack
 from wslink.chunking import UnChunker
 
-from tests.support.messages import message
+from tests.support.requests import message
 
 T = TypeVar("T")
 PATIENCE = 30.0  # seconds

@@ -13,7 +13,7 @@ from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sheets import captioned, strip
 from surrogate.explore.exporting.snippet import snippet
 from surrogate.explore.exporting.sweep import Axis, Sweep, check, parameter, pictures
-from surrogate.explore.messages import FrameRequest, MessageError, frame_request, within
+from surrogate.explore.request import FrameRequest, MessageError, frame_request, within
 from surrogate.explore.run import Run
 
 FILM_STEPS = 49  # frames of a film there, as many back

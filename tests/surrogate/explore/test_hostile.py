@@ -24,9 +24,9 @@ pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
 
 from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
-from tests.support import exports, messages
-from tests.support.messages import message
+from tests.support import exports, requests
 from tests.support.models import plain
+from tests.support.requests import message
 from tests.support.tabs import Tab, framed, lives, post
 
 ROOT = str(Path(__file__).parents[3])
@@ -178,7 +178,7 @@ def test_triggers_that_are_not_there_do_nothing(tab: Tab) -> None:
 
 @pytest.mark.parametrize("trigger", ["frame", "nearest"])
 def test_wrong_requests_get_their_sentence(tab: Tab, trigger: str) -> None:
-    for changes, complaint in messages.WRONG:
+    for changes, complaint in requests.WRONG:
         try:
             content = framed(
                 msgpack.packb(
@@ -273,7 +273,7 @@ def narrow(address: str) -> None:
 def test_who_does_not_read_holds_up_no_one_else() -> None:
     shown = Shown(Run("plain", plain()))
     narrow(shown.address)
-    near = {**messages.CAMERA, "position": [1.5, 0.5, 0.2]}
+    near = {**requests.CAMERA, "position": [1.5, 0.5, 0.2]}
     with Tab(shown.address) as tab:
         deaf = Tab(shown.address)
         deaf.narrow()
@@ -398,7 +398,7 @@ def test_a_flood_of_exports_is_turned_away(explorer: str, tab: Tab) -> None:
 
 
 def test_wrong_exports_get_their_sentence(explorer: str, tab: Tab) -> None:
-    wrong = [*exports.WRONG, *(({"kind": "png", **changes}, said) for changes, said in messages.WRONG)]
+    wrong = [*exports.WRONG, *(({"kind": "png", **changes}, said) for changes, said in requests.WRONG)]
     for changes, complaint in wrong:
         status, answer = post(explorer, message(**changes))
         assert status == 400
@@ -417,7 +417,7 @@ def test_large_bodies_are_refused(explorer: str, tab: Tab) -> None:
 
 
 def camera(step: int) -> dict[str, Any]:
-    return {**messages.CAMERA, "position": [3.0 + math.cos(step), math.sin(step), 0.5 + step % 7 / 7]}
+    return {**requests.CAMERA, "position": [3.0 + math.cos(step), math.sin(step), 0.5 + step % 7 / 7]}
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ from surrogate.explore import application
 from surrogate.explore.notebook import Shown, show
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
-from tests.support.messages import message
 from tests.support.models import plain
+from tests.support.requests import message
 from tests.support.tabs import Tab, lives, post
 
 

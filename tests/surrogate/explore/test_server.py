@@ -28,8 +28,8 @@ from catalogs.browse.access import Access
 from surrogate.cli import main
 from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
-from tests.support.messages import message
 from tests.support.models import plain
+from tests.support.requests import message
 from tests.support.tabs import Tab, lives, post, wait
 
 TOKEN = secrets.token_urlsafe(24)

@@ -12,11 +12,11 @@ from plyfile import PlyData
 
 from surrogate.explore.exporting.exports import FILM_STEPS, KINDS, exported
 from surrogate.explore.exporting.pictures import record_of
-from surrogate.explore.messages import MessageError
+from surrogate.explore.request import MessageError
 from surrogate.explore.run import Run
 from tests.support.exports import SWEEP, WRONG
-from tests.support.messages import message
 from tests.support.models import plain
+from tests.support.requests import message
 
 
 @pytest.fixture(scope="module")

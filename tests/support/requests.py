@@ -1,11 +1,11 @@
-"""A request of the explorer's page."""
+"""Requests of the explorer's page, good and wrong ones."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from surrogate.explore.messages import (
+from surrogate.explore.request import (
     MOST_SETTINGS,
     MOST_SIDE,
 )

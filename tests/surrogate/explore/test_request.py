@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from surrogate import Surrogate
-from surrogate.explore.messages import (
+from surrogate.explore.request import (
     FrameRequest,
     MessageError,
     camera_of,
@@ -17,8 +17,8 @@ from surrogate.explore.messages import (
     frame_request,
     setting_of,
 )
-from tests.support.messages import CAMERA, WRONG, message
 from tests.support.models import following, plain
+from tests.support.requests import CAMERA, WRONG, message
 
 
 @pytest.fixture(scope="module")
