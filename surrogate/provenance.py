@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+import ast
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
 import os
 import platform
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+
+PACKAGES = ("surrogate", "catalogs", "native")
+MEASURING = (
+    "surrogate.training.run",
+    "surrogate.evaluation.evaluate",
+)  # what they import decides how a model comes out
+SHOWING = ("surrogate.explore", "surrogate.notebook", "catalogs.browse", "catalogs.notebook", "catalogs.exchange")
 
 
 def commit() -> str:
@@ -24,6 +37,24 @@ def commit() -> str:
     return found.stdout.strip()
 
 
+@functools.cache
+def code() -> str:
+    """16 hex digits that change with the code that trains and evaluates, but not with comments, docstrings or other code.
+
+    A SHA-256 over the statements of `MEASURING` and of all modules of this project that they import, directly or not, but
+    for those that only show; and over the sources of the C++ kernels or, where these are not installed, the version of the
+    package.  Torch, other libraries and the compiler are not in it; another version of Python may give another mark.
+    """
+    mark = hashlib.sha256()
+    for name, text in sorted(_statements().items()):
+        mark.update(f"{name}\n{text}\n".encode())
+    for path in sorted(_folder("native").glob("src/*")):
+        mark.update(path.name.encode() + path.read_bytes())
+    if not (_folder("native") / "src").is_dir():
+        mark.update(importlib.metadata.version("gs-surrogate").encode())
+    return mark.hexdigest()[:16]
+
+
 def machine() -> dict[str, str | int]:
     """Processor, cores that this process may use, and system."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -38,3 +69,56 @@ def _processor() -> str:
     except OSError:
         pass
     return platform.processor() or "unknown"
+
+
+def _statements() -> dict[str, str]:
+    """The code, without comments and docstrings, of `MEASURING` and of what they import of this project, by module."""
+    found: dict[str, str] = {}
+    left = list(MEASURING)
+    while left:
+        path = _file(name := left.pop())
+        if name in found or path is None:
+            continue
+        tree = ast.parse(path.read_bytes())
+        left += [name.rpartition(".")[0], *_imported(tree)]
+        found[name] = ast.unparse(_without_docstrings(tree))
+    return found
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    """Names that may be modules, of all imports anywhere in a module; this project has no relative ones."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0] if node.body else None
+            if (
+                isinstance(first, ast.Expr)
+                and isinstance(first.value, ast.Constant)
+                and isinstance(first.value.value, str)
+            ):
+                node.body[0] = ast.Pass()
+    return tree
+
+
+def _file(name: str) -> Path | None:
+    """The source of a module of this project that does not only show; None for everything else."""
+    package, _, rest = name.partition(".")
+    if package not in PACKAGES or any(f"{name}.".startswith(f"{shown}.") for shown in SHOWING):
+        return None
+    path = _folder(package).joinpath(*rest.split(".")) if rest else _folder(package)
+    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
+
+
+def _folder(package: str) -> Path:
+    """Where a package of this project lies."""
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise ModuleNotFoundError(f"the package {package} is not installed: run `make setup`, or `pip install .`")
+    return Path(next(path for path in found.submodule_search_locations if (Path(path) / "__init__.py").is_file()))
