@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+OBLIQUE = (0.52, -0.74, 0.43)  # from a volume's middle to the viewer of a first picture: from the front, a little above
 POLE = 3  # of the corners below, (0, -1, phi): where the order of viewpoints begins
 PARALLEL_LIMIT = 0.99  # |direction . up| beyond which another up vector is taken
 

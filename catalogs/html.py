@@ -11,17 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
+from catalogs.cameras import OBLIQUE, Camera
 from catalogs.cards import WHITE, Picture, card, never_failing, on_background
 from catalogs.catalog import Catalog, CatalogError
 from catalogs.members import Member, read_record
 from catalogs.show import facts
 
-DIRECTION = (
-    0.52,
-    -0.74,
-    0.43,
-)  # from the middle of a volume to whoever looks at it first: from the front, a little above
 PICTURES = 6  # on a contact sheet
 READING_SECONDS, COUNTING_SECONDS = (
     0.15,
@@ -79,10 +74,10 @@ def _contact_sheet(catalog: Catalog, members: Sequence[Member]) -> tuple[list[Pi
 
 
 def first_view(cameras: Sequence[Camera], center: NDArray[np.float64]) -> int:
-    """Which of the cameras stands closest to `DIRECTION` as seen from `center` (3,)."""
+    """Which of the cameras stands closest to `OBLIQUE` as seen from `center` (3,)."""
     offsets = np.array([camera.position for camera in cameras]) - center  # [V, 3]
     lengths = np.maximum(np.linalg.norm(offsets, axis=1), np.finfo(np.float64).tiny)
-    return int(np.argmax(offsets @ np.asarray(DIRECTION) / lengths))
+    return int(np.argmax(offsets @ np.asarray(OBLIQUE) / lengths))
 
 
 def _spread(members: Sequence[Member], most: int) -> list[Member]:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
+from catalogs.cameras import OBLIQUE, Camera
 from catalogs.cards import WHITE, Picture, card, never_failing, on_background
-from catalogs.html import CAPTIONED, DIRECTION
+from catalogs.html import CAPTIONED
 from catalogs.parameters import ParameterSpace
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.deformation.visualization import Visualization
@@ -41,7 +41,7 @@ def deformed_html(deformed: DeformedGaussians) -> str:
 def first_camera(normalization: Normalization, side: int = WIDTH) -> Camera:
     """A camera that sees the whole box, cubic as the longest of its sides, from where catalogs are shown as well."""
     distance = math.sqrt(3.0) * normalization.extent / math.sin(math.atan(FILL * math.tan(math.radians(FIELD) / 2.0)))
-    toward = np.asarray(DIRECTION) / np.linalg.norm(DIRECTION)  # [3]
+    toward = np.asarray(OBLIQUE) / np.linalg.norm(OBLIQUE)  # [3]
     position = normalization.center + distance * toward
     return Camera.look_at(position, normalization.center, vertical_fov_degrees=FIELD, width=side, height=side)
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from catalogs import html
-from catalogs.cameras import orbit
+from catalogs.cameras import OBLIQUE, orbit
 from catalogs.cards import MOST_BYTES
 from catalogs.catalog import Catalog
-from catalogs.html import DIRECTION, first_view
+from catalogs.html import first_view
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.show import facts
 from tests.catalogs.conftest import add_member, make_plan, picture
@@ -107,7 +107,7 @@ def test_pictures_are_taken_from_one_side_whatever_the_cameras() -> None:
     cameras = orbit(center, 2.0, width=8, height=8, frequency=3)
     view = first_view(cameras, center)
     toward = cameras[view].position - center
-    assert toward @ DIRECTION / np.linalg.norm(toward) / np.linalg.norm(DIRECTION) > math.cos(math.radians(20.0))
+    assert toward @ OBLIQUE / np.linalg.norm(toward) / np.linalg.norm(OBLIQUE) > math.cos(math.radians(20.0))
     assert first_view([cameras[view], *cameras], center) == 0
 
 

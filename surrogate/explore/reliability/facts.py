@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction, VolumeRendering, field_of
-from catalogs.cameras import Camera, upward
+from catalogs.cameras import OBLIQUE, Camera, upward
 from catalogs.catalog import Catalog, Member
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import spread
@@ -42,7 +42,6 @@ from surrogate.model import Surrogate
 
 MOST_TICKS, MOST_VIEWPOINTS, MOST_MEMBERS, MOST_SUMMARIES = 300, 2000, 5000, 200
 BINS = 64
-OBLIQUE = (0.66, -0.66, 0.36)  # where the first picture is seen from, about: neither along an axis nor from above
 FIELD_DEGREES, FILL = 30.0, 0.9  # of the first camera without a catalog, as in `catalogs.cameras.orbit`
 SAME_DIRECTION = 4  # decimals by which viewpoints of different members are the same
 
