@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import click
@@ -24,11 +22,13 @@ def check(path: Path, repair: bool) -> None:
     """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong."""
     from catalogs.catalog import Catalog, CatalogError
     from catalogs.check import check as run
+    from catalogs.progress import ProgressLine
 
     try:
         if repair:
             Catalog.open(path).rebuild_table()
-        findings = run(path, progress=_counter("checking"))
+        with ProgressLine() as line:
+            findings = run(path, progress=partial(line.count, "checking"))
     except (CatalogError, OSError) as error:
         raise click.ClickException(str(error)) from error
     for finding in findings:
@@ -76,19 +76,21 @@ def nerf(
     """Import the D-NeRF / Blender data set in DIRECTORY (transforms_*.json with `params` per frame)."""
     from catalogs.catalog import CatalogError
     from catalogs.exchange import import_nerf
+    from catalogs.progress import ProgressLine
 
     try:
         box = _numbers("--bounds", bounds, 6)
-        made = import_nerf(
-            directory,
-            catalog,
-            bounds=(box[:3], box[3:]),
-            background=None if background == "none" else _numbers("--background", background, 3),
-            names=names.split(",") if names else None,
-            validation_members=validation_members,
-            seed=seed,
-            progress=_counter("importing"),
-        )
+        with ProgressLine() as line:
+            made = import_nerf(
+                directory,
+                catalog,
+                bounds=(box[:3], box[3:]),
+                background=None if background == "none" else _numbers("--background", background, 3),
+                names=names.split(",") if names else None,
+                validation_members=validation_members,
+                seed=seed,
+                progress=partial(line.count, "importing"),
+            )
     except (CatalogError, ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
     click.echo(repr(made))
@@ -120,21 +122,3 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     if len(values) != count:
         raise ValueError(f"{option} takes {count} numbers with commas between, got {text!r}")
     return values
-
-
-def _counter(label: str) -> Callable[[int, int], None]:
-    started = time.perf_counter()
-    last = [started]
-
-    def show(done: int, total: int) -> None:
-        now = time.perf_counter()
-        terminal = sys.stderr.isatty()
-        if now - last[0] < (0.2 if terminal else 15.0) and not (terminal and done == total):
-            return
-        last[0] = now
-        rate = done / max(now - started, 1e-9)
-        left = int((total - done) / max(rate, 1e-9))
-        line = f"{label}  {done} / {total} images  {rate:.0f}/s  {left // 60}:{left % 60:02d} left"
-        click.echo(f"\r{line:<80}" if terminal else line, nl=not terminal or done == total, err=True)
-
-    return show

@@ -313,7 +313,7 @@ def _fail_on(failures: dict[str, str]) -> None:
 
 @contextmanager
 def _line() -> Iterator[Any]:
-    from insitu.progress import ProgressLine
+    from catalogs.progress import ProgressLine
 
     line = ProgressLine()
     with warnings.catch_warnings():

@@ -11,11 +11,11 @@ from pathlib import Path
 from catalogs import durable
 from catalogs.catalog import Catalog
 from catalogs.exchange import import_nerf
+from catalogs.progress import Count, Rate
 from catalogs.scene import PlannedMember, Scene
 from insitu.ensemble import run_ensemble
 from insitu.fields import check_names
 from insitu.planning import Wishes, disagreements, is_catalog, misplaced
-from insitu.progress import duration
 from insitu.sources import ensemble_of
 
 CATALOG, RECORD, KEPT = "catalog.cdb", "dataset.json", "pilots"
@@ -131,13 +131,11 @@ def _import(scene: Scene, folder: Path, progress: Callable[[object], None]) -> t
         )
     before = Catalog.open(folder / CATALOG).members if is_catalog(folder / CATALOG) else ()
     there = sum(len(member.cameras) for member in before)  # images imported earlier
-    started = clock.perf_counter()
+    rate = Rate()
 
     def show(done: int, total: int) -> None:
         if done > there:
-            rate = (done - there) / (clock.perf_counter() - started)
-            left = duration((total - done) / rate)
-            progress(f"importing  {done}/{total} images  {rate:.0f} images/s  {left} left")
+            progress(Count("importing", done, total, rate(done)))
 
     catalog = import_nerf(
         scene.data_path(),

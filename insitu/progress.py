@@ -1,17 +1,12 @@
-"""Where an ensemble stands while it runs, and the line that shows it."""
+"""Where an ensemble stands while it runs."""
 
 from __future__ import annotations
 
-import sys
 import time as clock
-from collections import deque
-from dataclasses import dataclass, field
-from typing import TextIO
+from dataclasses import dataclass
 
+from catalogs.progress import Rate, joined, per_second, time_left
 from insitu.workers import Report
-
-LATELY_SECONDS = 20.0
-LINE_SECONDS = 15.0  # between lines where the output is not a terminal
 
 
 @dataclass(frozen=True)
@@ -36,15 +31,13 @@ class EnsembleProgress:
     seconds_left: float | None = None
 
     def __str__(self) -> str:
-        parts = [f"{self.members_done}/{self.members} members"]
-        if self.images:
-            parts.append(f"{self.images_done}/{self.images} images")
-        if self.images_per_second:
-            parts.append(f"{self.images_per_second:.1f} images/s")
-        parts += self.running
-        if self.seconds_left is not None:
-            parts.append(f"{duration(self.seconds_left)} left")
-        return "  ".join(parts)
+        return joined(
+            f"{self.members_done} / {self.members} members",
+            f"{self.images_done} / {self.images} images" if self.images else "",
+            per_second(self.images_per_second, "images"),
+            *self.running,
+            time_left(self.seconds_left),
+        )
 
 
 class Tracker:
@@ -61,7 +54,7 @@ class Tracker:
         self._images: dict[str, int] = {}  # member -> images drawn
         self._stages: dict[str, str] = {}  # members under way -> stage
         self._done: set[str] = set()
-        self._history: deque[tuple[float, int]] = deque([(self._started, 0)])
+        self._rate = Rate()
         self._field_seconds, self._render_seconds = field_share, 1.0 - field_share
         self._measured = False
 
@@ -96,20 +89,15 @@ class Tracker:
         self._images[member] = images
 
     def snapshot(self) -> EnsembleProgress:
-        now = clock.perf_counter()
         images = sum(self._images.values())
-        self._history.append((now, images))
-        while len(self._history) > 2 and now - self._history[0][0] > LATELY_SECONDS:
-            self._history.popleft()
-        since, before = self._history[0]
         return EnsembleProgress(
             members_done=len(self._done),
             members=self._members,
             images_done=images,
             images=self._members * self._images_per_member,
-            images_per_second=max(0.0, (images - before) / (now - since)) if now > since else 0.0,
+            images_per_second=self._rate(images),
             running=tuple(self._describe(m, s) for m, s in sorted(self._stages.items()) if s != "render"),
-            seconds_left=self._seconds_left(now),
+            seconds_left=self._seconds_left(clock.perf_counter()),
         )
 
     def _describe(self, member: str, stage: str) -> str:
@@ -128,43 +116,3 @@ class Tracker:
         if done <= 0.02 or elapsed < 1.0:
             return None
         return max(0.0, (self._members - done) * elapsed / done)
-
-
-@dataclass
-class ProgressLine:
-    """Shows progress on one rewritten line of a terminal, or as a line now and then elsewhere."""
-
-    stream: TextIO = field(default_factory=lambda: sys.stderr)  # looked up late: it may be replaced
-    _last: float = 0.0
-    _width: int = 0
-
-    def __call__(self, progress: object) -> None:
-        text = str(progress)
-        if self.stream.isatty():
-            self.stream.write("\r" + text.ljust(self._width))
-            self._width = len(text)
-        elif clock.monotonic() - self._last >= LINE_SECONDS:
-            self.stream.write(text + "\n")
-            self._last = clock.monotonic()
-        self.stream.flush()
-
-    def say(self, text: str) -> None:
-        """Write a line of its own above the progress."""
-        if self._width:
-            self.stream.write("\r" + " " * self._width + "\r")
-        self.stream.write(text + "\n")
-        self.stream.flush()
-
-    def close(self) -> None:
-        """End the line so that what follows starts on its own."""
-        if self._width:
-            self.stream.write("\n")
-            self.stream.flush()
-            self._width = 0
-
-
-def duration(seconds: float) -> str:
-    """Seconds as m:ss or h:mm:ss."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -6,13 +6,11 @@ import os
 import pty
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from catalogs import cli
 from catalogs.catalog import Catalog
 from catalogs.cli import main
 
@@ -74,15 +72,3 @@ def test_a_terminal_sees_progress_with_rate_and_time_left(catalog: Catalog) -> N
     os.close(ours)
     assert "checking  48 / 48 images" in seen
     assert "/s  0:00 left" in seen
-
-
-def test_a_log_sees_progress_now_and_then(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    now = [0.0]
-    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
-    show = cli._counter("checking")
-    for done in range(1, 101):
-        now[0] += 1.0
-        show(done, 100)
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 6  # one every 15 s
-    assert lines[0] == "checking  15 / 100 images  1/s  1:25 left"

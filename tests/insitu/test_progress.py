@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import io
-import re
+import time
 
 import pytest
 
-from insitu import progress
-from insitu.progress import EnsembleProgress, ProgressLine, Tracker, duration
+from insitu.progress import EnsembleProgress, Tracker
 from insitu.workers import Report
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
 
 
 @pytest.fixture
 def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """A clock that the test moves."""
-    time = [100.0]
-    monkeypatch.setattr(progress.clock, "perf_counter", lambda: time[0])
-    return time
+    shown = [100.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: shown[0])
+    return shown
 
 
 def test_time_left_follows_the_work_done(now: list[float]) -> None:
@@ -65,27 +58,7 @@ def test_the_rate_is_of_late(now: list[float]) -> None:
     assert state.images_per_second == pytest.approx(10.0, rel=0.01)
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(0, "0:00"), (59.6, "1:00"), (61, "1:01"), (3725, "1:02:05")])
-def test_durations_read_like_a_clock(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
-
-
-def test_a_terminal_gets_one_line_and_messages_above_it() -> None:
-    stream = Terminal()
-    line = ProgressLine(stream)
-    line(EnsembleProgress(1, 2, 30, 60, 12.5, (), 4.0))
-    line.say("Warning: something")
-    line(EnsembleProgress(2, 2, 60, 60))
-    line.close()
-    shown = re.sub(r"[^\n]*\r", "", stream.getvalue())  # what stays visible
-    assert shown.splitlines()[0] == "Warning: something"
-    assert shown.splitlines()[1].split("  ")[:2] == ["2/2 members", "60/60 images"]
-
-
-def test_a_log_gets_a_line_now_and_then() -> None:
-    stream = io.StringIO()
-    line = ProgressLine(stream)
-    for _ in range(100):
-        line("working")
-    line.close()
-    assert stream.getvalue() == "working\n"
+def test_what_is_known_is_told() -> None:
+    assert str(EnsembleProgress(1, 2, 0, 0)) == "1 / 2 members"
+    told = EnsembleProgress(1, 2, 30, 60, 12.5, ("simulate b 45 %",), 4.0)
+    assert str(told) == "1 / 2 members  30 / 60 images  12.5 images/s  simulate b 45 %  0:04 left"
