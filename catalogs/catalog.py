@@ -28,7 +28,7 @@ from catalogs import cinema, durable
 from catalogs.cameras import Camera
 from catalogs.images import ImageError, read_image, write_image
 from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
-from catalogs.parameters import SPLITS
+from catalogs.parameters import SPLITS, Outside
 from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json, shortened
 from catalogs.summary import FieldSummary, save_summaries
 
@@ -205,12 +205,13 @@ class Catalog:
         view_splits: Sequence[str] | None = None,
         provenance: Mapping[str, Any] | None = None,
         appearances: Sequence[str] | None = None,
+        outside: Outside = "warn",
     ) -> MemberWriter:
         """A writer for a new member, to be used in a `with` block; of all appearances or, by name, of some.
 
         Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
         that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value
-        out of bounds only warns, and is recorded).
+        out of bounds is recorded, with a warning unless `outside` is "allow").
         """
         if (cameras is None) == (not self.plan.cameras):
             raise CatalogError(
@@ -219,7 +220,7 @@ class Catalog:
                 else "every member of this catalog must bring its cameras"
             )
         folder = self.path / MEMBERS
-        values = self.plan.space.values(parameters)
+        values = self.plan.space.values(parameters, outside=outside, stacklevel=2)
         member = Member(
             name=name,
             parameters=dict(zip(self.plan.space.names, values.tolist(), strict=True)),

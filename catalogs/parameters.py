@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Outside = Literal["warn", "allow"]
 SPLITS = ("train", "validation", "test")
+SLACK = 1e-9  # of a range: bounds that went through decimals
 
 
 @dataclass(frozen=True)
@@ -47,27 +49,38 @@ class ParameterSpace:
     def __len__(self) -> int:
         return len(self.parameters)
 
-    def values(self, parameters: Mapping[str, float]) -> NDArray[np.float64]:
+    def values(
+        self, parameters: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+    ) -> NDArray[np.float64]:
         """`parameters` by name as an array (P,) in this space's order.
 
-        Raises ValueError for missing or unknown parameters and for what is no finite number; warns (UserWarning) about values
-        out of bounds.
+        Values out of bounds are taken; unless `outside` is "allow", a UserWarning names each.  It points to the caller's line, or
+        further up by `stacklevel` as `warnings.warn` counts.  Raises ValueError for missing or unknown parameters and for what is
+        no finite number.
         """
+        if outside not in ("warn", "allow"):
+            raise ValueError(f'outside must be "warn" or "allow", got {outside!r}')
         missing = [n for n in self.names if n not in parameters]
         unknown = [n for n in parameters if n not in self.names]
         if missing or unknown:
             raise ValueError(f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}")
         values = np.array([_number(n, parameters[n]) for n in self.names], dtype=np.float64)  # [P]
-        for parameter, value in zip(self.parameters, values, strict=True):
+        for name, value in zip(self.names, values, strict=True):
             if not np.isfinite(value):
-                raise ValueError(f"parameter {parameter.name} must be finite, got {value}")
-            if not parameter.low <= value <= parameter.high:
-                warnings.warn(
-                    f"parameter {parameter.name} = {value:g} lies outside its bounds "
-                    f"[{parameter.low:g}, {parameter.high:g}]: predictions there extrapolate",
-                    stacklevel=3,
-                )
+                raise ValueError(f"parameter {name} must be finite, got {value}")
+        if outside == "warn":
+            for sentence in self.outside(values).values():
+                warnings.warn(sentence, stacklevel=stacklevel + 1)
         return values
+
+    def outside(self, values: ArrayLike) -> dict[str, str]:
+        """The parameters of which `values` (P,) are out of bounds: their names, and a sentence about each."""
+        return {
+            p.name: f"parameter {p.name} = {value:g} lies outside its bounds [{p.low:g}, {p.high:g}]: "
+            "predictions there extrapolate"
+            for p, value in zip(self.parameters, np.asarray(values, dtype=np.float64), strict=True)
+            if not -SLACK <= (value - p.low) / (p.high - p.low) <= 1.0 + SLACK
+        }
 
     def normalize(self, values: ArrayLike) -> NDArray[np.float64]:
         """Physical values (..., P) to [-1, 1] over the bounds."""

@@ -298,7 +298,7 @@ def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple
             if len(values) != len(space):
                 raise ValueError(f"members.{split}[{i}] must hold {len(space)} values for {space.names}, got {values}")
             parameters = dict(zip(space.names, map(float, values), strict=True))
-            space.values(parameters)
+            space.values(parameters, stacklevel=4)  # who called `Scene.load`
             members.append(PlannedMember(f"{split}-{i:03d}", parameters, split))
     if not any(m.split == "train" for m in members):
         raise ValueError("members.train must ask for at least one member")

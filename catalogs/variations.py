@@ -24,7 +24,7 @@ from catalogs.appearance import (
     appearance_from_json,
     field_of,
 )
-from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.parameters import SPLITS, Outside, Parameter, ParameterSpace
 
 Kind = Literal["isovalue", "transfer_function", "field"]
 KINDS: tuple[Kind, ...] = ("isovalue", "transfer_function", "field")
@@ -134,14 +134,17 @@ class Variation:
         """What `asked` names."""
         return (APPEARANCE,) if self.kind == "field" else self.space.names
 
-    def values_of(self, asked: Mapping[str, Any]) -> tuple[float, ...] | None:
+    def values_of(
+        self, asked: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+    ) -> tuple[float, ...] | None:
         """The visualization parameters (V,) of what is asked for by some of `asked_names`; None for the base appearance.
 
-        Displacements that are left out are zero.  Raises ValueError for an appearance that is none of the variation's, and as
-        `ParameterSpace.values`.
+        Displacements that are left out are zero.  Raises ValueError for an appearance that is none of the variation's; raises and
+        warns as `ParameterSpace.values` does.
         """
         if self.kind != "field":
-            return tuple(self.space.values(dict.fromkeys(self.space.names, 0.0) | dict(asked)).tolist())
+            whole = dict.fromkeys(self.space.names, 0.0) | dict(asked)
+            return tuple(self.space.values(whole, outside=outside, stacklevel=stacklevel + 1).tolist())
         name = asked[APPEARANCE] if isinstance(asked[APPEARANCE], str) else ""
         if name == self.base:
             return None

@@ -158,12 +158,10 @@ class Session:
             recorded["bounds"] = box_of(fields.first)
             if resampled or notes:
                 recorded["warnings"] = [*resampled, *notes]
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # out of bounds is already said and recorded
-                opened = catalog.begin_member(
-                    name, parameters, split=split, provenance=recorded, appearances=[a.name for a in shown]
-                )
-            with opened as writer:
+            of_shown = [a.name for a in shown]
+            with catalog.begin_member(  # out of bounds is already said and recorded
+                name, parameters, split=split, provenance=recorded, appearances=of_shown, outside="allow"
+            ) as writer:
                 drawn = self._draw(fields, catalog, writer, memory)
                 summaries = _summaries(fields, shown, catalog.plan)
                 memory.sample()
@@ -201,11 +199,8 @@ class Session:
     def _check_parameters(self, parameters: Mapping[str, float]) -> None:
         """Refuse wrong names before the field is looked at; the catalog refuses duplicates."""
         space = self._catalog.plan.space if self._catalog else self._wishes.space
-        if space is None:
-            return  # a new catalog without a space: plan_catalog says what is missing
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            space.values(parameters)
+        if space is not None:  # else a new catalog lacks it: plan_catalog says so
+            space.values(parameters, outside="allow")
 
     def _known_and_shown(self, names: Sequence[str] | None) -> tuple[Sequence[Appearance], Sequence[Appearance]]:
         """All appearances, and those of a member; refuses unknown names before a new catalog is made for them."""
@@ -383,12 +378,8 @@ def _named_disk_errors(name: str, path: Path) -> Iterator[None]:
 
 def _notes(grid: Grid, parameters: Mapping[str, float], catalog: Catalog) -> list[str]:
     """What deserves a warning about this member."""
-    notes = [
-        f"parameter {p.name} = {float(parameters[p.name]):g} lies outside its bounds [{p.low:g}, {p.high:g}]: "
-        "predictions there extrapolate"
-        for p in catalog.plan.space.parameters
-        if not p.low <= float(parameters[p.name]) <= p.high
-    ]
+    space = catalog.plan.space
+    notes = list(space.outside([float(parameters[name]) for name in space.names]).values())
     if catalog.plan.provenance.get("bounds_from") != "given" and shrunken(grid, catalog.plan.bounds):
         notes.append(
             f"the member's box {box_of(grid)} is not the first member's {catalog.plan.bounds}, around which the "

@@ -123,7 +123,7 @@ class Surrogate:
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
     visualizations: tuple[Visualization, ...] = ()
 
-    def at(self, **parameters: float | str) -> DeformedGaussians:
+    def at(self, *, outside: Any = "warn", **parameters: float | str) -> DeformedGaussians:
         """The ensemble at `parameters`, those of the simulation all by name, in their units.
 
         Without more it looks as the base appearance does.  The visualization parameters of one variation may follow, all of
@@ -132,16 +132,16 @@ class Surrogate:
         as one of another field.
 
         Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
-        bounds.
+        bounds, unless `outside` is "allow".
         """
         of_vis = self.visualization_names
         varied = {n: v for n, v in parameters.items() if n in of_vis}
-        values = self.space.values({n: v for n, v in parameters.items() if n not in varied})  # type: ignore[misc]  # [P]
-        normalized, named = self._placed(values)
+        simulation = {n: v for n, v in parameters.items() if n not in varied}
+        normalized, named = self._placed(self.space.values(simulation, outside=outside, stacklevel=2))
         with torch.no_grad():
             if varied:
                 visualization = self._varying(varied)
-                more = visualization.variation.values_of(varied)  # [V]
+                more = visualization.variation.values_of(varied, outside=outside, stacklevel=2)  # [V]
                 named |= dict.fromkeys(visualization.variation.asked_names, 0.0) | varied
                 place = torch.from_numpy(visualization.variation.normalize(more)).to(torch.float32)  # [V]
                 both = torch.cat([normalized, place])  # [P + V]
@@ -150,13 +150,15 @@ class Surrogate:
                 deformed = self.deformation.deformed(self.gaussians, normalized)
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
 
-    def under(self, transfer_function: TransferFunction, /, **parameters: float) -> DeformedGaussians:
+    def under(
+        self, transfer_function: TransferFunction, /, *, outside: Any = "warn", **parameters: float
+    ) -> DeformedGaussians:
         """The ensemble at simulation `parameters` under any transfer function, in opacity and colour.
 
         What the training functions did not show is a guess.  Raises ValueError where the surrogate
         knows no field values (it then learnt transfer functions by their displacements, or none), or as `at` does.
         """
-        normalized, named = self._placed(self.space.values(parameters))
+        normalized, named = self._placed(self.space.values(parameters, outside=outside, stacklevel=2))
         known = [v for v in self.visualizations if v.variation.kind == "transfer_function"]
         if not known:
             raise ValueError(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -12,8 +10,6 @@ from catalogs.variations import POINT_PARAMETERS, displaced
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
 from surrogate.model import DeformedGaussians, Surrogate
-
-QUIET = threading.Lock()  # the filters of warnings are those of the whole process
 
 
 @dataclass(frozen=True)
@@ -37,11 +33,9 @@ class Setting:
 
         Values out of bounds are shown without a warning: the page says so itself.
         """
-        with QUIET, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            if not self.color_map:
-                return surrogate.at(**self.parameters, **self.visualization)
-            return surrogate.under(self.transfer_function(surrogate), **self.parameters)
+        if not self.color_map:
+            return surrogate.at(outside="allow", **self.parameters, **self.visualization)
+        return surrogate.under(self.transfer_function(surrogate), outside="allow", **self.parameters)
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
         """That which is shown; raises ValueError where the surrogate can't follow one, or control points cross."""

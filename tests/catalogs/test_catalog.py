@@ -98,6 +98,12 @@ def test_parameters_out_of_bounds_warn_and_are_recorded(catalog: Catalog) -> Non
     assert catalog.member("wild").parameters["Re"] == 250.0
 
 
+def test_a_warning_of_bounds_names_the_line_of_the_caller(catalog: Catalog) -> None:
+    with pytest.warns(UserWarning, match="outside its bounds") as caught:
+        catalog.begin_member("wild", {"Re": 250.0, "Pr": 1.0})
+    assert [w.filename for w in caught] == [__file__]
+
+
 @pytest.mark.parametrize("bad", [np.zeros((12, 15, 4), np.uint8), np.zeros((12, 16, 3), np.uint8)])
 def test_an_image_of_the_wrong_size_leaves_no_member(catalog: Catalog, bad: np.ndarray) -> None:
     before = tree(catalog.path)

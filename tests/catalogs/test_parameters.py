@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import warnings
 from typing import Any
 
 import numpy as np
@@ -50,6 +52,29 @@ def test_wrong_parameters_are_named(values: dict[str, Any], message: str) -> Non
 def test_out_of_bounds_only_warns() -> None:
     with pytest.warns(UserWarning, match=r"Re = 250 .* \[100, 200\]"):
         assert SPACE.values({"Ma": 0.0, "Re": 250.0}).tolist() == [250.0, 0.0]
+
+
+def test_what_is_allowed_outside_brings_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert SPACE.values({"Ma": 0.0, "Re": 250.0}, outside="allow").tolist() == [250.0, 0.0]
+
+
+def test_other_ways_to_treat_what_is_outside_are_refused() -> None:
+    with pytest.raises(ValueError, match="outside must be"):
+        SPACE.values({"Ma": 0.0, "Re": 150.0}, outside="ignore")  # type: ignore[arg-type]
+
+
+def test_a_warning_names_the_line_of_the_caller() -> None:
+    with pytest.warns(UserWarning, match="Re") as caught:
+        SPACE.values({"Ma": 0.0, "Re": 250.0})
+    line = inspect.currentframe().f_lineno - 1  # type: ignore[union-attr]
+    assert [(w.filename, w.lineno) for w in caught] == [(__file__, line)]
+
+
+def test_each_parameter_outside_is_named_and_rounding_is_forgiven() -> None:
+    assert list(SPACE.outside([99.0, 3.5])) == ["Re", "Ma"]
+    assert SPACE.outside([100.0 - 1e-9, 3.0 + 1e-12]) == {}
 
 
 def test_json_round_trip() -> None:

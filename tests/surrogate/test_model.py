@@ -1,5 +1,6 @@
 import json
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,8 +154,9 @@ def test_wrong_parameters_are_named(parameters: dict[str, float], complaint: str
 
 
 def test_extrapolation_warns() -> None:
-    with pytest.warns(UserWarning, match=r"Re = 2600 lies outside its bounds \[1500, 2500\]"):
+    with pytest.warns(UserWarning, match=r"Re = 2600 lies outside its bounds \[1500, 2500\]") as caught:
         some_surrogate().at(Re=2600.0, time=1.0)
+    assert caught[0].filename == __file__
 
 
 def test_printing_shows_what_it_is() -> None:
@@ -239,9 +241,17 @@ def test_wrong_visualization_parameters_are_named(parameters: dict[str, float], 
 
 @pytest.mark.parametrize("more", [{"isovalue": 0.9}, {"c2_value": 0.5}], ids=str)
 def test_visualization_parameters_out_of_bounds_warn(more: dict[str, float]) -> None:
-    with pytest.warns(UserWarning, match="lies outside its bounds"):
+    with pytest.warns(UserWarning, match="lies outside its bounds") as caught:
         shown = varied().at(p=0.3, **more)
     assert np.isfinite(shown.means).all()
+    assert [w.filename for w in caught] == [__file__]
+
+
+def test_what_is_allowed_outside_brings_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        varied().at(p=1.5, isovalue=0.9, outside="allow")
+        varied().under(FUNCTION, p=1.5, outside="allow")
 
 
 def test_any_transfer_function_may_be_given() -> None:

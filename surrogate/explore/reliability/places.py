@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -45,10 +44,11 @@ def place_of(setting: Setting, surrogate: Surrogate) -> Place:
 
     Raises ValueError for parameters that are missing, unknown or not finite.
     """
-    simulation, outside = _checked(surrogate.space, setting.parameters)
+    simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
+    outside = [*surrogate.space.outside(simulation)]
     variation, values = asked(setting.visualization, [v.variation for v in surrogate.visualizations])
     if variation is not None and values is not None and variation.kind != "field":
-        outside += _outside(variation.space, values)
+        outside += variation.space.outside(values)
     family, within = _of_family(variation, values, surrogate)
     return Place(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
 
@@ -64,41 +64,15 @@ def asked(
 ) -> tuple[Variation | None, tuple[float, ...] | None]:
     """The variation whose parameters these are, and all their values (V,); None and None for the base appearance.
 
-    Displacements that are left out are zero, as in `Variation.values_of`, but values out of bounds bring no warning.
-    Raises ValueError for names of no variation, values that are not finite, and appearances that are none of the variation's.
+    Raises ValueError as `Variation.values_of` does, and for names of no variation; values out of bounds are taken silently.
     """
     if not visualization:
         return None, None
     for variation in variations:
-        if not set(visualization) <= set(variation.asked_names):
-            continue
-        if variation.kind == "field":
-            values = variation.values_of(visualization)
+        if set(visualization) <= set(variation.asked_names):
+            values = variation.values_of(visualization, outside="allow")
             return (None, None) if values is None else (variation, values)
-        numbers = tuple(float(visualization.get(name, 0.0)) for name in variation.space.names)
-        if not all(map(math.isfinite, numbers)):
-            raise ValueError(f"visualization parameters must be finite, got {dict(visualization)}")
-        return variation, numbers
     raise ValueError(f"no variation has the parameters {sorted(visualization)}")
-
-
-def _checked(space: ParameterSpace, parameters: Mapping[str, float]) -> tuple[list[float], list[str]]:
-    """The values (P,) in the space's order, and the names of those out of bounds."""
-    if set(parameters) != set(space.names):
-        raise ValueError(f"parameters must be exactly {list(space.names)}, got {sorted(parameters)}")
-    values = [float(parameters[name]) for name in space.names]
-    if not all(map(math.isfinite, values)):
-        raise ValueError(f"parameters must be finite, got {dict(parameters)}")
-    return values, _outside(space, values)
-
-
-def _outside(space: ParameterSpace, values: Sequence[float]) -> list[str]:
-    slack = 1e-9  # of the range: bounds that went through decimals
-    return [
-        p.name
-        for p, value in zip(space.parameters, values, strict=True)
-        if not p.low - slack * (p.high - p.low) <= value <= p.high + slack * (p.high - p.low)
-    ]
 
 
 def _of_family(
