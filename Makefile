@@ -88,12 +88,15 @@ lint: $(SETUP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# A process a core, each with one thread; the tests of a file stay together, for they share what they trained or rendered.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
+
 test-fast: $(SETUP)
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 test: $(SETUP)
 	-@$(MAKE) --no-print-directory clients || echo "No Cinema clients could be installed: their tests will skip."
-	$(BIN)/python -m pytest -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow"
 
 # Writes the tables and plots of docs/: under 25 minutes on two cores that have nothing else to do; one that fails leaves the others.
 bench: $(SETUP)

@@ -6,11 +6,16 @@ import os
 import signal
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 pytest_plugins = ["tests.support.browsers"]
 
 PROJECT = Path(__file__).resolve().parent.parent
+
+# No example fails for being slow: machines are shared.
+hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.load_profile("any machine")
 
 # A shell that starts the tests in the background lets them inherit "ignore Ctrl-C"; some of them press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

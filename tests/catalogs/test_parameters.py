@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from catalogs.parameters import Parameter, ParameterSpace
@@ -25,7 +25,6 @@ def test_bounds_are_plus_and_minus_one() -> None:
     assert SPACE.normalize([[100.0, -1.0], [200.0, 3.0], [150.0, 1.0]]).tolist() == [[-1, -1], [1, 1], [0, 0]]
 
 
-@settings(deadline=None)  # scipy loads at the first call
 @given(count=st.integers(1, 40), seed=st.integers(0, 100))
 def test_a_latin_hypercube_has_one_member_in_every_slice(count: int, seed: int) -> None:
     members = SPACE.latin_hypercube(count, seed)

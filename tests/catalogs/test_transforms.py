@@ -41,7 +41,7 @@ def test_the_camera_sees_what_the_definition_of_the_format_says() -> None:
 
 
 @given(st.integers(0, 10**6), st.floats(-180, 180), st.floats(-80, 80))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_an_inexact_rotation_becomes_the_nearest_exact_one(seed: int, azimuth: float, elevation: float) -> None:
     exact = opengl_pose(azimuth, elevation)
     noise = np.zeros((4, 4))
@@ -216,7 +216,7 @@ def test_hostile_files_write_nothing(
 
 
 @given(st.integers(0, 2**32), st.integers(1, 4))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_no_damaged_picture_passes(tmp_path_factory: pytest.TempPathFactory, seed: int, changes: int) -> None:
     """Whatever bytes change, either the reader complains or an independent decoder still sees the same pixels."""
     path = tmp_path_factory.getbasetemp() / "damaged.png"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -87,7 +87,6 @@ def test_nan_is_counted_and_placed() -> None:
         to_grid(field)
 
 
-@settings(deadline=None)
 @given(arrays.arrays(np.float32, (3, 4, 5), elements=st.floats(-10, 10, width=32)), st.integers(1, 59), st.randoms())
 def test_holes_take_the_nearest_value_and_the_rest_is_untouched(field: np.ndarray, count: int, random) -> None:
     holes = np.zeros(field.size, dtype=bool)

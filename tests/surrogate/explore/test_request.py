@@ -89,7 +89,7 @@ VALUES = st.recursive(
 NAMES = st.sampled_from(["settings", "camera", "size", "background", "form", "difference", "truth"])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.dictionaries(NAMES, VALUES, min_size=1))
 def test_no_message_whatever_raises_anything_else(changes: dict[str, Any]) -> None:
     with contextlib.suppress(MessageError):
@@ -97,7 +97,7 @@ def test_no_message_whatever_raises_anything_else(changes: dict[str, Any]) -> No
 
 
 @given(st.tuples(*[st.floats(-5, 5)] * 3), st.tuples(*[st.floats(-1, 1)] * 3), st.floats(1, 150))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_camera_is_exactly_the_one_that_was_asked_for(position: Any, up: Any, field: float) -> None:
     record = {"position": list(position), "target": [0.0, 0.0, 0.0], "up": list(up), "field": field}
     try:
