@@ -12,7 +12,6 @@ import shutil
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self, TextIO
@@ -20,9 +19,6 @@ from typing import Any, Self, TextIO
 RATE_SECONDS = 20.0  # over which a rate is taken
 LIVE_SECONDS = 0.2  # between updates on a terminal or in a notebook
 LOG_SECONDS = 15.0  # between lines elsewhere, and before the first
-
-Counter = Callable[[str, int, int], None]
-"""(stage, done, total), as `ProgressLine.count` takes it."""
 
 
 class Rate:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from catalogs.progress import ProgressLine
 from surrogate.explore.exporting.commands import export, sweep
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ SCENE = click.argument("scene", type=click.Path(dir_okay=False, path_type=Path))
 RUNS = click.option(
     "--runs", default="runs", show_default=True, help="Folder of all results.", type=click.Path(path_type=Path)
 )
-LINE_WIDTH = 110
 
 
 class _Failure(click.ClickException):
@@ -48,13 +47,11 @@ def train(scene: Path, runs: Path) -> None:
 
     directory = loaded.run_directory(runs) / "surrogate"
     finished = Surrogate.exists(directory)
-    line = _Line()
     try:
-        surrogate = run(_settings(loaded), catalog, directory, progress=line.show)
+        with ProgressLine() as line:
+            surrogate = run(_settings(loaded), catalog, directory, progress=line)
     except (ValueError, RuntimeError, OSError) as error:
-        line.end()
         raise _Failure(str(error)) from error
-    line.end()
     seconds = surrogate.training["seconds"]
     click.echo(f"{directory}: nothing to do" if finished else f"{surrogate!r} after {seconds:.0f} s -> {directory}")
 
@@ -74,16 +71,14 @@ def evaluate(scene: Path, runs: Path) -> None:
         return
     from surrogate.evaluation.evaluate import evaluate as run
 
-    line = _Line()
     started = time.perf_counter()
     try:
-        evaluation = run(surrogate, catalog, progress=line.count)
-        line.end()
+        with ProgressLine() as line:
+            evaluation = run(surrogate, catalog, progress=line.count)
         record = write_report(
             folder / "report", loaded.name, surrogate, catalog, evaluation, dataset_seconds=_dataset_seconds(folder)
         )
     except (ValueError, OSError) as error:
-        line.end()
         raise _Failure(str(error)) from error
     _summarize(record)
     click.echo(f"{folder / 'report' / 'report.md'} ({time.perf_counter() - started:.0f} s)")
@@ -139,21 +134,20 @@ def repeat(scene: Path, runs: Path, seeds: int) -> None:
     from surrogate.studies.repeats.spread import summarize_repeats
     from surrogate.studies.repeats.table import terminal_lines, write_page
 
-    folder, line = loaded.run_directory(runs), _Line()
+    folder, line = loaded.run_directory(runs), ProgressLine()
 
     def tell(scores: Scores) -> None:
-        line.end()
+        line.close()
         psnr = scores.cells["psnr"]["unseen_views"]["unseen_parameters"]
         reached = "" if psnr is None else f"{psnr:.2f} dB at unseen views and parameters, "
         click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
 
     try:
-        found = run(_settings(loaded), catalog, folder, seeds=seeds, progress=line.show, tell=tell)
+        with line:
+            found = run(_settings(loaded), catalog, folder, seeds=seeds, progress=line, tell=tell)
     except (ValueError, RuntimeError, OSError) as error:
-        line.end()
         raise _Failure(str(error)) from error
     except KeyboardInterrupt:
-        line.end()
         click.echo("interrupted: what is trained and scored is kept, and the same command goes on", err=True)
         raise
     record = summarize_repeats(found)
@@ -186,12 +180,12 @@ def ablate(scene: Path, runs: Path, only: tuple[str, ...], visualization: bool, 
     from surrogate.studies.ablation.run import ablate as run
     from surrogate.studies.ablation.table import PAGE, verdict
 
-    directory, line = loaded.run_directory(runs), _Line()
+    directory, line = loaded.run_directory(runs), ProgressLine()
     folder = directory / (VISUALIZATION_FOLDER if visualization else BASE_FOLDER)
     names = [name.strip() for given in only for name in given.split(",")]
 
     def tell(result: Result) -> None:
-        line.end()
+        line.close()
         done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
         click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
 
@@ -202,20 +196,11 @@ def ablate(scene: Path, runs: Path, only: tuple[str, ...], visualization: bool, 
             if visualization
             else BaseFits(settings, catalog)
         )
-        rows = run(
-            loaded.name,
-            fits,
-            folder,
-            progress=line.show,
-            tell=tell,
-            only=names,
-            **options,
-        )
+        with line:
+            rows = run(loaded.name, fits, folder, progress=line, tell=tell, only=names, **options)
     except (ValueError, RuntimeError, OSError) as error:
-        line.end()
         raise _Failure(str(error)) from error
     except KeyboardInterrupt:
-        line.end()
         click.echo("interrupted: finished fits are kept, and the same command goes on with the others", err=True)
         raise
     click.echo(verdict(rows))
@@ -231,14 +216,13 @@ def ceiling(scene: Path, runs: Path) -> None:
     from surrogate.model import Surrogate
     from surrogate.studies.ceiling import FILE, line, measure_ceiling
 
-    folder, shown = loaded.run_directory(runs), _Line()
+    folder = loaded.run_directory(runs)
     surrogate = _load(folder / "surrogate") if Surrogate.exists(folder / "surrogate") else None
     try:
-        record = measure_ceiling(_settings(loaded), catalog, folder / FILE, surrogate, progress=shown.show)
+        with ProgressLine() as shown:
+            record = measure_ceiling(_settings(loaded), catalog, folder / FILE, surrogate, progress=shown)
     except (ValueError, OSError) as error:
-        shown.end()
         raise _Failure(str(error)) from error
-    shown.end()
     for entry in record["entries"]:
         click.echo(line(entry))
     click.echo(folder / FILE)
@@ -342,35 +326,3 @@ def _summarize(record: Mapping[str, Any]) -> None:
             click.echo(f"  {entry['name']:<38.38} {value:6.2f} dB   (unseen views, unseen parameters)")
     for variation in record["variations"]:
         click.echo(f"  {variation_line(variation)}")
-
-
-class _Line:
-    """One line that is written over on a terminal, and now and then a new one elsewhere."""
-
-    def __init__(self) -> None:
-        self._terminal = sys.stderr.isatty()
-        self._last, self._stage, self._started = 0.0, "", time.perf_counter()
-
-    def show(self, progress: object) -> None:
-        """Show where training stands."""
-        now = time.perf_counter()
-        if now - self._last < (0.2 if self._terminal else 15.0):
-            return
-        self._last = now
-        if self._terminal:
-            click.echo(f"\r{progress!s:<{LINE_WIDTH}.{LINE_WIDTH}}", nl=False, err=True)
-        else:
-            click.echo(str(progress), err=True)
-
-    def count(self, stage: str, done: int, total: int) -> None:
-        """Show how many of how many are done, with a rate and the time left."""
-        if stage != self._stage:
-            self._stage, self._started = stage, time.perf_counter()
-        rate = done / max(time.perf_counter() - self._started, 1e-3)
-        left = (total - done) / rate
-        self.show(f"{stage}  {done} / {total} images  {rate:.0f}/s  {int(left) // 60}:{int(left) % 60:02d} left")
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self._terminal and self._last:
-            click.echo(err=True)

@@ -17,6 +17,7 @@ from typing import Any
 
 from catalogs import durable
 from catalogs.catalog import Catalog, Member
+from catalogs.progress import Count, Rate
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import Case, Scored, Scorer, compare, mean
 from surrogate.model import DeformedGaussians, Surrogate
@@ -239,7 +240,8 @@ class _Report:
     def __init__(self, progress: ProgressReport, steps: Sequence[int]) -> None:
         self._progress, self._steps = progress, sum(steps)
         self._step, self._loss = 0, 0.0
-        self._started = self._told = time.perf_counter()
+        self._rate, self._told = Rate(), time.perf_counter()
+        self._rate(0)
 
     def __call__(self, appearance: str, loss: float) -> None:
         self._step += 1
@@ -247,9 +249,9 @@ class _Report:
         now = time.perf_counter()
         if now - self._told < REPORT_SECONDS and self._step < self._steps:
             return
-        self._told, rate = now, self._step / (now - self._started)
+        self._told, count = now, Count(appearance, self._step, self._steps, self._rate(self._step), "steps")
         self._progress(
             TrainingProgress(
-                appearance, self._step, self._steps, rate, self._loss, seconds_left=(self._steps - self._step) / rate
+                appearance, self._step, self._steps, count.rate, self._loss, seconds_left=count.seconds_left
             )
         )

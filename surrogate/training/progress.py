@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from catalogs.progress import joined, per_second, time_left
+
 
 @dataclass(frozen=True)
 class TrainingProgress:
@@ -29,16 +31,13 @@ class TrainingProgress:
     seconds_left: float | None = None
 
     def __str__(self) -> str:
-        parts = [f"{self.stage:<11} {self.step:>6} / {self.steps}"]
-        if self.rate:
-            parts.append(f"{self.rate:.1f} steps/s")
-        if self.loss is not None:
-            parts.append(f"loss {self.loss:.4f}")
-        if self.psnr is not None:
-            parts.append(f"validation {self.psnr:.2f} dB")
-        if self.seconds_left is not None:
-            parts.append(f"{int(self.seconds_left) // 60}:{int(self.seconds_left) % 60:02d} left")
-        return "  ".join(parts)
+        return joined(
+            f"{self.stage:<11} {self.step:>6} / {self.steps}",
+            per_second(self.rate, "steps"),
+            "" if self.loss is None else f"loss {self.loss:.4f}",
+            "" if self.psnr is None else f"validation {self.psnr:.2f} dB",
+            time_left(self.seconds_left),
+        )
 
 
 ProgressReport = Callable[[TrainingProgress], None]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ import torch
 from torch import Tensor
 
 from catalogs.catalog import Catalog
+from catalogs.progress import Rate
 from catalogs.variations import Variation
 from surrogate.deformation import KINDS, Deformation, load_deformation
 from surrogate.deformation.visualization import Visualization
@@ -112,7 +112,7 @@ class _Run:
         self._carried: dict[str, Tensor] = {}
         self._carried_record: dict[str, Any] = {}
         self._seconds_before, self._started = 0.0, time.perf_counter()
-        self._recent: deque[tuple[float, int]] = deque(maxlen=20)  # (time, step) of the last reports
+        self._rate = Rate()
         self._saved = self._reported = time.perf_counter()
 
     def finish(self, checkpoint: Checkpoint | None, interruption: Interruption) -> Surrogate:
@@ -313,9 +313,7 @@ class _Run:
         if now - self._reported < REPORT_SECONDS:
             return
         self._reported = now
-        self._recent.append((now, done))
-        (then, first), steps = self._recent[0], self._steps
-        rate = (done - first) / (now - then) if now > then else 0.0
+        rate, steps = self._rate(done), self._steps
         losses = self._losses[-200:]
         self._progress(
             TrainingProgress(

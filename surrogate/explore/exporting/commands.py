@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from catalogs.progress import ProgressLine
 
 if TYPE_CHECKING:
     from catalogs.cameras import Camera
@@ -135,8 +137,8 @@ def sweep(run: Path, output: Path, **options: Any) -> None:
             "background": behind,
             "units": {axis.name: parameter(surrogate, axis.name).unit for axis in axes},
         }
-        with click.progressbar(length=len(swept), label="drawing", file=sys.stderr) as bar:
-            drawn: Any = pictures(swept, surrogate, camera, behind, progress=lambda done, total: bar.update(1))
+        with ProgressLine() as line:
+            drawn: Any = pictures(swept, surrogate, camera, behind, progress=partial(line.count, "drawing"))
             if suffix in FILMS:
                 framed = captioned(drawn, swept, **on_paper) if options["caption"] else drawn
                 motion: dict[str, Any] = {

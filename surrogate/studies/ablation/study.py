@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs import durable
+from catalogs.progress import joined, per_second, time_left
 from surrogate.evaluation.scoring import mean
 from surrogate.provenance import commit, machine
 from surrogate.settings import TrainingSettings
@@ -50,14 +51,11 @@ class Standing:
     seconds_left: float
 
     def __str__(self) -> str:
-        minutes = int(self.seconds_left) // 60
-        parts = [f"fit {self.fit} / {self.fits}", f"{self.variant}, seed {self.seed}"]
-        if self.training is None:
-            parts.append("measuring the pace")
-        else:
-            parts.append(f"{self.training.stage} {self.training.step} / {self.training.steps}")
-            parts += [f"{self.training.rate:.1f} steps/s"] if self.training.rate else []
-        return "  ".join([*parts, f"{minutes // 60}:{minutes % 60:02d}:{int(self.seconds_left) % 60:02d} left"])
+        fit, now = f"fit {self.fit} / {self.fits}  {self.variant}, seed {self.seed}", self.training
+        if now is None:
+            return joined(fit, "measuring the pace", time_left(self.seconds_left))
+        steps = f"{now.stage} {now.step} / {now.steps}"
+        return joined(fit, steps, per_second(now.rate, "steps"), time_left(self.seconds_left))
 
 
 class Study:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from catalogs.progress import Count, Rate, duration, joined
 from surrogate.training.progress import TrainingProgress
 
 
@@ -27,11 +27,9 @@ class RepeatProgress:
     seconds_left: float | None
 
     def __str__(self) -> str:
-        parts = [f"seed {self.seed} ({self.number} / {self.count})", self.work]
-        if self.seconds_left is not None and self.number < self.count:
-            minutes = int(self.seconds_left) // 60
-            parts.append(f"{minutes // 60}:{minutes % 60:02d}:{int(self.seconds_left) % 60:02d} in all")
-        return "  ".join(parts)
+        whole = self.seconds_left if self.number < self.count else None
+        in_all = "" if whole is None else f"{duration(whole)} in all"
+        return joined(f"seed {self.seed} ({self.number} / {self.count})", self.work, in_all)
 
 
 class RepeatWatch:
@@ -42,7 +40,7 @@ class RepeatWatch:
         self._seed, self._number = 0, 0
         self._known: float | None = None  # seconds that the training of the last finished seed took
         self._usual = 0.0
-        self._stage_begun = time.perf_counter()
+        self._rate = Rate()  # of scoring
 
     def begin(self, seed: int) -> None:
         """The next seed begins."""
@@ -50,7 +48,8 @@ class RepeatWatch:
 
     def trained(self, seconds: float) -> None:
         """The current seed's training took so long in all, also before it was interrupted; its images are scored next."""
-        self._known, self._usual, self._stage_begun = seconds, seconds, time.perf_counter()
+        self._known, self._usual, self._rate = seconds, seconds, Rate()
+        self._rate(0)
 
     def training(self, training: TrainingProgress) -> None:
         """Tell where training stands."""
@@ -61,10 +60,8 @@ class RepeatWatch:
 
     def scoring(self, stage: str, done: int, total: int) -> None:
         """Tell how many images are scored."""
-        rate = done / max(time.perf_counter() - self._stage_begun, 1e-3)
-        left = (total - done) / rate
-        work = f"{stage}  {done} / {total} images  {rate:.0f}/s  {int(left) // 60}:{int(left) % 60:02d} left"
-        self._tell(work, left)
+        count = Count(stage, done, total, self._rate(done))
+        self._tell(str(count), count.seconds_left)
 
     def _tell(self, work: str, left: float | None) -> None:
         whole = None if left is None else left + (self._count - self._number) * self._usual
