@@ -1,0 +1,44 @@
+"""README, CONTRIBUTING and docs/: what they point at is there, and the commands that they name exist."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parent.parent
+DOCUMENTS = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").rglob("*.md"))]
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|native|benchmarks|tests|scenes|docs)/[\w/.-]+)`")
+MODULE = re.compile(r"python -m ((?:benchmarks|insitu|surrogate|catalogs)[\w.]*\w)")
+TARGET = re.compile(r"^`?make ([a-z][a-z-]*(?: [a-z][a-z-]*)*)")
+
+every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+
+
+@every_document
+def test_links_lead_somewhere(document: Path) -> None:
+    targets = [unquote(link.split("#")[0]) for link in LINK.findall(document.read_text()) if "://" not in link]
+    assert [target for target in targets if not (document.parent / target).exists()] == []
+
+
+@every_document
+def test_files_that_are_named_exist(document: Path) -> None:
+    assert [name for name in FILE.findall(document.read_text()) if not (PROJECT / name).exists()] == []
+
+
+@every_document
+def test_commands_that_are_named_exist(document: Path) -> None:
+    named = set(MODULE.findall(document.read_text()))
+    assert sorted(name for name in named if importlib.util.find_spec(name) is None) == []
+
+
+@every_document
+def test_make_targets_that_are_named_exist(document: Path) -> None:
+    rules = re.findall(r"^([a-z-]+):", (PROJECT / "Makefile").read_text(), re.MULTILINE)
+    quoted = re.findall(r"`[^`\n]*`|^(?:\$ )?make .*$", document.read_text(), re.MULTILINE)
+    named = {word for text in quoted for words in TARGET.findall(text) for word in words.split()}
+    assert sorted(named - set(rules)) == []
