@@ -19,8 +19,8 @@ import torch
 
 from benchmarks.page import DOCS, PROJECT, commit, fill, table
 from benchmarks.splatting.drawing import ERROR_HEADER, measure
-from benchmarks.splatting.twin import Constants, ask, patches
-from benchmarks.splatting.workloads import FIXED, OTHERS, Scene, Workload
+from benchmarks.splatting.twin import ask, patches
+from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from benchmarks.timing import Measured, digits, measured
 from catalogs import durable
 from surrogate.deformation.bilinear import BilinearDeformation
@@ -28,6 +28,7 @@ from surrogate.gaussians import Gaussians
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
+from surrogate.splatting import Constants, Primitives
 from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, TrainingData
@@ -100,7 +101,7 @@ def drawing(device: torch.device, quick: bool, seconds: float, say: Callable[[st
         say(workload.title)
         scene, camera, constants = workload.scene(), workload.camera(), Constants()
         twin = ask(scene, camera, constants, patches(camera.width, camera.height, 8 if quick else 48))
-        moved = Scene(*(tensor.to(device) for tensor in scene))
+        moved = Primitives(*(tensor.to(device) for tensor in scene))
         drawn = measure(moved, camera, constants, twin, seconds)
         times = [str(taken) for taken in (drawn.forward, drawn.backward, drawn.both)]
         rows.append([workload.title, *times, *drawn.error_cells()])

@@ -277,7 +277,7 @@ class Surrogate:
             deformation=load_deformation(record["deformation"]["kind"], parts["deformation"], record["deformation"]),
             space=ParameterSpace.from_json(record["parameters"]),
             normalization=Normalization(np.array(normalization["center"]), float(normalization["extent"])),
-            rasterizer=Rasterizer(**record["rasterizer"]),
+            rasterizer=Rasterizer.from_json(record["rasterizer"]),
             background=None if background is None else tuple(background),
             training=record["training"],
             encodings=encodings,

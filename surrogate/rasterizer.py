@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import torch
@@ -12,38 +12,31 @@ from torch import Tensor
 from catalogs.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import AUTO, Rendering, render, render_over
-from surrogate.splatting.rendering import ALPHA_CAP, DILATION
+from surrogate.splatting import AUTO, Constants, Primitives, Rendering, draw, draw_over
 
 
 @dataclass(frozen=True)
 class Rasterizer:
-    """Constants of `surrogate.splatting.render`; a model is only right with those it was trained with.
+    """Constants in normalized units, and the backend that draws; a model is only right with those it was trained with."""
 
-    Attributes
-    ----------
-    near : depth below which a Gaussian is not drawn, in normalized units.
-    dilation : variance added to every projected Gaussian, in pixels squared.
-    alpha_floor : alphas below this are not drawn.
-    alpha_cap : alphas above this are cut to it.
-    backend : which implementation draws.
-    """
-
-    near: float = 0.02
-    dilation: float = DILATION
-    alpha_floor: float = 1.0 / 255.0
-    alpha_cap: float = ALPHA_CAP
+    constants: Constants = field(default_factory=Constants)
     backend: str = AUTO
 
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:
         """The rasterizer that `settings` ask for."""
-        return cls(
-            dilation=settings.dilation,
-            alpha_floor=settings.alpha_floor,
-            alpha_cap=settings.alpha_cap,
-            backend=settings.backend,
-        )
+        chosen = {name: getattr(settings, name) for name in ("dilation", "alpha_floor", "alpha_cap")}
+        return cls(Constants(**chosen), settings.backend)
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Rasterizer:
+        """The rasterizer that `to_json` described; raises TypeError where a value is unknown."""
+        constants = {name: value for name, value in values.items() if name != "backend"}
+        return cls(Constants(**constants), values.get("backend", AUTO))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values: the constants and the backend."""
+        return asdict(self.constants) | {"backend": self.backend}
 
     def for_any_device(self) -> Rasterizer:
         """The same, which draws also what has left the GPU, as a model does that is stored."""
@@ -51,28 +44,15 @@ class Rasterizer:
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Rendering:
         """Premultiplied colour (H, W, 3) and alpha (H, W) of `gaussians`; `camera` in their coordinates."""
-        return render(*_seen(gaussians, camera), camera, **self._constants())
+        return draw(primitives(gaussians, camera), camera, self.constants, backend=self.backend)
 
     def draw_over(self, gaussians: Gaussians, camera: Camera, background: Sequence[float]) -> Tensor:
         """What training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
-        return render_over(*_seen(gaussians, camera), camera, background, **self._constants())
-
-    def _constants(self) -> dict[str, Any]:
-        return {
-            "near": self.near,
-            "dilation": self.dilation,
-            "alpha_floor": self.alpha_floor,
-            "alpha_cap": self.alpha_cap,
-            "backend": self.backend,
-        }
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values: the keyword arguments that make it again."""
-        return asdict(self)
+        return draw_over(primitives(gaussians, camera), camera, background, self.constants, backend=self.backend)
 
 
-def _seen(gaussians: Gaussians, camera: Camera) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-    """The Gaussians as `render` takes them."""
+def primitives(gaussians: Gaussians, camera: Camera) -> Primitives:
+    """The Gaussians as they are drawn: their colours as `camera` sees them."""
     position = torch.from_numpy(camera.position).to(gaussians.means)  # [3]
     colors = gaussians.colors_from(position)  # [N, 3]
-    return gaussians.means, gaussians.scales(), gaussians.quats, gaussians.opacities(), colors
+    return Primitives(gaussians.means, gaussians.scales(), gaussians.quats, gaussians.opacities(), colors)

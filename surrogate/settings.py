@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 from surrogate.gaussians import NAMES
-from surrogate.splatting.rendering import ALPHA_CAP, DILATION
+from surrogate.splatting.constants import Constants
 
 ColorDegree = Literal["auto", 0, 1]
 Device = Literal["auto", "cpu", "cuda"]
@@ -130,9 +130,9 @@ class TrainingSettings:
     relocation_stop: float = 0.7
     dead_opacity: float = 0.01
     peak_decay: float = 0.995
-    alpha_floor: float = 1.0 / 255.0
-    alpha_cap: float = ALPHA_CAP
-    dilation: float = DILATION
+    alpha_floor: float = Constants.alpha_floor
+    alpha_cap: float = Constants.alpha_cap
+    dilation: float = Constants.dilation
     device: Device = "auto"
     backend: str = "auto"
 

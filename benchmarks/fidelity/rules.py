@@ -8,6 +8,7 @@ standard deviation 1 / |v|; its largest value there is exp(-|u x v|^2 / (2 |v|^2
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,8 @@ from scipy.special import ndtr
 from catalogs.cameras import Camera
 from surrogate.evaluation.metrics import decibels
 from surrogate.gaussians import Gaussians
-from surrogate.rasterizer import Rasterizer
-from surrogate.splatting import reference
+from surrogate.rasterizer import Rasterizer, primitives
+from surrogate.splatting import Constants, reference
 
 Array = NDArray[np.float64]
 CELLS = 256  # that a ray is divided into for the integral
@@ -41,17 +42,16 @@ def pictures(
     """Premultiplied RGBA (P, 4) of `pixels` (P, 2; column and row) by rule; "drawn" is as the surrogate draws."""
     ordered = _front_to_back(gaussians, camera, rasterizer)
     colors = ordered.colors_from(torch.from_numpy(camera.position)).numpy()  # [M, 3]
-    drawn = rasterizer.alpha_floor, rasterizer.alpha_cap, rasterizer.dilation
-    floor, cap, dilation = drawn
+    drawn = rasterizer.constants
     found = {
-        "drawn": _over(_splatted(ordered, camera, pixels, *drawn), colors),
-        "no alpha floor": _over(_splatted(ordered, camera, pixels, SMALLEST, cap, dilation), colors),
-        "no alpha cap": _over(_splatted(ordered, camera, pixels, floor, NO_CAP, dilation), colors),
-        "no dilation": _over(_splatted(ordered, camera, pixels, floor, cap, 0.0), colors),
+        "drawn": _over(_splatted(ordered, camera, pixels, drawn), colors),
+        "no alpha floor": _over(_splatted(ordered, camera, pixels, replace(drawn, alpha_floor=SMALLEST)), colors),
+        "no alpha cap": _over(_splatted(ordered, camera, pixels, replace(drawn, alpha_cap=NO_CAP)), colors),
+        "no dilation": _over(_splatted(ordered, camera, pixels, replace(drawn, dilation=0.0)), colors),
     }
-    plain = _splatted(ordered, camera, pixels, SMALLEST, cap, 0.0)  # [P, M]
+    plain = _splatted(ordered, camera, pixels, replace(drawn, alpha_floor=SMALLEST, dilation=0.0))  # [P, M]
     rays = along_rays(ordered, camera, pixels)
-    exact = np.where(rays.alphas >= SMALLEST, np.minimum(rays.alphas, cap), 0.0)  # [P, M]
+    exact = np.where(rays.alphas >= SMALLEST, np.minimum(rays.alphas, drawn.alpha_cap), 0.0)  # [P, M]
     found["no floor, no dilation"] = _over(plain, colors)
     found["sorted along each ray"] = _over_by(rays.places, plain, colors)
     found["exact projection"] = _over(exact, colors)
@@ -123,25 +123,14 @@ def _front_to_back(gaussians: Gaussians, camera: Camera, rasterizer: Rasterizer)
     exact = Gaussians(**{name: tensor.double() for name, tensor in gaussians.tensors().items()})
     depths = exact.means.numpy() @ camera.forward + camera.world_to_camera[2, 3]  # [N]
     order = np.argsort(depths.astype(np.float32), kind="stable")
-    kept = order[depths[order] > rasterizer.near]
+    kept = order[depths[order] > rasterizer.constants.near]
     return Gaussians(**{name: tensor[torch.from_numpy(kept)] for name, tensor in exact.tensors().items()})
 
 
-def _splatted(
-    gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64], floor: float, cap: float, dilation: float
-) -> Array:
-    splats = reference.project(
-        gaussians.means,
-        gaussians.scales(),
-        gaussians.quats,
-        gaussians.opacities(),
-        gaussians.colors,
-        camera,
-        near=-np.inf,
-        dilation=dilation,
-        floor=-1.0,
-    )
-    return reference.alphas_at(torch.from_numpy(pixels + 0.5), splats, floor, cap).numpy()  # [P, M]
+def _splatted(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64], constants: Constants) -> Array:
+    everything = replace(constants, near=-np.inf, alpha_floor=-1.0)
+    splats = reference.project(primitives(gaussians, camera), camera, everything)
+    return reference.alphas_at(torch.from_numpy(pixels + 0.5), splats, constants).numpy()  # [P, M]
 
 
 def _over(alphas: Array, colors: Array) -> Array:

@@ -11,12 +11,10 @@ from torch import Tensor
 from benchmarks.page import table
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained
-from benchmarks.splatting.twin import Constants
-from benchmarks.splatting.workloads import FIXED, OTHERS, Scene
+from benchmarks.splatting.workloads import FIXED, OTHERS
 from catalogs.cameras import Camera
 from surrogate.evaluation.metrics import decibels
-from surrogate.splatting import reference
-from surrogate.splatting.rendering import MIN_TRANSMITTANCE
+from surrogate.splatting import Constants, Primitives, reference
 
 PIXELS = 1024
 AT_ONCE = 64
@@ -27,7 +25,7 @@ def constants(setup: Setup, trained: Trained) -> str:
     """PSNR against the picture by our rules, and the largest difference, in float64, by scene and rule."""
     view = trained.view()
     opaque = next(workload for workload in OTHERS if workload.shells)
-    cases: dict[str, tuple[Scene, Camera, Constants]] = {
+    cases: dict[str, tuple[Primitives, Camera, Constants]] = {
         FIXED.title: (FIXED.scene(), FIXED.camera(), Constants()),
         opaque.title: (opaque.scene(), opaque.camera(), Constants()),
         f"model of {trained.name}": (view.scene, view.camera, view.constants),
@@ -46,7 +44,7 @@ def constants(setup: Setup, trained: Trained) -> str:
     return table(["scene", "what is changed", "PSNR against ours, dB (at most 60)", "largest difference"], rows)
 
 
-def drawn_by_rule(scene: Scene, camera: Camera, own: Constants, count: int) -> dict[str, Tensor]:
+def drawn_by_rule(scene: Primitives, camera: Camera, own: Constants, count: int) -> dict[str, Tensor]:
     """Premultiplied RGBA (P, 4) of some pixels, by rule."""
     pixels = reference.pixel_centers(camera).double()
     chosen = pixels[
@@ -63,19 +61,13 @@ def drawn_by_rule(scene: Scene, camera: Camera, own: Constants, count: int) -> d
     return {rule: _drawn(scene, camera, chosen, *how) for rule, how in rules.items()}
 
 
-def _drawn(scene: Scene, camera: Camera, pixels: Tensor, rule: Constants, stops_before: bool) -> Tensor:
-    splats = reference.project(
-        *(tensor.double() for tensor in scene),  # type: ignore[arg-type]
-        camera,
-        near=rule.near,
-        dilation=rule.dilation,
-        floor=rule.alpha_floor,
-    )
+def _drawn(scene: Primitives, camera: Camera, pixels: Tensor, rule: Constants, stops_before: bool) -> Tensor:
+    splats = reference.project(Primitives(*(tensor.double() for tensor in scene)), camera, rule)
     found = []
     for some in pixels.split(AT_ONCE):
-        alphas = reference.alphas_at(some, splats, rule.alpha_floor, rule.alpha_cap)  # [P, M]
+        alphas = reference.alphas_at(some, splats, rule)  # [P, M]
         if stops_before:
             left = torch.cumprod(1.0 - alphas, dim=1)  # [P, M]
-            alphas = torch.where((left <= MIN_TRANSMITTANCE).cumsum(dim=1) > 0, 0.0, alphas)
+            alphas = torch.where((left <= rule.min_transmittance).cumsum(dim=1) > 0, 0.0, alphas)
         found.append(reference.composite(alphas, splats.colors))
     return torch.cat(found)

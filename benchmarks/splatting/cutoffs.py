@@ -10,10 +10,11 @@ from benchmarks.splatting.engine import TIMES, times
 from benchmarks.splatting.figures import COLORS, MARKERS, panels
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained
-from benchmarks.splatting.twin import Constants, ask, patches
-from benchmarks.splatting.workloads import FIXED, Scene
+from benchmarks.splatting.twin import ask, patches
+from benchmarks.splatting.workloads import FIXED
 from benchmarks.timing import digits
 from catalogs.cameras import Camera
+from surrogate.splatting import Constants, Primitives
 
 FLOORS = {"1/64": 1 / 64, "1/128": 1 / 128, "1/255": 1 / 255, "1/1024": 1 / 1024, "1e-4": 1e-4}
 ALL = 1e-9  # a floor so low that nothing is left out: 20,000 such contributions are 2e-5 together
@@ -23,7 +24,7 @@ FIGURE = "splatting_cutoffs.png"
 def cutoffs(setup: Setup, trained: Trained) -> str:
     """Alpha floors on the fixed scene and on a trained model, against a twin that leaves nothing out."""
     view = trained.view()
-    cases: dict[str, tuple[Scene, Camera, Constants]] = {
+    cases: dict[str, tuple[Primitives, Camera, Constants]] = {
         FIXED.title: (FIXED.scene(), FIXED.camera(), Constants()),
         f"model of {trained.name}": (view.scene, view.camera, view.constants),
     }
@@ -49,7 +50,7 @@ def cutoffs(setup: Setup, trained: Trained) -> str:
 
 
 def _measured(
-    name: str, scene: Scene, camera: Camera, constants: Constants, setup: Setup
+    name: str, scene: Primitives, camera: Camera, constants: Constants, setup: Setup
 ) -> dict[str, tuple[Drawn, float]]:
     """By floor: the drawing, and millions of pairs."""
     wanted = patches(camera.width, camera.height, setup.patches)

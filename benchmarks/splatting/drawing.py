@@ -7,11 +7,10 @@ from typing import Any
 
 import torch
 
-from benchmarks.splatting.twin import Constants, Errors, Twin, gradient_error, image_errors, picture_at
-from benchmarks.splatting.workloads import Scene
+from benchmarks.splatting.twin import Errors, Twin, gradient_error, image_errors, picture_at
 from benchmarks.timing import Measured, measured_in_turn
 from catalogs.cameras import Camera
-from surrogate.splatting import Rendering, render
+from surrogate.splatting import Constants, Primitives, Rendering, draw
 
 
 @dataclass(frozen=True)
@@ -36,14 +35,11 @@ def error_cells(errors: Errors) -> list[str]:
     return [f"{errors.decibels:.1f}", f"{errors.largest:.0e}"]
 
 
-def draw(scene: Scene, camera: Camera, constants: Constants, **options: Any) -> Rendering:
-    """`surrogate.splatting.render` with `options` such as backend, threads, instruction_set."""
-    return render(*scene, camera, **constants.options(), **options)
-
-
-def measure(scene: Scene, camera: Camera, constants: Constants, twin: Twin, seconds: float, **options: Any) -> Drawn:
+def measure(
+    scene: Primitives, camera: Camera, constants: Constants, twin: Twin, seconds: float, **options: Any
+) -> Drawn:
     """Draw and differentiate for `seconds`, then compare with the twin."""
-    leaves = Scene(*(tensor.clone().requires_grad_() for tensor in scene))
+    leaves = Primitives(*(tensor.clone().requires_grad_() for tensor in scene))
     wait = torch.cuda.synchronize if scene.means.is_cuda else lambda: None
     random = torch.Generator().manual_seed(3)
     by_color = torch.randn(camera.height, camera.width, 3, generator=random, dtype=scene.means.dtype).to(
@@ -67,7 +63,9 @@ def measure(scene: Scene, camera: Camera, constants: Constants, twin: Twin, seco
     return Drawn(forward_ms, backward_ms, both, image, gradient)
 
 
-def errors(leaves: Scene, camera: Camera, constants: Constants, twin: Twin, **options: Any) -> tuple[Errors, float]:
+def errors(
+    leaves: Primitives, camera: Camera, constants: Constants, twin: Twin, **options: Any
+) -> tuple[Errors, float]:
     """Errors of the picture, and of the gradients of the twin's functional (nan where the twin has none)."""
     drawn = draw(leaves, camera, constants, **options)
     picture = picture_at(Rendering(drawn.color.cpu(), drawn.alpha.cpu()), twin.pixels)  # [P, 4]

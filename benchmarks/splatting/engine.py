@@ -10,9 +10,10 @@ from benchmarks.page import table
 from benchmarks.splatting.counting import Peak, Work, backward_work, forward_work
 from benchmarks.splatting.drawing import ERROR_HEADER, Drawn, measure
 from benchmarks.splatting.setup import Setup, said
-from benchmarks.splatting.twin import Constants, Counted, ask, patches
-from benchmarks.splatting.workloads import FIXED, OTHERS, Scene, Workload
+from benchmarks.splatting.twin import Counted, ask, patches
+from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from benchmarks.timing import digits, measured
+from surrogate.splatting import Constants, Primitives
 from surrogate.training.losses import image_loss, image_loss_reference
 
 SMALL = Workload("translucent", 64, 2_000, (2, 6), (0.02, 0.2))
@@ -105,11 +106,11 @@ def backends(setup: Setup) -> str:
     workload = SMALL.with_count(500) if setup.quick else SMALL
     scene, camera, constants = workload.scene(), workload.camera(), Constants()
     twin = ask(scene, camera, constants, patches(camera.width, camera.height))
-    cases: list[tuple[str, Scene, dict[str, object]]] = [
+    cases: list[tuple[str, Primitives, dict[str, object]]] = [
         (f"cpu, {name}", scene, {"threads": 1, "instruction_set": name}) for name in setup.instruction_sets
     ]
     cases.append(("reference, float32", scene, {"backend": "reference"}))
-    cases.append(("reference, float64", Scene(*(t.double() for t in scene)), {"backend": "reference"}))
+    cases.append(("reference, float64", Primitives(*(t.double() for t in scene)), {"backend": "reference"}))
     rows = []
     for name, tensors, options in cases:
         setup.say(f"{workload.title}: {name}")

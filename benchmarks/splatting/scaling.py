@@ -9,8 +9,9 @@ from benchmarks.splatting.drawing import ERROR_HEADER, Drawn, measure
 from benchmarks.splatting.engine import TIMES, times
 from benchmarks.splatting.figures import panels, plain_ticks, with_spread
 from benchmarks.splatting.setup import Setup, said
-from benchmarks.splatting.twin import Constants, Counted, ask, patches
+from benchmarks.splatting.twin import Counted, ask, patches
 from benchmarks.splatting.workloads import FIXED, Workload, thousands
+from surrogate.splatting import Constants
 
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 SIZES = (128, 256, 512, 1024)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import native
-from surrogate.splatting.cpu import cores
+from surrogate.splatting.threads import cores
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from benchmarks.page import PROJECT
 from benchmarks.splatting.setup import Setup
-from benchmarks.splatting.twin import Constants
-from benchmarks.splatting.workloads import Scene
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
-from catalogs.scene import Scene as SceneFile
+from catalogs.scene import Scene
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
+from surrogate.splatting import Constants, Primitives
 from surrogate.studies.ablation.pace import Pace, measured, scheduled
 from surrogate.training.data import ImageRow, validation_rows
 from surrogate.training.progress import TrainingProgress
@@ -40,7 +39,7 @@ POINTS = 12  # of a training curve, about
 class View(NamedTuple):
     """A model's Gaussians at one member's parameters, as the rasterizer takes them, and a camera in their coordinates."""
 
-    scene: Scene
+    scene: Primitives
     camera: Camera
     constants: Constants
 
@@ -77,8 +76,8 @@ class Trained:
         return PREFERRED if stored and not self.setup.quick else FALLBACK
 
     @cached_property
-    def scene_file(self) -> SceneFile:
-        return SceneFile.load(PROJECT / "scenes" / f"{self.name}.toml")
+    def scene_file(self) -> Scene:
+        return Scene.load(PROJECT / "scenes" / f"{self.name}.toml")
 
     @cached_property
     def catalog(self) -> Catalog:
@@ -127,10 +126,7 @@ class Trained:
         row = self.validation(3)[-1]
         deformed = self.model.at(**row.member.parameters)
         camera, rasterizer = deformed.normalization.camera(row.member.cameras[row.view]), deformed.rasterizer
-        gaussians = deformed.gaussians
-        colors = gaussians.colors_from(torch.from_numpy(camera.position).to(gaussians.means))
-        scene = Scene(gaussians.means, gaussians.scales(), gaussians.quats, gaussians.opacities(), colors)
-        return View(scene, camera, Constants.of(rasterizer))
+        return View(primitives(deformed.gaussians, camera), camera, rasterizer.constants)
 
     def truth(self, row: ImageRow) -> NDArray[np.float32]:
         """A stored image over its background, (H, W, 3)."""

@@ -11,44 +11,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from benchmarks.splatting.workloads import Scene
 from catalogs.cameras import Camera
-from surrogate.rasterizer import Rasterizer
-from surrogate.splatting import Rendering, reference
+from surrogate.splatting import Constants, Primitives, Rendering, reference
 from surrogate.splatting.reference import Splats
-from surrogate.splatting.rendering import ALPHA_CAP, DILATION
 
 PATCH = 8  # pixels, across and down
 BLOCK = 4  # the AVX-512 kernel takes blocks of 4 x 4 pixels
 DOUBTFUL = 1e-5  # relative distance to the alpha floor
 SAME = 2e-6  # what may change in an image where nothing is in doubt
-
-
-@dataclass(frozen=True)
-class Constants:
-    """The rasterizer's, as `surrogate.splatting.render` names them."""
-
-    near: float = 0.02
-    dilation: float = DILATION
-    alpha_floor: float = 1.0 / 255.0
-    alpha_cap: float = ALPHA_CAP
-
-    @classmethod
-    def of(cls, rasterizer: Rasterizer) -> Constants:
-        """Those of a trained model."""
-        return cls(**{field.name: getattr(rasterizer, field.name) for field in fields(cls)})
-
-    def options(self) -> dict[str, Any]:
-        """Keyword arguments of `render`."""
-        return asdict(self)
 
 
 class Counted(NamedTuple):
@@ -117,7 +95,7 @@ def patches(width: int, height: int, count: int | None = None) -> list[NDArray[n
 
 
 def ask(
-    scene: Scene,
+    scene: Primitives,
     camera: Camera,
     constants: Constants,
     wanted: Sequence[NDArray[np.int64]],
@@ -126,20 +104,19 @@ def ask(
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Twin:
     """Draw the `wanted` patches of pixels in float64."""
-    floor = constants.alpha_floor
-    leaves = [tensor.double().requires_grad_(gradients) for tensor in scene]
-    splats = reference.project(*leaves, camera, near=constants.near, dilation=constants.dilation, floor=floor)
+    leaves = Primitives(*(tensor.double().requires_grad_(gradients) for tensor in scene))
+    splats = reference.project(leaves, camera, constants)
     # Pixels see a detached copy of the splats, so that the projection is differentiated once and not for every patch.
     seen = [tensor.detach().requires_grad_(gradients) for tensor in splats[:4]]
     centers = reference.pixel_centers(camera).double()  # [H * W, 2]
-    corners = _corners(splats, floor)
+    corners = _corners(splats, constants.alpha_floor)
     random = np.random.default_rng(2)
     pictures, weights, doubts, counts = [], [], [], np.zeros(4, dtype=np.int64)
     for done, indices in enumerate(wanted):
         pixels = centers[torch.from_numpy(indices)]  # [P, 2]
         near = _reaching(corners, pixels)  # [M]
         some = Splats(*(tensor[near] for tensor in seen), constants.dilation)
-        alphas = reference.alphas_at(pixels, some, floor, constants.alpha_cap)  # [P, M]
+        alphas = reference.alphas_at(pixels, some, constants)  # [P, M]
         picture = reference.composite(alphas, some.colors)  # [P, 4]
         with torch.no_grad():
             doubt = _undecided(pixels, some, constants)  # [P]
@@ -206,7 +183,7 @@ def _undecided(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
     """Pixels (P,) whose picture changes when the floor moves a little."""
     floors = (constants.alpha_floor * (1.0 - DOUBTFUL), constants.alpha_floor * (1.0 + DOUBTFUL))
     low, high = (
-        reference.composite(reference.alphas_at(pixels, splats, floor, constants.alpha_cap), splats.colors)
+        reference.composite(reference.alphas_at(pixels, splats, replace(constants, alpha_floor=floor)), splats.colors)
         for floor in floors
     )
     return ((low - high).abs() > SAME).any(1)

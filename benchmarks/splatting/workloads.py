@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from catalogs.cameras import Camera
+from surrogate.splatting import Primitives
 
 DISTANCE = 4.3  # from the camera to the middle of the scene
 HALF_THICKNESS = 0.6  # of the scene, along the camera's axis
 FILLED = 0.86  # of the frame's width and height, by the Gaussians' centres
 SEED = 0
-
-
-class Scene(NamedTuple):
-    """What `surrogate.splatting.render` takes, in float32."""
-
-    means: Tensor  # [N, 3]
-    scales: Tensor  # [N, 3]
-    quats: Tensor  # [N, 4]
-    opacities: Tensor  # [N]
-    colors: Tensor  # [N, 3]
 
 
 @dataclass(frozen=True)
@@ -53,7 +42,7 @@ class Workload:
         position = (0.0, -DISTANCE, 0.3)
         return Camera.look_at(position, (0, 0, 0), vertical_fov_degrees=30.0, width=self.size, height=self.size)
 
-    def scene(self) -> Scene:
+    def scene(self) -> Primitives:
         """The Gaussians in float32, drawn by a fixed seed."""
         random = np.random.default_rng(SEED)
         camera = self.camera()
@@ -76,7 +65,7 @@ class Workload:
             random.uniform(*self.opacities, self.count),
             random.uniform(0, 1, (self.count, 3)),
         )
-        return Scene(*(torch.from_numpy(value).float() for value in values))
+        return Primitives(*(torch.from_numpy(value).float() for value in values))
 
     def at_size(self, size: int) -> Workload:
         """The same scene in pictures of another size."""

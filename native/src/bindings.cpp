@@ -64,46 +64,45 @@ struct BoundDrawing {
     }
 };
 
+View view_of(const Matrix& world_to_camera, const std::array<double, 4>& intrinsics, const std::array<int, 2>& size,
+             const std::array<double, 7>& constants) {
+    const auto [near, dilation, alpha_floor, alpha_cap, min_transmittance, frame_margin, shortest_quaternion] = constants;
+    View view{{near, dilation, float(alpha_floor), float(alpha_cap), float(min_transmittance), frame_margin, shortest_quaternion},
+              {}, {}, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], size[0], size[1]};
+    for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) view.rotation[3 * r + c] = world_to_camera(r, c);
+        view.translation[r] = world_to_camera(r, 3);
+    }
+    require(view.width > 0 && view.height > 0 && view.fx > 0 && view.fy > 0, "image size and focal lengths must be positive");
+    require(std::all_of(intrinsics.begin(), intrinsics.end(), [](double x) { return std::isfinite(x); }),
+            "the camera must be finite");
+    require(near > 0 && std::isfinite(near), "near must be positive, got " + std::to_string(near));
+    require(dilation >= 0 && std::isfinite(dilation), "dilation must not be negative, got " + std::to_string(dilation));
+    require(view.alpha_floor > 0 && view.alpha_floor < 1,
+            "alpha_floor must lie between 0 and 1, got " + std::to_string(alpha_floor));
+    require(view.alpha_cap > view.alpha_floor && view.alpha_cap < 1,
+            "alpha_cap must lie above alpha_floor and below 1, got " + std::to_string(alpha_cap));
+    return view;
+}
+
 std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, Input opacities, Input colors,
-                                      Matrix world_to_camera, double fx, double fy, double cx, double cy, int width, int height,
-                                      double near, double dilation, float alpha_floor, int threads,
-                                      const std::string& instruction_set, std::optional<std::array<float, 3>> background,
-                                      float alpha_cap) {
+                                      Matrix world_to_camera, std::array<double, 4> intrinsics, std::array<int, 2> size,
+                                      const std::array<double, 7>& constants, int threads, const std::string& instruction_set,
+                                      std::optional<std::array<float, 3>> background) {
     require(means.ndim() == 2 && means.shape(1) == 3, "means must have shape [N, 3], got " + shape_of(means));
     const size_t count = means.shape(0);
     require_shape(scales, "scales", {count, 3});
     require_shape(quats, "quats", {count, 4});
     require_shape(opacities, "opacities", {count});
     require_shape(colors, "colors", {count, 3});
-    require(width > 0 && height > 0 && fx > 0 && fy > 0, "image size and focal lengths must be positive");
-    require(std::isfinite(fx) && std::isfinite(fy) && std::isfinite(cx) && std::isfinite(cy), "the camera must be finite");
-    require(near > 0 && std::isfinite(near), "near must be positive, got " + std::to_string(near));
-    require(dilation >= 0 && std::isfinite(dilation), "dilation must not be negative, got " + std::to_string(dilation));
-    require(alpha_floor > 0 && alpha_floor < 1, "alpha_floor must lie between 0 and 1, got " + std::to_string(alpha_floor));
-    require(alpha_cap > alpha_floor && alpha_cap < 1,
-            "alpha_cap must lie above alpha_floor and below 1, got " + std::to_string(alpha_cap));
+    const View view = view_of(world_to_camera, intrinsics, size, constants);
     require_finite(means, "means", 3);
     require_finite(scales, "scales", 3);
     require_finite(quats, "quats", 4);
     require_finite(opacities, "opacities", 1);
     require_finite(colors, "colors", 3);
-    View view{};
-    for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) view.rotation[3 * r + c] = world_to_camera(r, c);
-        view.translation[r] = world_to_camera(r, 3);
-    }
-    view.fx = fx;
-    view.fy = fy;
-    view.cx = cx;
-    view.cy = cy;
-    view.width = width;
-    view.height = height;
-    view.near = near;
-    view.dilation = dilation;
-    view.alpha_floor = alpha_floor;
-    view.alpha_cap = alpha_cap;
     const Kernels& kernels = kernels_named(instruction_set);
-    const size_t rows = size_t(height), columns = size_t(width);
+    const size_t rows = size_t(view.height), columns = size_t(view.width);
     auto bound = std::make_unique<BoundDrawing>();
     bound->means = means;
     bound->scales = scales;
@@ -195,9 +194,8 @@ NB_MODULE(_kernels, m) {
         for (const Kernels* kernels : available()) names.push_back(kernels->name);
         return names;
     });
-    m.def("forward", &forward, "means"_a, "scales"_a, "quats"_a, "opacities"_a, "colors"_a, "world_to_camera"_a, "fx"_a, "fy"_a,
-          "cx"_a, "cy"_a, "width"_a, "height"_a, "near"_a, "dilation"_a, "alpha_floor"_a, "threads"_a, "instruction_set"_a = "",
-          "background"_a = nb::none(), "alpha_cap"_a = 0.999f);
+    m.def("forward", &forward, "means"_a, "scales"_a, "quats"_a, "opacities"_a, "colors"_a, "world_to_camera"_a,
+          "intrinsics"_a, "size"_a, "constants"_a, "threads"_a, "instruction_set"_a = "", "background"_a = nb::none());
     m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
     m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
     bind_deformations(m);

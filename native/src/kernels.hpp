@@ -7,17 +7,20 @@
 namespace gs {
 
 constexpr int kMoments = 9;  // sums kept per (Gaussian, tile): see backward_tile in tiles.inc
-constexpr float kMinTransmittance = 1e-4f;
 
-struct View {
-    double rotation[9];     // world -> camera, row major
+// What surrogate/splatting/constants.py describes, in its order.
+struct Constants {
+    double near;
+    double dilation;  // px^2, added to the diagonal of the projected covariance
+    float alpha_floor, alpha_cap, min_transmittance;
+    double frame_margin, shortest_quaternion;
+};
+
+struct View : Constants {
+    double rotation[9];  // world -> camera, row major
     double translation[3];
     double fx, fy, cx, cy;
     int width, height;
-    double near;
-    double dilation;        // px^2, added to the diagonal of the projected covariance
-    float alpha_floor;
-    float alpha_cap;        // below 1
 };
 
 // One Gaussian as the pixel loops need it: log2(alpha) = peak - u^2 - v^2 at the pixel position (x, y), where

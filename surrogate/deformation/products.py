@@ -11,7 +11,7 @@ from torch import Tensor
 import native
 from surrogate.deformation.once import require_no_second_derivative
 from surrogate.gaussians import Gaussians
-from surrogate.splatting.cpu import cores
+from surrogate.splatting.threads import cores
 
 Factors = tuple[Tensor, Tensor]  # latents [N, L] and modes [L, C]
 

@@ -21,7 +21,7 @@ import native
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.once import require_no_second_derivative
 from surrogate.gaussians import Gaussians
-from surrogate.splatting.cpu import cores
+from surrogate.splatting.threads import cores
 
 LEAST_DEPTH = 1e-4  # a Gaussian thinner than this is never drawn (alpha 1/255)
 

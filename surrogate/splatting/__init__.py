@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from types import ModuleType
 from typing import Any
 
@@ -11,49 +12,24 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.splatting import cpu, cuda, reference
-from surrogate.splatting.rendering import ALPHA_CAP, DILATION, Rendering
+from surrogate.splatting.constants import Constants
+from surrogate.splatting.rendering import Primitives, Rendering
 
-__all__ = ["BACKENDS", "Rendering", "render", "render_over"]
+__all__ = ["BACKENDS", "Constants", "Primitives", "Rendering", "draw", "draw_over", "render", "render_over"]
 
 BACKENDS: dict[str, ModuleType] = {"cpu": cpu, "cuda": cuda, "reference": reference}
 AUTO = "auto"  # the backend of the device that holds the Gaussians
 
 
 def render(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    *,
-    near: float = 0.02,
-    dilation: float = DILATION,
-    alpha_floor: float = 1.0 / 255.0,
-    alpha_cap: float = ALPHA_CAP,
-    backend: str = AUTO,
-    depth: bool = False,
-    **options: Any,
+    means: Tensor, scales: Tensor, quats: Tensor, opacities: Tensor, colors: Tensor, camera: Camera, **options: Any
 ) -> Rendering:
     """Draw N Gaussians as `camera` sees them; differentiable in all five tensors.
 
     Parameters
     ----------
-    means : (N, 3) centres, world units.
-    scales : (N, 3) standard deviations along the axes, world units, positive.
-    quats : (N, 4) rotations w, x, y, z, of any length.
-    opacities : (N,) opacity at the centre, in [0, 1].
-    colors : (N, 3) colours, not limited to [0, 1].
-    near : Gaussians whose centre is nearer than this, in world units along the axis, are not drawn.
-    dilation : variance in pixels squared added to each projected Gaussian, so that one smaller than a pixel is seen at all;
-        it also makes such Gaussians larger than they are.
-    alpha_floor : contributions below it are left out; it bounds each Gaussian's extent.
-    alpha_cap : alphas are cut to it, because one of 1 would let nothing through and have no derivative; below 1.
-    backend : "cpu" (C++ kernels, float32), "cuda" (gsplat, float32; see `surrogate.splatting.cuda` for what differs), "reference"
-        (plain torch in the dtype of `means`, slow: the definition) or "auto": "cuda" for tensors on a GPU, else "cpu".
-    depth : also return the depth of the centres along the camera's axis, in world units, composited like a colour.
-    options : `threads` and `instruction_set` of cpu, `screen_gradients` of cpu and cuda: a tensor (N,) that receives, in
-        the backward pass, the length of the gradient by each projected centre in 1/px.
+    means, scales, quats, opacities, colors : (N, 3), (N, 3), (N, 4), (N,), (N, 3), as in `Primitives`.
+    options : fields of `Constants`, such as `near` and `dilation`; `backend`, `depth` and others of `draw`.
 
     Returns
     -------
@@ -65,19 +41,7 @@ def render(
 
     Sorting by centres is an approximation: Gaussians that interpenetrate are not integrated along the ray.
     """
-    constants: dict[str, Any] = options | {
-        "near": near,
-        "dilation": dilation,
-        "alpha_floor": alpha_floor,
-        "alpha_cap": alpha_cap,
-    }
-    draw = _backend(backend, means).render
-    rendering = draw(means, scales, quats, opacities, colors, camera, **constants)
-    if not depth:
-        return rendering
-    constants.pop("screen_gradients", None)
-    as_colors = _depths(means, camera)[:, None].expand(-1, 3)  # [N, 3]
-    return rendering._replace(depth=draw(means, scales, quats, opacities, as_colors, camera, **constants).color[..., 0])
+    return draw(Primitives(means, scales, quats, opacities, colors), camera, _constants(options), **options)
 
 
 def render_over(
@@ -88,31 +52,65 @@ def render_over(
     colors: Tensor,
     camera: Camera,
     background: Sequence[float],
+    **options: Any,
+) -> Tensor:
+    """The picture of `render` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4)."""
+    primitives = Primitives(means, scales, quats, opacities, colors)
+    return draw_over(primitives, camera, background, _constants(options), **options)
+
+
+def draw(
+    primitives: Primitives,
+    camera: Camera,
+    constants: Constants,
     *,
-    near: float = 0.02,
-    dilation: float = DILATION,
-    alpha_floor: float = 1.0 / 255.0,
-    alpha_cap: float = ALPHA_CAP,
+    backend: str = AUTO,
+    depth: bool = False,
+    **options: Any,
+) -> Rendering:
+    """What `render` does, of Gaussians and constants in records.
+
+    Parameters
+    ----------
+    backend : "cpu" (C++ kernels, float32), "cuda" (gsplat, float32; see `surrogate.splatting.cuda` for what differs), "reference"
+        (plain torch in the dtype of the means, slow: the definition) or "auto": "cuda" for tensors on a GPU, else "cpu".
+    depth : also return the depth of the centres along the camera's axis, in world units, composited like a colour.
+    options : `threads` and `instruction_set` of cpu, `screen_gradients` of cpu and cuda: a tensor (N,) that receives, in
+        the backward pass, the length of the gradient by each projected centre in 1/px.
+    """
+    chosen = _backend(backend, primitives.means)
+    rendering = chosen.render(primitives, camera, constants, **options)
+    if not depth:
+        return rendering
+    options.pop("screen_gradients", None)
+    as_colors = primitives._replace(colors=_depths(primitives.means, camera)[:, None].expand(-1, 3))
+    return rendering._replace(depth=chosen.render(as_colors, camera, constants, **options).color[..., 0])
+
+
+def draw_over(
+    primitives: Primitives,
+    camera: Camera,
+    background: Sequence[float],
+    constants: Constants,
+    *,
     backend: str = AUTO,
     **options: Any,
 ) -> Tensor:
-    """The picture of `render` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4).
+    """The picture of `draw` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4).
 
     What training compares.  It is the same as `Rendering.over` and a concatenation, but the cpu backend writes it, and reads
-    its gradient, in one pass; the other arguments are those of `render`.
+    its gradient, in one pass.
     """
-    constants: dict[str, Any] = options | {
-        "near": near,
-        "dilation": dilation,
-        "alpha_floor": alpha_floor,
-        "alpha_cap": alpha_cap,
-    }
-    gaussians = (means, scales, quats, opacities, colors)
-    chosen = _backend(backend, means)
+    chosen = _backend(backend, primitives.means)
     if chosen is cpu:
-        return cpu.render_over(*gaussians, camera, background, **constants)
-    rendering = chosen.render(*gaussians, camera, **constants)
+        return cpu.render_over(primitives, camera, background, constants, **options)
+    rendering = chosen.render(primitives, camera, constants, **options)
     return torch.cat([rendering.over(background), rendering.alpha.unsqueeze(-1)], dim=2)
+
+
+def _constants(options: dict[str, Any]) -> Constants:
+    """The constants among `options`, taken out of them."""
+    return Constants(**{field.name: options.pop(field.name) for field in fields(Constants) if field.name in options})
 
 
 def _backend(name: str, means: Tensor) -> ModuleType:

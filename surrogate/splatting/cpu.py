@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,76 +13,39 @@ from torch import Tensor
 
 import native
 from catalogs.cameras import Camera
-from surrogate.splatting.rendering import ALPHA_CAP, Rendering
+from surrogate.splatting.constants import Constants
+from surrogate.splatting.rendering import Primitives, Rendering
+from surrogate.splatting.threads import cores
 
 
-def render(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    *,
-    near: float,
-    dilation: float,
-    alpha_floor: float,
-    alpha_cap: float = ALPHA_CAP,
-    threads: int | None = None,
-    instruction_set: str = "",
-    screen_gradients: Tensor | None = None,
-) -> Rendering:
-    """Draw Gaussians in float32; arguments as `surrogate.splatting.render`.
+def render(primitives: Primitives, camera: Camera, constants: Constants, **options: Any) -> Rendering:
+    """Draw Gaussians in float32.
 
-    `threads` defaults to the cores this process may use, `instruction_set` to the best of `native.instruction_sets()`.
+    The options are `threads`, by default the cores that this process may use; `instruction_set`, by default the best of
+    `native.instruction_sets()`; and `screen_gradients`, see `surrogate.splatting.draw`.
+
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
     """
-    constants = _Constants(
-        camera, near, dilation, alpha_floor, alpha_cap, threads or cores(), instruction_set, screen_gradients
-    )
-    return Rendering(*_Splat.apply(means, scales, quats, opacities, colors, constants))
+    return Rendering(*_Splat.apply(*primitives, _View(camera, constants, **options)))
 
 
 def render_over(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    background: Sequence[float],
-    *,
-    near: float,
-    dilation: float,
-    alpha_floor: float,
-    alpha_cap: float = ALPHA_CAP,
-    threads: int | None = None,
-    instruction_set: str = "",
-    screen_gradients: Tensor | None = None,
+    primitives: Primitives, camera: Camera, background: Sequence[float], constants: Constants, **options: Any
 ) -> Tensor:
-    """Draw Gaussians in float32; arguments as `surrogate.splatting.render_over` and `render`."""
-    behind = tuple(map(float, background))
-    constants = _Constants(
-        camera, near, dilation, alpha_floor, alpha_cap, threads or cores(), instruction_set, screen_gradients, behind
-    )
-    return _Splat.apply(means, scales, quats, opacities, colors, constants)
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """The same over a `background` colour (3,), with alpha as the fourth channel: (H, W, 4)."""
+    view = _View(camera, constants, background=tuple(map(float, background)), **options)
+    return _Splat.apply(*primitives, view)
 
 
 @dataclass(frozen=True, eq=False)
-class _Constants:
+class _View:
+    """All that a drawing depends on beside the Gaussians."""
+
     camera: Camera
-    near: float
-    dilation: float
-    alpha_floor: float
-    alpha_cap: float
-    threads: int
-    instruction_set: str
-    screen_gradients: Tensor | None
+    constants: Constants
+    threads: int | None = None
+    instruction_set: str = ""
+    screen_gradients: Tensor | None = None
     background: tuple[float, ...] | None = None
 
 
@@ -92,43 +54,38 @@ class _Splat(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, *inputs: Any) -> Tensor | tuple[Tensor, Tensor]:
-        *tensors, constants = inputs
+        *tensors, view = inputs
         ctx.save_for_backward(*tensors)  # only so that torch refuses a backward after one was changed in place
-        ctx.constants = constants
-        ctx.drawing = _drawn([_array(tensor) for tensor in tensors], constants)
-        if constants.background is not None:
+        ctx.view, ctx.threads = view, view.threads or cores()
+        ctx.drawing = _drawn([_array(tensor) for tensor in tensors], view, ctx.threads)
+        if view.background is not None:
             return torch.from_numpy(ctx.drawing.over)
         return torch.from_numpy(ctx.drawing.color), torch.from_numpy(ctx.drawing.alpha)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        tensors, constants = ctx.saved_tensors, ctx.constants
-        backward = native.backward if constants.background is None else native.backward_over
-        *arrays, screen = backward(ctx.drawing, *(_array(gradient) for gradient in gradients), constants.threads)
-        if constants.screen_gradients is not None:
-            constants.screen_gradients.copy_(torch.from_numpy(screen))
-        return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, tensors, strict=True)), None
+        backward = native.backward if ctx.view.background is None else native.backward_over
+        *arrays, screen = backward(ctx.drawing, *(_array(gradient) for gradient in gradients), ctx.threads)
+        if ctx.view.screen_gradients is not None:
+            ctx.view.screen_gradients.copy_(torch.from_numpy(screen))
+        return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, ctx.saved_tensors, strict=True)), None
 
 
-def _drawn(arrays: list[NDArray[np.float32]], constants: _Constants) -> Any:
-    camera = constants.camera
+def _drawn(arrays: list[NDArray[np.float32]], view: _View, threads: int) -> Any:
+    camera, c = view.camera, view.constants
+    intrinsics, size = (camera.fx, camera.fy, camera.cx, camera.cy), (camera.width, camera.height)
+    limits = (
+        c.near,
+        c.dilation,
+        c.alpha_floor,
+        c.alpha_cap,
+        c.min_transmittance,
+        c.frame_margin,
+        c.shortest_quaternion,
+    )
     try:
         return native.forward(
-            *arrays,
-            camera.world_to_camera,
-            camera.fx,
-            camera.fy,
-            camera.cx,
-            camera.cy,
-            camera.width,
-            camera.height,
-            constants.near,
-            constants.dilation,
-            constants.alpha_floor,
-            constants.threads,
-            constants.instruction_set,
-            constants.background,
-            constants.alpha_cap,
+            *arrays, camera.world_to_camera, intrinsics, size, limits, threads, view.instruction_set, view.background
         )
     except MemoryError as error:
         raise MemoryError(

@@ -19,10 +19,10 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting.rendering import ALPHA_CAP, SHORTEST_QUATERNION, Rendering
+from surrogate.splatting.constants import Constants
+from surrogate.splatting.rendering import Primitives, Rendering
 
 COMPILED = {"alpha_floor": 1.0 / 255.0, "alpha_cap": 0.999}
-NAMES = ("means", "scales", "quats", "opacities", "colors")
 NEEDED = "1.5.3"
 
 
@@ -36,30 +36,19 @@ def unusable() -> str:
 
 
 def render(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    *,
-    near: float,
-    dilation: float,
-    alpha_floor: float,
-    alpha_cap: float = ALPHA_CAP,
-    screen_gradients: Tensor | None = None,
+    primitives: Primitives, camera: Camera, constants: Constants, *, screen_gradients: Tensor | None = None
 ) -> Rendering:
-    """Draw Gaussians in float32 on the GPU that holds them; arguments as `surrogate.splatting.render`.
+    """Draw Gaussians in float32 on the GPU that holds them; `screen_gradients` as in `surrogate.splatting.draw`.
 
     Raises ValueError for tensors that are not on a GPU, an `alpha_floor` or `alpha_cap` that gsplat can't honour, and, naming the
     Gaussian and the attribute, for numbers that are not finite; ModuleNotFoundError where gsplat is missing.
     """
-    gaussians = (means, scales, quats, opacities, colors)
-    _check_constants(alpha_floor=alpha_floor, alpha_cap=alpha_cap)
-    _check_tensors(gaussians)
+    _check_constants(constants)
+    _check_tensors(primitives)
+    means, scales, quats, opacities, colors = primitives
     rasterization = _gsplat().rasterization
     if not len(means):
-        nothing = sum((tensor.sum() for tensor in gaussians), means.new_zeros(()))
+        nothing = sum((tensor.sum() for tensor in primitives), means.new_zeros(()))
         return Rendering(
             nothing + means.new_zeros(camera.height, camera.width, 3),
             nothing + means.new_zeros(camera.height, camera.width),
@@ -74,9 +63,9 @@ def render(
         Ks=_intrinsics(camera).to(means.device)[None],  # [1, 3, 3]
         width=camera.width,
         height=camera.height,
-        near_plane=near,
+        near_plane=constants.near,
         far_plane=torch.finfo(torch.float32).max,
-        eps2d=dilation,
+        eps2d=constants.dilation,
         radius_clip=0.0,
         packed=False,
         render_mode="RGB",
@@ -98,27 +87,28 @@ def _gsplat() -> Any:
         raise ModuleNotFoundError(f"backend 'cuda': {unusable() or error}") from error
 
 
-def _check_constants(**constants: float) -> None:
-    for name, value in constants.items():
-        if abs(value - COMPILED[name]) > 1e-6:
+def _check_constants(constants: Constants) -> None:
+    for name, compiled in COMPILED.items():
+        value = getattr(constants, name)
+        if abs(value - compiled) > 1e-6:
             raise ValueError(
-                f"backend 'cuda' draws with {name} = {COMPILED[name]:.6g}, which is compiled into gsplat, got {value:.6g}: choose "
+                f"backend 'cuda' draws with {name} = {compiled:.6g}, which is compiled into gsplat, got {value:.6g}: choose "
                 "that value or the backend 'cpu'"
             )
 
 
-def _check_tensors(gaussians: tuple[Tensor, ...]) -> None:
-    count = len(gaussians[0])
+def _check_tensors(primitives: Primitives) -> None:
+    count = len(primitives.means)
     columns = {"means": (3,), "scales": (3,), "quats": (4,), "opacities": (), "colors": (3,)}
-    for name, tensor in zip(NAMES, gaussians, strict=True):
+    for name, tensor in primitives._asdict().items():
         if not _on_gpu(tensor):
             raise ValueError(
                 f"backend 'cuda' needs {name} on a CUDA device, got {tensor.device}: move it or choose 'cpu'"
             )
         if tensor.shape != (count, *columns[name]):
             raise ValueError(f"{name} must be of shape {(count, *columns[name])}, got {tuple(tensor.shape)}")
-    finite = torch.stack([torch.isfinite(tensor).all() for tensor in gaussians]).tolist()
-    for name, tensor, good in zip(NAMES, gaussians, finite, strict=True):
+    finite = torch.stack([torch.isfinite(tensor).all() for tensor in primitives]).tolist()
+    for name, tensor, good in zip(primitives._fields, primitives, finite, strict=True):
         if not good:
             row = int((~torch.isfinite(tensor.reshape(count, -1))).any(dim=1).nonzero()[0])
             raise ValueError(f"{name} of Gaussian {row} is not finite: {tensor[row].tolist()}")
@@ -131,7 +121,7 @@ def _on_gpu(tensor: Tensor) -> bool:
 def _unit(quats: Tensor) -> Tensor:
     """Quaternions (N, 4) of length 1; one shorter than 1e-12 is no rotation, and has no gradient."""
     largest = quats.abs().amax(dim=1, keepdim=True)  # [N, 1], so that no square over- or underflows
-    long_enough = largest > SHORTEST_QUATERNION
+    long_enough = largest > Constants.shortest_quaternion
     scaled = quats / torch.where(long_enough, largest, 1.0)  # [N, 4]
     unit = scaled / torch.where(long_enough, scaled.norm(dim=1, keepdim=True), 1.0)
     return torch.where(long_enough, unit, quats.new_tensor([1.0, 0.0, 0.0, 0.0]))

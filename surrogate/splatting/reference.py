@@ -25,7 +25,8 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting.rendering import ALPHA_CAP, FRAME_MARGIN, MIN_TRANSMITTANCE, SHORTEST_QUATERNION, Rendering
+from surrogate.splatting.constants import Constants
+from surrogate.splatting.rendering import Primitives, Rendering
 
 PIXELS_AT_ONCE = 2048
 
@@ -40,46 +41,24 @@ class Splats(NamedTuple):
     dilation: float  # px^2
 
 
-def render(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    *,
-    near: float,
-    dilation: float,
-    alpha_floor: float,
-    alpha_cap: float = ALPHA_CAP,
-) -> Rendering:
-    """Draw Gaussians; arguments as `surrogate.splatting.render`, the result in the dtype of `means`."""
-    splats = project(means, scales, quats, opacities, colors, camera, near=near, dilation=dilation, floor=alpha_floor)
+def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:
+    """Draw Gaussians in the dtype of their means."""
+    splats = project(primitives, camera, constants)
     parts = [
-        composite(alphas_at(pixels, splats, alpha_floor, alpha_cap), splats.colors)
-        for pixels in pixel_centers(camera).to(means).split(PIXELS_AT_ONCE)
+        composite(alphas_at(pixels, splats, constants), splats.colors)
+        for pixels in pixel_centers(camera).to(primitives.means).split(PIXELS_AT_ONCE)
     ]
     image = torch.cat(parts).reshape(camera.height, camera.width, 4)  # [H, W, 4]
     return Rendering(image[..., :3], image[..., 3])
 
 
-def project(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    *,
-    near: float,
-    dilation: float,
-    floor: float,
-) -> Splats:
-    """Those of N Gaussians that lie beyond `near` and are more opaque than `floor`, projected and sorted."""
+def project(primitives: Primitives, camera: Camera, constants: Constants) -> Splats:
+    """Those of N Gaussians that lie beyond the near plane and are more opaque than the alpha floor, projected and sorted."""
+    means, scales, quats, opacities, colors = primitives
     rotation = torch.as_tensor(camera.rotation.copy()).to(means)  # [3, 3]
     translation = torch.as_tensor(camera.world_to_camera[:3, 3].copy()).to(means)  # [3]
     local = means @ rotation.T + translation  # [N, 3]
-    drawn = ((local[:, 2] > near) & (opacities > floor)).nonzero()[:, 0]  # [M]
+    drawn = ((local[:, 2] > constants.near) & (opacities > constants.alpha_floor)).nonzero()[:, 0]  # [M]
     drawn = drawn[torch.argsort(local[drawn, 2].detach().float(), stable=True)]
     local, scales, quats = local[drawn], scales[drawn], quats[drawn]
     depths = local[:, 2:]  # [M, 1]
@@ -87,13 +66,13 @@ def project(
     focal = means.new_tensor([camera.fx, camera.fy])  # [2]
     principal = means.new_tensor([camera.cx, camera.cy])  # [2]
     size = means.new_tensor([camera.width, camera.height])  # [2]
-    margin = FRAME_MARGIN * size
+    margin = constants.frame_margin * size
     limited = ratios.clamp((-principal - margin) / focal, (size - principal + margin) / focal)  # [M, 2]
     jacobians = torch.cat(
         [torch.diag_embed(focal / depths), (-focal * limited / depths)[..., None]], dim=2
     )  # [M, 2, 3]
     axes = jacobians @ rotation @ rotations(quats) * scales[:, None, :]  # [M, 2, 3]
-    return Splats(ratios * focal + principal, axes, opacities[drawn], colors[drawn], dilation)
+    return Splats(ratios * focal + principal, axes, opacities[drawn], colors[drawn], constants.dilation)
 
 
 def rotations(quats: Tensor) -> Tensor:
@@ -102,7 +81,7 @@ def rotations(quats: Tensor) -> Tensor:
     One shorter than 1e-12 is no rotation, and has no gradient.
     """
     lengths = quats.norm(dim=1, keepdim=True)  # [N, 1]
-    long_enough = lengths > SHORTEST_QUATERNION
+    long_enough = lengths > Constants.shortest_quaternion
     unit = torch.where(long_enough, quats / torch.where(long_enough, lengths, 1.0), 0.0)  # [N, 4]
     w, x, y, z = unit.unbind(1)
     rows = [
@@ -113,11 +92,11 @@ def rotations(quats: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)
 
 
-def alphas_at(pixels: Tensor, splats: Splats, alpha_floor: float, alpha_cap: float = ALPHA_CAP) -> Tensor:
+def alphas_at(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
     """What each splat covers of each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
     alphas = densities_at(pixels, splats)  # [P, M]
-    alphas = torch.where(alphas >= alpha_floor, alphas.clamp(max=alpha_cap), 0.0)
-    return torch.where(transmittances(alphas) >= MIN_TRANSMITTANCE, alphas, 0.0)
+    alphas = torch.where(alphas >= constants.alpha_floor, alphas.clamp(max=constants.alpha_cap), 0.0)
+    return torch.where(transmittances(alphas) >= constants.min_transmittance, alphas, 0.0)
 
 
 def densities_at(pixels: Tensor, splats: Splats) -> Tensor:

@@ -1,4 +1,4 @@
-"""What every splatting backend returns, and the constants that define it."""
+"""What every backend takes and gives: Gaussians as they are drawn, and the picture of them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,24 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-ALPHA_CAP = 0.999  # no Gaussian hides everything behind it; where the cap holds, alpha has no gradient
-DILATION = 0.003  # px^2: the usual 0.3 costs volumes a decibel, and ten at other sizes (docs/volume_fidelity.md)
-MIN_TRANSMITTANCE = 1e-4  # a pixel that lets less through takes no further Gaussian
-FRAME_MARGIN = 0.15  # the projection is linearised at most this fraction of the frame beyond its border
-SHORTEST_QUATERNION = 1e-12  # a shorter one is no rotation
+
+class Primitives(NamedTuple):
+    """N Gaussians as they are drawn.
+
+    Attributes
+    ----------
+    means : (N, 3) centres, world units.
+    scales : (N, 3) standard deviations along the axes, world units, positive.
+    quats : (N, 4) rotations w, x, y, z, of any length.
+    opacities : (N,) opacity at the centre, in [0, 1].
+    colors : (N, 3) colours, not limited to [0, 1].
+    """
+
+    means: Tensor  # [N, 3]
+    scales: Tensor  # [N, 3]
+    quats: Tensor  # [N, 4]
+    opacities: Tensor  # [N]
+    colors: Tensor  # [N, 3]
 
 
 class Rendering(NamedTuple):

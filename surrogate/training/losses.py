@@ -9,7 +9,7 @@ from torch import Tensor
 
 import native
 from surrogate.gaussians import NAMES, Gaussians
-from surrogate.splatting.cpu import cores
+from surrogate.splatting.threads import cores
 
 WINDOW = 11
 SIGMA = 1.5

@@ -35,6 +35,7 @@ int main() {
     view.fx = camera[12], view.fy = camera[13], view.cx = camera[14], view.cy = camera[15];
     view.near = camera[16], view.dilation = camera[17];
     view.width = sizes[1], view.height = sizes[2], view.alpha_floor = 1.0f / 255.0f, view.alpha_cap = 0.999f;
+    view.min_transmittance = 1e-4f, view.frame_margin = 0.15, view.shortest_quaternion = 1e-12;
     const auto means = read<float>(3 * count), scales = read<float>(3 * count), quats = read<float>(4 * count);
     const auto opacities = read<float>(count), colors = read<float>(3 * count);
     const auto gradient = read<float>(4 * pixels), target = read<float>(4 * pixels);

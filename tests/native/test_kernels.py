@@ -13,8 +13,18 @@ from numpy.typing import NDArray
 
 import native
 from catalogs.cameras import Camera
+from surrogate.splatting import Constants
 
 Arrays = list[NDArray[np.float32]]
+CONSTANTS = {
+    "near": 0.05,
+    "dilation": 0.1,
+    "alpha_floor": 1 / 255,
+    "alpha_cap": 0.999,
+    "min_transmittance": 1e-4,
+    "frame_margin": 0.15,
+    "shortest_quaternion": 1e-12,
+}
 
 
 def gaussians(count: int, seed: int = 0) -> Arrays:
@@ -31,9 +41,10 @@ def gaussians(count: int, seed: int = 0) -> Arrays:
 
 def draw(arrays: Arrays, width: int = 70, height: int = 50, threads: int = 1, **changes: Any) -> Any:
     camera = Camera.look_at((3, 0.6, 0.4), (0, 0, 0), vertical_fov_degrees=35.0, width=width, height=height)
-    view = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "width": width, "height": height}
-    constants = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1 / 255, "threads": threads}
-    return native.forward(*arrays, camera.world_to_camera, **{**view, **constants, **changes})
+    intrinsics = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
+    size = {"width": width, "height": height}
+    chosen = [[changes.pop(name, values[name]) for name in values] for values in (intrinsics, size, CONSTANTS)]
+    return native.forward(*arrays, camera.world_to_camera, *chosen, threads, **changes)
 
 
 def everything(arrays: Arrays, width: int = 70, height: int = 50, threads: int = 1) -> list[NDArray[np.float32]]:
@@ -98,6 +109,24 @@ def test_what_does_not_reach_the_picture_has_no_gradient() -> None:
     drawing = draw(scene)
     assert drawing.drawn <= 25
     assert not any(gradient[:25].any() for gradient in everything(scene)[2:])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("near", 3.0),
+        ("dilation", 1.0),
+        ("alpha_floor", 0.1),
+        ("alpha_cap", 0.5),
+        ("min_transmittance", 0.5),
+        ("frame_margin", -0.4),
+        ("shortest_quaternion", 1.0),
+    ],
+)
+def test_every_constant_counts(name: str, value: float) -> None:
+    assert list(CONSTANTS) == [*Constants.__annotations__]
+    usual, changed = draw(gaussians(200)), draw(gaussians(200), **{name: value})
+    assert not np.array_equal(usual.alpha, changed.alpha)
 
 
 @pytest.mark.parametrize(

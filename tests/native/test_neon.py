@@ -19,8 +19,7 @@ from torch import Tensor
 from catalogs.cameras import Camera
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
-from surrogate.splatting import render_over
-from surrogate.splatting.rendering import DILATION
+from surrogate.splatting import Constants, render_over
 from surrogate.training.losses import image_loss_reference, structural_similarity
 
 COMPILER, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64"
@@ -79,7 +78,7 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
     asked = [random.normal(0, 0.3, (COUNT, VALUES)), changes, random.normal(size=COUNT)]
     upstream = [random.normal(size=COUNT), random.normal(size=(COUNT, 3))]
     floats = [a.astype("<f4") for a in (*gaussians, gradient, target, *factors, *asked, *upstream)]
-    intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, 0.02, DILATION]
+    intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, Constants.near, Constants.dilation]
     view = np.concatenate([camera.rotation.ravel(), camera.world_to_camera[:3, 3], intrinsics]).astype("<f8")
     sizes = np.array([COUNT, camera.width, camera.height, threads, LATENT, VALUES], "<i4")
     content = b"".join(array.tobytes() for array in (sizes, view, *floats))

@@ -113,9 +113,9 @@ def test_what_is_drawn_is_what_the_world_units_say() -> None:
         torch.from_numpy(deformed.opacities),
         deformed.gaussians.colors,
         near,
-        near=deformed.rasterizer.near * EXTENT,
-        dilation=deformed.rasterizer.dilation,
-        alpha_floor=deformed.rasterizer.alpha_floor,
+        near=deformed.rasterizer.constants.near * EXTENT,
+        dilation=deformed.rasterizer.constants.dilation,
+        alpha_floor=deformed.rasterizer.constants.alpha_floor,
         backend="reference",
     )
     picture = deformed.render(CAMERA)

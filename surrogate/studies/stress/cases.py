@@ -11,10 +11,9 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting.rendering import DILATION
+from surrogate.splatting import Constants, Primitives
 from surrogate.studies.stress.scenes import (
     NEAR,
-    Scene,
     at_depths,
     axes,
     cloud,
@@ -49,14 +48,19 @@ class Case:
     """
 
     name: str
-    scene: Callable[[], Scene]
+    scene: Callable[[], Primitives]
     camera: Callable[[], Camera] = view
     image: float = IMAGE
     gradient: float = GRADIENT
     why: str = ""
-    dilation: float = DILATION
-    alpha_floor: float = FLOOR
+    dilation: float = Constants.dilation
+    alpha_floor: float = Constants.alpha_floor
     expected_alpha: float | None = None
+
+    @property
+    def constants(self) -> Constants:
+        """Those of the rasterizer."""
+        return Constants(NEAR, self.dilation, self.alpha_floor)
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ def cases() -> list[Case]:
 def refusals() -> list[Refusal]:
     """All that must be refused: a number in each attribute that is not finite."""
     values = {"NaN": float("nan"), "infinity": float("inf")}
-    return [Refusal(f"{said} in {name}", name, value) for said, value in values.items() for name in Scene._fields]
+    return [Refusal(f"{said} in {name}", name, value) for said, value in values.items() for name in Primitives._fields]
 
 
 def agreements() -> list[Agreement]:
@@ -148,7 +152,7 @@ def _places() -> list[Case]:
 
 
 def _opacities() -> list[Case]:
-    def with_opacities(first: float, second: float) -> Callable[[], Scene]:
+    def with_opacities(first: float, second: float) -> Callable[[], Primitives]:
         return lambda: cloud()._replace(opacities=with_every_third(cloud().opacities, first, second))
 
     behind = "all that is left of a gradient behind layers that let 1e-4 through is a difference of numbers 10^4 times as large"
@@ -173,7 +177,7 @@ def _opacities() -> list[Case]:
 
 
 def _numbers() -> list[Case]:
-    def with_quats(*lengths: float) -> Callable[[], Scene]:
+    def with_quats(*lengths: float) -> Callable[[], Primitives]:
         return lambda: cloud()._replace(quats=with_lengths(cloud().quats, *lengths))
 
     return [
@@ -201,7 +205,7 @@ def _not_contiguous(tensor: Tensor) -> Tensor:
     return torch.stack([tensor, torch.full_like(tensor, -7.0)], dim=-1)[..., 0]
 
 
-def _far_off_axis() -> Scene:
+def _far_off_axis() -> Primitives:
     angles = torch.linspace(-1.4, 1.4, 60, dtype=torch.float64)
     camera = view()
     forward, right = torch.tensor(camera.forward), torch.tensor(camera.rotation[0])
@@ -209,7 +213,7 @@ def _far_off_axis() -> Scene:
     return cloud()._replace(means=torch.tensor(camera.position) + 3.0 * places, scales=cloud().scales * 5.0)
 
 
-def _identical_depths() -> Scene:
+def _identical_depths() -> Primitives:
     """All in one plane across the axis of a camera that looks along x."""
     some = cloud()
     means = some.means.clone()
@@ -220,7 +224,7 @@ def _identical_depths() -> Scene:
 FAR = (1e6, -2e6, 5e5)
 
 
-def _far() -> Scene:
+def _far() -> Primitives:
     """A scene that float32 can't hold: its numbers there are 0.06 to 0.13 apart."""
     return cloud()._replace(means=cloud().means + torch.tensor(FAR, dtype=torch.float64))
 
@@ -232,7 +236,7 @@ def _far_view() -> Camera:
     )
 
 
-def _from_far() -> Scene:
+def _from_far() -> Primitives:
     """What the normalization of a scene around (1e6, -2e6, 5e5) leaves: its origin is taken off in float64."""
     origin = torch.tensor(FAR, dtype=torch.float64)
     return cloud()._replace(means=(cloud().means + origin) - origin)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting import reference, render
-from surrogate.splatting.rendering import ALPHA_CAP, MIN_TRANSMITTANCE, SHORTEST_QUATERNION
+from surrogate.splatting import Constants, Primitives, draw, reference
 from surrogate.studies.stress.cases import Agreement, Case, Refusal
-from surrogate.studies.stress.scenes import NEAR, Scene, cloud, tied, view
+from surrogate.studies.stress.scenes import NEAR, cloud, tied, view
 
 MARGIN = 2e-4  # relative: nearer to a threshold, float32 may rightly fall to its other side
 PIXELS_AT_ONCE = 512
@@ -24,7 +23,7 @@ class Drawn(NamedTuple):
     """A picture, and the gradient of a fixed random functional of it by each attribute."""
 
     picture: Tensor  # [H, W, 5]: colour, alpha, depth
-    gradients: Scene
+    gradients: Primitives
 
 
 @dataclass(frozen=True)
@@ -57,18 +56,17 @@ class Outcome:
 
 def check(case: Case, backend: Mapping[str, Any]) -> Outcome:
     """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one."""
-    scene, camera = case.scene().snapped(), case.camera()
-    options = {"near": NEAR, "dilation": case.dilation, "alpha_floor": case.alpha_floor, "alpha_cap": ALPHA_CAP}
+    scene, camera = snapped(case.scene()), case.camera()
     certain = certain_pixels(scene, camera, case)  # [H, W]
-    true = _drawn(scene, camera, certain, options | {"backend": "reference"})
-    got = _drawn(Scene(*(tensor.float() for tensor in scene)), camera, certain, options | dict(backend))
+    true = _drawn(scene, camera, certain, case.constants, {"backend": "reference"})
+    got = _drawn(Primitives(*(tensor.float() for tensor in scene)), camera, certain, case.constants, backend)
     difference = (got.picture.double() - true.picture).abs() / _units(true.picture)  # [H, W, 5]
     inside, outside = difference[certain], difference[~certain]
     errors = [
         _relative(a.double(), b, unit)
         for a, b, unit in zip(got.gradients, true.gradients, _gradient_units(scene, true.gradients), strict=True)
     ]
-    gradients = dict(zip(Scene._fields, errors, strict=True))
+    gradients = dict(zip(Primitives._fields, errors, strict=True))
     outcome = Outcome(
         case,
         float(inside.max()) if inside.numel() else 0.0,
@@ -83,16 +81,16 @@ def check(case: Case, backend: Mapping[str, Any]) -> Outcome:
 
 def check_agreement(agreement: Agreement, backend: Mapping[str, Any]) -> Outcome:
     """A picture and its gradients, of Gaussians of which many lie at one depth, must not differ by a bit."""
-    scene = Scene(*(tensor.float() for tensor in tied(CROWD)))
+    scene = Primitives(*(tensor.float() for tensor in tied(CROWD)))
     camera, certain = view(130, 90), torch.ones(90, 130, dtype=torch.bool)
-    options = {"near": NEAR, **backend}
-    first = _drawn(scene, camera, certain, options)
-    changed = Scene(*(agreement.changed(tensor) for tensor in scene))
-    again = _drawn(changed, camera, certain, {**options, **agreement.options})
+    constants = Constants(NEAR)
+    first = _drawn(scene, camera, certain, constants, backend)
+    changed = Primitives(*(agreement.changed(tensor) for tensor in scene))
+    again = _drawn(changed, camera, certain, constants, {**backend, **agreement.options})
     complaints = [] if torch.equal(first.picture, again.picture) else ["the picture differs"]
     complaints += [
         f"the gradient by {name} differs"
-        for name, a, b in zip(Scene._fields, first.gradients, again.gradients, strict=True)
+        for name, a, b in zip(Primitives._fields, first.gradients, again.gradients, strict=True)
         if not torch.equal(a, b.to(a))
     ]
     return Outcome(agreement, complaints=tuple(complaints))
@@ -100,41 +98,51 @@ def check_agreement(agreement: Agreement, backend: Mapping[str, Any]) -> Outcome
 
 def check_refusal(refusal: Refusal, backend: Mapping[str, Any]) -> Outcome:
     """A number that is not finite must be named, and nothing drawn."""
-    scene = Scene(*(tensor.float() for tensor in cloud()))
+    scene = Primitives(*(tensor.float() for tensor in cloud()))
     getattr(scene, refusal.attribute)[refusal.row] = refusal.value
     try:
-        render(*scene, view(), near=NEAR, **backend)
+        draw(scene, view(), Constants(NEAR), **backend)
     except ValueError as error:
         named = f"{refusal.attribute} of Gaussian {refusal.row}" in str(error)
         return Outcome(refusal, complaints=() if named else (f"the error does not name it: {error}",))
     return Outcome(refusal, complaints=("it was drawn",))
 
 
-def certain_pixels(scene: Scene, camera: Camera, case: Case) -> Tensor:
+def snapped(primitives: Primitives) -> Primitives:
+    """The same, in float64, rounded to what float32 holds: only the arithmetic on it differs then."""
+    return Primitives(*(tensor.float().double() for tensor in primitives))
+
+
+def certain_pixels(scene: Primitives, camera: Camera, case: Case) -> Tensor:
     """Pixels (H, W) in which nothing that is reached lies within `MARGIN` of the alpha floor or of the least transmittance."""
-    splats = reference.project(*scene, camera, near=NEAR, dilation=case.dilation, floor=case.alpha_floor * (1 - MARGIN))
+    constants = case.constants
+    splats = reference.project(scene, camera, replace(constants, alpha_floor=case.alpha_floor * (1 - MARGIN)))
     found = []
     for pixels in reference.pixel_centers(camera).double().split(PIXELS_AT_ONCE):
         densities = reference.densities_at(pixels, splats)  # [P, M]
-        drawn = torch.where(densities >= case.alpha_floor, densities.clamp(max=ALPHA_CAP), 0.0)
+        drawn = torch.where(densities >= case.alpha_floor, densities.clamp(max=constants.alpha_cap), 0.0)
         reached = reference.transmittances(drawn)  # [P, M]
-        on_floor = ((densities / case.alpha_floor - 1).abs() < MARGIN) & (reached >= MIN_TRANSMITTANCE * (1 - MARGIN))
-        last = (reached / MIN_TRANSMITTANCE - 1).abs() < MARGIN
+        on_floor = ((densities / case.alpha_floor - 1).abs() < MARGIN) & (
+            reached >= constants.min_transmittance * (1 - MARGIN)
+        )
+        last = (reached / constants.min_transmittance - 1).abs() < MARGIN
         found.append(~(on_floor | last).any(dim=1))
     return torch.cat(found).view(camera.height, camera.width)
 
 
-def _drawn(scene: Scene, camera: Camera, certain: Tensor, options: Mapping[str, Any]) -> Drawn:
+def _drawn(
+    scene: Primitives, camera: Camera, certain: Tensor, constants: Constants, options: Mapping[str, Any]
+) -> Drawn:
     device = "cuda" if options.get("backend") == "cuda" else "cpu"
-    leaves = [tensor.detach().clone().to(device).requires_grad_() for tensor in scene]
-    drawn = render(leaves[0], leaves[1], leaves[2], leaves[3], leaves[4], camera, depth=True, **options)
+    leaves = Primitives(*(tensor.detach().clone().to(device).requires_grad_() for tensor in scene))
+    drawn = draw(leaves, camera, constants, depth=True, **options)
     assert drawn.depth is not None
     picture = torch.cat([drawn.color, drawn.alpha[..., None], drawn.depth[..., None]], dim=2).cpu()  # [H, W, 5]
     random = torch.Generator().manual_seed(9)
     weights = torch.randn(picture.shape, generator=random, dtype=torch.float64) * certain[..., None]
     scale = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])  # depth is a second picture: its gradients are those of a colour
     value = (picture * (weights * scale).to(picture)).sum()
-    return Drawn(picture.detach(), Scene(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves))))
+    return Drawn(picture.detach(), Primitives(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves))))
 
 
 def _units(picture: Tensor) -> Tensor:
@@ -143,7 +151,7 @@ def _units(picture: Tensor) -> Tensor:
     return torch.stack([*largest[:3].clamp(min=1.0), largest.new_tensor(1.0), largest[4].clamp(min=1e-30)])
 
 
-def _gradient_units(scene: Scene, gradients: Scene) -> list[float]:
+def _gradient_units(scene: Primitives, gradients: Primitives) -> list[float]:
     """The largest gradient of each kind, which errors are relative to.
 
     A round Gaussian looks the same however it is turned: its gradient by the quaternion is the zero that is left when terms as
@@ -152,9 +160,9 @@ def _gradient_units(scene: Scene, gradients: Scene) -> list[float]:
     largest = [float(gradient.abs().max()) if gradient.numel() else 0.0 for gradient in gradients]
     lengths = scene.quats.norm(dim=1, keepdim=True)  # [N, 1]
     turning = torch.where(
-        lengths > SHORTEST_QUATERNION, (gradients.scales * scene.scales).abs() / lengths, 0.0
+        lengths > Constants.shortest_quaternion, (gradients.scales * scene.scales).abs() / lengths, 0.0
     )  # [N, 3]
-    quats = Scene._fields.index("quats")
+    quats = Primitives._fields.index("quats")
     largest[quats] = max(largest[quats], float(turning.max()) if turning.numel() else 0.0)
     return largest
 
@@ -186,4 +194,4 @@ def _judged(outcome: Outcome, case: Case, picture: Tensor) -> Outcome:
 
 def largest_jump(case: Case) -> float:
     """What a contribution at a threshold may change: some floors' worth, one for each that lies on it."""
-    return 4.0 * case.alpha_floor + 2.0 * MIN_TRANSMITTANCE
+    return 4.0 * case.alpha_floor + 2.0 * Constants.min_transmittance

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
+from surrogate.splatting import Primitives
 
 NEAR = 0.05
 PIXEL = 0.0365  # world units that a pixel of `view()` is wide at the origin, about
-
-
-class Scene(NamedTuple):
-    """N Gaussians as `surrogate.splatting.render` takes them."""
-
-    means: Tensor  # [N, 3]
-    scales: Tensor  # [N, 3]
-    quats: Tensor  # [N, 4]
-    opacities: Tensor  # [N]
-    colors: Tensor  # [N, 3]
-
-    def snapped(self) -> Scene:
-        """The same, in float64, rounded to what float32 holds: only the arithmetic on it differs then."""
-        return Scene(*(tensor.float().double() for tensor in self))
 
 
 def view(width: int = 61, height: int = 47, *, eye: tuple[float, float, float] = (3.0, 0.6, 0.4)) -> Camera:
@@ -46,7 +31,7 @@ def cloud(
     scales: tuple[float, float] = (0.02, 0.08),
     opacities: tuple[float, float] = (0.02, 0.9),
     spread: float = 0.6,
-) -> Scene:
+) -> Primitives:
     """Gaussians drawn evenly from a cube of half-width `spread`, turned any way, of any colour."""
     random = np.random.default_rng(seed)
     columns = (
@@ -56,17 +41,17 @@ def cloud(
         random.uniform(*opacities, count),
         random.random((count, 3)),
     )
-    return Scene(*(torch.from_numpy(column) for column in columns))
+    return Primitives(*(torch.from_numpy(column) for column in columns))
 
 
-def axes(ratio: float, thin: int, *, length: float = 0.3) -> Scene:
+def axes(ratio: float, thin: int, *, length: float = 0.3) -> Primitives:
     """A cloud of needles (two thin axes) or pancakes (one), whose axes are as `ratio` to 1."""
     scales = torch.full((60, 3), length, dtype=torch.float64)
     scales[:, :thin] = length / ratio
     return cloud()._replace(scales=scales)
 
 
-def radius(pixels: float) -> Scene:
+def radius(pixels: float) -> Primitives:
     """A cloud of round Gaussians with standard deviations of so many pixels."""
     count = 60 if pixels >= 1.0 else 300  # of small ones few cover the centre of a pixel
     return cloud(count, opacities=(0.02, 0.3))._replace(
@@ -74,7 +59,7 @@ def radius(pixels: float) -> Scene:
     )
 
 
-def at_depths(depths: Tensor, *, size: float = 0.01) -> Scene:
+def at_depths(depths: Tensor, *, size: float = 0.01) -> Primitives:
     """A Gaussian at each depth (N,) before `view()`, near its axis; sizes grow with the depth."""
     camera, some = view(), cloud(len(depths))
     spread = some.means * depths.abs()[:, None] * 0.1 * torch.tensor(1.0 - np.abs(camera.forward))  # [N, 3]
@@ -82,7 +67,7 @@ def at_depths(depths: Tensor, *, size: float = 0.01) -> Scene:
     return some._replace(means=means, scales=some.scales * 0.0 + size * depths.abs()[:, None].clamp(min=1e-3))
 
 
-def one_pixel(count: int, opacity: tuple[float, float]) -> Scene:
+def one_pixel(count: int, opacity: tuple[float, float]) -> Primitives:
     """`count` Gaussians, one behind the other, that cover about one pixel."""
     crowd = cloud(count, seed=4, scales=(0.3 * PIXEL, 0.6 * PIXEL), opacities=opacity)
     along = torch.tensor(view().forward)
@@ -91,11 +76,11 @@ def one_pixel(count: int, opacity: tuple[float, float]) -> Scene:
     )
 
 
-def layers(count: int, opacity: float) -> Scene:
+def layers(count: int, opacity: float) -> Primitives:
     """`count` sheets that cover the whole frame evenly, all of the same opacity and colour."""
     even = cloud(count)
     along = torch.tensor(view().forward)
-    return Scene(
+    return Primitives(
         torch.linspace(-0.8, 0.8, count, dtype=torch.float64)[:, None] * along,
         torch.full_like(even.scales, 1e5),
         even.quats,
@@ -104,7 +89,7 @@ def layers(count: int, opacity: float) -> Scene:
     )
 
 
-def tied(count: int) -> Scene:
+def tied(count: int) -> Primitives:
     """A cloud in which every other Gaussian lies where the one before it does."""
     some = cloud(count, scales=(0.01, 0.05))
     means = some.means.clone()

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from benchmarks.splatting.twin import (
-    Constants,
     Counted,
     Errors,
     Twin,
@@ -20,8 +19,8 @@ from benchmarks.splatting.twin import (
     patches,
     picture_at,
 )
-from benchmarks.splatting.workloads import FIXED, OTHERS, Scene, Workload
-from surrogate.splatting import reference, render
+from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
+from surrogate.splatting import Constants, Primitives, draw, reference
 
 SMALL = replace(FIXED, size=24, count=60)
 HARD = replace(OTHERS[-1], size=24, count=60, sigmas=(0.1, 9.0))
@@ -32,8 +31,8 @@ HARD = replace(OTHERS[-1], size=24, count=60, sigmas=(0.1, 9.0))
 def test_patches_against_the_whole_twin(workload: Workload, floor: float) -> None:
     camera, constants = workload.camera(), Constants(alpha_floor=floor)
     twin = ask(workload.scene(), camera, constants, patches(24, 24))
-    leaves = Scene(*(tensor.double().requires_grad_() for tensor in workload.scene()))
-    rendering = render(*leaves, camera, **constants.options(), backend="reference")  # type: ignore[arg-type]
+    leaves = Primitives(*(tensor.double().requires_grad_() for tensor in workload.scene()))
+    rendering = draw(leaves, camera, constants, backend="reference")
     picture = picture_at(rendering, twin.pixels)
     torch.testing.assert_close(twin.picture, picture.detach(), rtol=0, atol=1e-14)
     wanted = torch.autograd.grad((picture * twin.weights).sum(), leaves)
@@ -44,9 +43,9 @@ def test_patches_against_the_whole_twin(workload: Workload, floor: float) -> Non
 def test_counts_against_the_whole_twin() -> None:
     camera, constants = SMALL.camera(), Constants()
     counted = ask(SMALL.scene(), camera, constants, patches(24, 24), gradients=False).counted
-    tensors = (tensor.double() for tensor in SMALL.scene())
-    splats = reference.project(*tensors, camera, near=constants.near, dilation=constants.dilation, floor=1 / 255)
-    drawn = (reference.alphas_at(reference.pixel_centers(camera).double(), splats, 1 / 255) > 0).numpy()  # [P, M]
+    scene = Primitives(*(tensor.double() for tensor in SMALL.scene()))
+    splats = reference.project(scene, camera, constants)
+    drawn = (reference.alphas_at(reference.pixel_centers(camera).double(), splats, constants) > 0).numpy()  # [P, M]
     blocks = drawn.reshape(6, 4, 6, 4, -1).any(axis=(1, 3))  # 24 = 6 x 4
     assert counted == (24 * 24, drawn.any(1).sum(), drawn.sum(), blocks.sum())
     assert counted.depth == pytest.approx(drawn.sum() / drawn.any(1).sum())

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.splatting.twin import Constants, ask, patches
+from benchmarks.splatting.twin import ask, patches
 from benchmarks.splatting.workloads import FIXED, OTHERS, Workload, thousands
+from surrogate.splatting import Constants
 
 
 def test_fixed_workload_is_as_deep_as_it_says() -> None:

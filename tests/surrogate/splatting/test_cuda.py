@@ -12,9 +12,10 @@ from torch import Tensor
 
 import surrogate.splatting
 from catalogs.cameras import Camera
-from surrogate.splatting import cuda, render, render_over
+from surrogate.splatting import Primitives, cuda, render, render_over
 from surrogate.splatting.device import chosen
-from surrogate.studies.stress.scenes import Scene, cloud, off_center, view, with_lengths
+from surrogate.studies.stress.check import snapped
+from surrogate.studies.stress.scenes import cloud, off_center, view, with_lengths
 from surrogate.studies.stress.table import table
 from surrogate.training.losses import image_loss_reference
 
@@ -72,7 +73,7 @@ def plain_rasterization(
 def test_its_conventions_are_ours(camera: Camera, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("gsplat")
     without_gpu(monkeypatch, plain_rasterization)
-    scene = cloud(40, opacities=(0.05, 0.3)).snapped()  # nowhere so opaque that its other rule of stopping matters
+    scene = snapped(cloud(40, opacities=(0.05, 0.3)))  # nowhere so opaque that its other rule of stopping matters
     slow = [tensor.clone().requires_grad_() for tensor in scene]
     fast = [tensor.float().requires_grad_() for tensor in scene]
     random = torch.Generator().manual_seed(1)
@@ -86,7 +87,7 @@ def test_its_conventions_are_ours(camera: Camera, monkeypatch: pytest.MonkeyPatc
     (true, true_gradients), (got, gradients) = found
     assert float((got.color - true.color).detach().abs().quantile(0.999)) < 2e-5
     assert float((got.alpha - true.alpha).detach().abs().quantile(0.999)) < 2e-5
-    for name, a, b in zip(Scene._fields, gradients, true_gradients, strict=True):
+    for name, a, b in zip(Primitives._fields, gradients, true_gradients, strict=True):
         assert float((a - b).abs().max()) < 1e-3 * float(b.abs().max()), name
 
 
@@ -124,7 +125,7 @@ def test_gsplat_is_told_what_our_arguments_mean(monkeypatch: pytest.MonkeyPatch)
     intrinsics = torch.tensor([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
     torch.testing.assert_close(told["Ks"][0], intrinsics.float())
     torch.testing.assert_close(told["viewmats"][0].double(), torch.tensor(camera.world_to_camera), rtol=0, atol=1e-6)
-    assert all(told[name].dtype == torch.float32 for name in Scene._fields)
+    assert all(told[name].dtype == torch.float32 for name in Primitives._fields)
     torch.testing.assert_close(told["quats"].norm(dim=1), torch.ones(5))
     assert told["quats"][0].tolist() == [1.0, 0.0, 0.0, 0.0]
 
@@ -154,7 +155,7 @@ def test_what_gsplat_can_not_do_is_refused(options: dict[str, float], complaint:
         render(*cloud(5), view(), backend="cuda", **options)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", Scene._fields)
+@pytest.mark.parametrize("name", Primitives._fields)
 def test_what_is_not_finite_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     without_gpu(monkeypatch, None)
     scene = cloud(9)

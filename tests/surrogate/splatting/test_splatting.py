@@ -7,8 +7,7 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting import reference, render
-from surrogate.splatting.rendering import DILATION
+from surrogate.splatting import Constants, Primitives, reference, render
 
 VIEW = Camera.look_at((3.0, 0.6, 0.4), (0, 0, 0), vertical_fov_degrees=35.0, width=23, height=17)
 BACKENDS = ("cpu", "reference")
@@ -26,10 +25,10 @@ def scene(count: int = 40) -> list[Tensor]:
 
 def depth_by_definition(gaussians: list[Tensor], camera: Camera) -> Tensor:
     """Sum of transmittance, alpha and depth over the sorted Gaussians, for each pixel."""
-    splats = reference.project(*gaussians, camera, near=0.02, dilation=DILATION, floor=1.0 / 255.0)  # type: ignore[arg-type, misc]
+    splats = reference.project(Primitives(*gaussians), camera, Constants())
     matrix = torch.tensor(camera.world_to_camera)
     depths = gaussians[0] @ matrix[2, :3] + matrix[2, 3]
-    alphas = reference.alphas_at(reference.pixel_centers(camera).double(), splats, 1.0 / 255.0)
+    alphas = reference.alphas_at(reference.pixel_centers(camera).double(), splats, Constants())
     weights = reference.transmittances(alphas) * alphas
     return (weights @ depths.sort().values).view(camera.height, camera.width)
 

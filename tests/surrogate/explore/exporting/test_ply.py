@@ -64,10 +64,10 @@ def test_the_reference_formulas_draw_the_same_picture(color_columns: int) -> Non
     drawn = render(
         *decoded(ply_bytes(shown), CAMERA.position),  # type: ignore[arg-type]
         CAMERA,
-        near=shown.rasterizer.near * EXTENT,
-        dilation=shown.rasterizer.dilation,
-        alpha_floor=shown.rasterizer.alpha_floor,
-        alpha_cap=shown.rasterizer.alpha_cap,
+        near=shown.rasterizer.constants.near * EXTENT,
+        dilation=shown.rasterizer.constants.dilation,
+        alpha_floor=shown.rasterizer.constants.alpha_floor,
+        alpha_cap=shown.rasterizer.constants.alpha_cap,
         backend="reference",
     )
     picture = shown.render(CAMERA)

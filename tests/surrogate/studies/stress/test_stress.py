@@ -14,8 +14,7 @@ from torch import Tensor
 import native
 import surrogate.splatting
 from surrogate.cli import main
-from surrogate.splatting import cpu
-from surrogate.splatting.rendering import Rendering
+from surrogate.splatting import Primitives, Rendering, cpu
 from surrogate.studies.stress.cases import Agreement, Case, agreements, cases, refusals
 from surrogate.studies.stress.check import check, check_agreement, check_refusal
 from surrogate.studies.stress.drift import Drift, Look, measure_drift
@@ -55,9 +54,8 @@ def test_what_must_agree_agrees_and_what_must_be_refused_is(row: Any) -> None:
 def drawn_wrong(
     change: Callable[[Rendering], Rendering], prepare: Callable[..., Any] = lambda *tensors: tensors
 ) -> Any:
-    def render(*inputs: Any, **options: Any) -> Rendering:
-        *tensors, camera = inputs
-        return change(cpu.render(*prepare(*tensors), camera, **options))
+    def render(primitives: Primitives, *inputs: Any, **options: Any) -> Rendering:
+        return change(cpu.render(Primitives(*prepare(*primitives)), *inputs, **options))
 
     return SimpleNamespace(render=render)
 

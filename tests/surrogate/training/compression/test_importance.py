@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import torch
 
-from surrogate.rasterizer import Rasterizer
-from surrogate.splatting import reference
+from surrogate.rasterizer import Rasterizer, primitives
+from surrogate.splatting import Primitives, reference
 from surrogate.training.compression import importance
 from surrogate.training.data import Example
 from tests.support.blobs import Blobs
@@ -17,18 +17,12 @@ def test_it_is_the_sum_of_transmittance_and_alpha() -> None:
     expected = torch.zeros(len(gaussians), dtype=torch.float64)
     for example in examples:
         wide = blobs.gaussians(float(example.parameters))
-        inputs = [t.double() for t in (wide.means, wide.scales(), wide.quats, wide.opacities(), wide.colors)]
-        splats = reference.project(
-            *inputs,  # type: ignore[arg-type]
-            example.camera,
-            near=rasterizer.near,
-            dilation=rasterizer.dilation,
-            floor=rasterizer.alpha_floor,
-        )
+        inputs = Primitives(*(t.double() for t in primitives(wide, example.camera)))
+        splats = reference.project(inputs, example.camera, rasterizer.constants)
         pixels = reference.pixel_centers(example.camera).double()
-        alphas = reference.alphas_at(pixels, splats, rasterizer.alpha_floor)
+        alphas = reference.alphas_at(pixels, splats, rasterizer.constants)
         matrix = torch.tensor(example.camera.world_to_camera)
-        order = (inputs[0] @ matrix[2, :3]).argsort()
+        order = (inputs.means @ matrix[2, :3]).argsort()
         expected[order] += (reference.transmittances(alphas) * alphas).sum(0)
     torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=1e-3)
 
