@@ -28,6 +28,14 @@ class Setting:
     visualization: Mapping[str, float | str] = field(default_factory=dict)
     color_map: str = ""
 
+    @property
+    def values(self) -> dict[str, float | str]:
+        """All parameters by name."""
+        return {**self.parameters, **self.visualization}
+
+    def __str__(self) -> str:
+        return listed(self.values) + (f", {self.color_map}" if self.color_map else "")
+
     def gaussians(self, surrogate: Surrogate) -> DeformedGaussians:
         """The surrogate's Gaussians at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.
 
@@ -48,6 +56,13 @@ class Setting:
             return function
         low, high = base.color_points[0][0], base.color_points[-1][0]
         return replace(function, color_points=color_points(self.color_map, low, high))
+
+
+def listed(values: Mapping[str, float | str]) -> str:
+    """Such as "Re=1800, appearance=speed"."""
+    return ", ".join(
+        f"{name}={value if isinstance(value, str) else format(value, 'g')}" for name, value in values.items()
+    )
 
 
 def base_function(surrogate: Surrogate) -> TransferFunction | None:

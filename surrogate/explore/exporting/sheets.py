@@ -58,7 +58,6 @@ def strip(
     pictures: Iterable[NDArray[Any]],
     *,
     background: Sequence[float],
-    units: Mapping[str, str] | None = None,
     record: Mapping[str, Any] | None = None,
 ) -> bytes:
     """A sweep as one PNG: its pictures side by side, each with its parameter's value above; of two parameters as a labelled grid.
@@ -68,7 +67,6 @@ def strip(
     sweep : what is shown.
     pictures : (H, W, 3) each, row by row, as `surrogate.explore.exporting.sweep.pictures` draws them.
     background : straight RGB in [0, 1] of the paper; text is black or white.
-    units : of the parameters by name, where they have one.
     record : JSON values that the PNG keeps, as in `surrogate.explore.exporting.pictures.encode`.
 
     More than eight pictures of one parameter are broken into rows.  Raises ValueError for a sheet larger than 16384 pixels a side
@@ -76,7 +74,7 @@ def strip(
     """
     from PIL import Image, ImageDraw
 
-    labels = _labels(sweep, units or {})
+    labels = _labels(sweep)
     iterator = iter(pictures)
     first = next(iterator, None)
     if first is None:
@@ -94,12 +92,11 @@ def captioned(
     sweep: Sweep,
     *,
     background: Sequence[float],
-    units: Mapping[str, str] | None = None,
 ) -> Iterator[NDArray[np.uint8]]:
     """The same pictures with their parameters' values written below: (H + h, W, 3) each."""
     from PIL import Image, ImageDraw
 
-    columns, rows = _labels(sweep, units or {})
+    columns, rows = _labels(sweep)
     texts = [", ".join(filter(None, (row, column))) for row in rows or [""] for column in columns]
     for text, picture in zip(texts, pictures, strict=True):
         height, width = picture.shape[:2]
@@ -114,10 +111,9 @@ def captioned(
         yield np.asarray(framed)
 
 
-def _labels(sweep: Sweep, units: Mapping[str, str]) -> tuple[list[str], list[str]]:
+def _labels(sweep: Sweep) -> tuple[list[str], list[str]]:
     """Of the columns, or of all pictures of a strip; and of the rows of a grid, none for a strip."""
-    columns = sweep.columns.labels(units.get(sweep.columns.name, ""))
-    return columns, [] if sweep.rows is None else sweep.rows.labels(units.get(sweep.rows.name, ""))
+    return sweep.columns.labels, [] if sweep.rows is None else sweep.rows.labels
 
 
 def _layout(sweep: Sweep, labels: tuple[list[str], list[str]], width: int, height: int) -> _Layout:

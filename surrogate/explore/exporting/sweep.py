@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.parameters import Parameter
 from catalogs.variations import APPEARANCE
-from surrogate.explore.setting import Setting
+from surrogate.explore.setting import Setting, listed
 from surrogate.model import Surrogate
 
 LEAST_STEPS, MOST_STEPS = 2, 200
@@ -31,12 +32,14 @@ class Axis:
     name : of a simulation parameter, or of a visualization parameter such as `isovalue` or `c1_value`.
     low, high : finite, low < high.
     count : 2 to 200.
+    unit : of the values; "" for none.
     """
 
     name: str
     low: float
     high: float
     count: int
+    unit: str = ""
 
     def __post_init__(self) -> None:
         if self.name == APPEARANCE or not self.name:
@@ -55,14 +58,15 @@ class Axis:
         """All of them, in order."""
         return [float(value) for value in np.linspace(self.low, self.high, self.count)]
 
-    def labels(self, unit: str = "") -> list[str]:
+    @property
+    def labels(self) -> list[str]:
         """Such as "Re = 1500", in as many digits as it takes to round values by less than a hundredth of their distance."""
         values, step = self.values, (self.high - self.low) / (self.count - 1)
         for digits in range(LEAST_DIGITS, MOST_DIGITS + 1):
             texts = [f"{value:.{digits}g}" for value in values]
             if all(abs(float(text) - value) <= 0.01 * step for text, value in zip(texts, values, strict=True)):
                 break
-        return [f"{self.name} = {text} {unit}".rstrip() for text in texts]
+        return [f"{self.name} = {text} {self.unit}".rstrip() for text in texts]
 
 
 @dataclass(frozen=True)
@@ -86,14 +90,31 @@ class Sweep:
         if len(self) > MOST_PICTURES:
             raise ValueError(f"a sweep has at most {MOST_PICTURES} pictures, got {len(self)}: choose fewer steps")
 
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Those that there are: the rows, which vary slowest, before the columns."""
+        return (self.columns,) if self.rows is None else (self.rows, self.columns)
+
+    def at(self, values: Sequence[float]) -> Setting:
+        """The setting where the `axes` have these values."""
+        given = dict(zip((axis.name for axis in self.axes), values, strict=True))
+        simulated = {name: value for name, value in given.items() if name in self.base.parameters}
+        shown = {name: value for name, value in given.items() if name not in simulated}
+        parameters, visualization = {**self.base.parameters, **simulated}, {**self.base.visualization, **shown}
+        return replace(self.base, parameters=parameters, visualization=visualization)
+
     def __len__(self) -> int:
-        return self.columns.count * (1 if self.rows is None else self.rows.count)
+        return math.prod(axis.count for axis in self.axes)
+
+    def __str__(self) -> str:
+        over = " and ".join(f"{axis.name} {axis.low:g}..{axis.high:g}" for axis in reversed(self.axes))
+        kept = {n: v for n, v in self.base.values.items() if n not in {axis.name for axis in self.axes}}
+        return f"{len(self)} pictures over {over}" + (f", {listed(kept)}" if kept else "")
 
 
 def settings(sweep: Sweep) -> list[Setting]:
     """What each picture shows, row by row."""
-    across, down = sweep.columns.values, [] if sweep.rows is None else sweep.rows.values
-    return [_placed(sweep, *values) for values in (product(down, across) if down else ((None, v) for v in across))]
+    return [sweep.at(values) for values in product(*(axis.values for axis in sweep.axes))]
 
 
 def check(sweep: Sweep, surrogate: Surrogate) -> None:
@@ -101,13 +122,13 @@ def check(sweep: Sweep, surrogate: Surrogate) -> None:
 
     Its corners are tried: what is possible there, such as control points that don't cross, is possible between them.
     """
-    down = (None,) if sweep.rows is None else (sweep.rows.low, sweep.rows.high)
-    for row, column in product(down, (sweep.columns.low, sweep.columns.high)):
+    for corner in product(*((axis.low, axis.high) for axis in sweep.axes)):
         try:
-            _placed(sweep, row, column).gaussians(surrogate)
+            sweep.at(corner).gaussians(surrogate)
         except ValueError as error:
-            at = f"{sweep.columns.name} = {column:g}"
-            at += "" if sweep.rows is None or row is None else f", {sweep.rows.name} = {row:g}"
+            at = ", ".join(
+                f"{axis.name} = {value:g}" for axis, value in reversed([*zip(sweep.axes, corner, strict=True)])
+            )
             raise ValueError(f"the sweep can't be shown at {at}: {error}") from error
 
 
@@ -117,7 +138,7 @@ def pictures(
     camera: Camera,
     background: Sequence[float],
     *,
-    progress: Callable[[int, int], Any] | None = None,
+    progress: Callable[[int, int], Any] = lambda done, total: None,
 ) -> Iterator[NDArray[np.float32]]:
     """The pictures, opaque on `background`, (H, W, 3) each, row by row; each is drawn when it is asked for.
 
@@ -130,16 +151,7 @@ def pictures(
             "choose fewer steps or smaller pictures"
         )
     check(sweep, surrogate)
-    return _drawn(settings(sweep), surrogate, camera, background, progress or (lambda done, total: None))
-
-
-def parameter(surrogate: Surrogate, name: str) -> Parameter:
-    """The simulation or visualization parameter of that name, with its bounds and unit; raises ValueError for no such number."""
-    spaces = [surrogate.space, *(v.variation.space for v in surrogate.visualizations if v.variation.kind != "field")]
-    known = {p.name: p for space in reversed(spaces) for p in space.parameters}
-    if name not in known:
-        raise ValueError(f"this surrogate has the parameters {sorted(known)}, got {name!r}")
-    return known[name]
+    return _drawn(settings(sweep), surrogate, camera, background, progress)
 
 
 def _drawn(
@@ -155,12 +167,21 @@ def _drawn(
         yield picture
 
 
-def _placed(sweep: Sweep, row: float | None, column: float) -> Setting:
-    placed = _with(sweep.base, sweep.columns.name, column)
-    return placed if sweep.rows is None or row is None else _with(placed, sweep.rows.name, row)
+def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
+    """The simulation and visualization parameters that are numbers, with their bounds and units, by name."""
+    spaces = [surrogate.space, *(v.variation.space for v in surrogate.visualizations if v.variation.kind != "field")]
+    return {p.name: p for space in reversed(spaces) for p in space.parameters}
 
 
-def _with(setting: Setting, name: str, value: float) -> Setting:
-    if name in setting.parameters:
-        return replace(setting, parameters={**setting.parameters, name: value})
-    return replace(setting, visualization={**setting.visualization, name: value})
+def axis_over(surrogate: Surrogate, name: str, count: int, low: float | None = None, high: float | None = None) -> Axis:
+    """The axis of that parameter, over its whole bounds or from `low` to `high`; raises ValueError for no such number."""
+    of = parameter(surrogate, name)
+    return Axis(name, of.low if low is None else low, of.high if high is None else high, count, of.unit)
+
+
+def parameter(surrogate: Surrogate, name: str) -> Parameter:
+    """One of `parameters_of`; raises ValueError for other names."""
+    known = parameters_of(surrogate)
+    if name not in known:
+        raise ValueError(f"this surrogate has the parameters {sorted(known)}, got {name!r}")
+    return known[name]

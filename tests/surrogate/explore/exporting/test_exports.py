@@ -10,7 +10,8 @@ import pytest
 from PIL import Image
 from plyfile import PlyData
 
-from surrogate.explore.exporting.exports import FILM_STEPS, KINDS, exported
+from surrogate.explore.exporting.exports import exported
+from surrogate.explore.exporting.kinds import FILM_STEPS, KINDS
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.request import MessageError
 from surrogate.explore.run import Run

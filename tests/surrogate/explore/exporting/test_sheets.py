@@ -86,8 +86,8 @@ def test_a_grid_is_labelled_above_and_on_the_left() -> None:
 
 
 def test_labels_wider_than_a_picture_do_not_touch() -> None:
-    sweep = Sweep(BASE, Axis("a_very_long_name", 0.0, 1.0, 3))
-    sheet = seen(strip(sweep, flat(3, (16, 16)), background=BRIGHT, units={"a_very_long_name": "kg/m³"}))
+    sweep = Sweep(BASE, Axis("a_very_long_name", 0.0, 1.0, 3, "kg/m³"))
+    sheet = seen(strip(sweep, flat(3, (16, 16)), background=BRIGHT))
     placed = boxes(sheet, 3)
     columns = ink(sheet, BRIGHT, 3).any(axis=0)
     gaps = [b - a for a, b in zip(*[np.nonzero(columns)[0][k:] for k in (0, 1)], strict=False)]
@@ -120,8 +120,8 @@ def test_more_or_fewer_pictures_than_the_sweep_has_are_refused(count: int) -> No
 
 
 def test_captions_stand_below_unchanged_pictures() -> None:
-    sweep = Sweep(BASE, Axis("p", 0.0, 1.0, 3))
-    framed = list(captioned(flat(3), sweep, background=BRIGHT, units={"p": "m"}))
+    sweep = Sweep(BASE, Axis("p", 0.0, 1.0, 3, "m"))
+    framed = list(captioned(flat(3), sweep, background=BRIGHT))
     bands = []
     for picture, frame in zip(flat(3), framed, strict=True):
         assert frame.shape[1] == 60

@@ -109,10 +109,10 @@ def test_what_the_surrogate_can_not_show_is_told_before_anything_is_drawn(axis: 
 
 
 def test_labels_tell_all_values_apart() -> None:
-    assert Axis("Re", 1500, 2500, 3).labels() == ["Re = 1500", "Re = 2000", "Re = 2500"]
-    assert Axis("time", 0, 1, 4).labels("s") == ["time = 0 s", "time = 0.3333 s", "time = 0.6667 s", "time = 1 s"]
-    assert Axis("Re", 1500, 1500.5, 3).labels() == ["Re = 1500", "Re = 1500.25", "Re = 1500.5"]
-    assert len(set(Axis("Re", 1.0, 1.0 + 1e-13, 5).labels())) == 5
+    assert Axis("Re", 1500, 2500, 3).labels == ["Re = 1500", "Re = 2000", "Re = 2500"]
+    assert Axis("time", 0, 1, 4, "s").labels == ["time = 0 s", "time = 0.3333 s", "time = 0.6667 s", "time = 1 s"]
+    assert Axis("Re", 1500, 1500.5, 3).labels == ["Re = 1500", "Re = 1500.25", "Re = 1500.5"]
+    assert len(set(Axis("Re", 1.0, 1.0 + 1e-13, 5).labels)) == 5
 
 
 def test_parameters_are_found_with_their_bounds() -> None:

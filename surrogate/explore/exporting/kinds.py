@@ -1,0 +1,19 @@
+"""What can be exported, as which files, and how much of it unless something else is asked for.
+
+Nothing heavy is imported here, so that the commands' help can name it.
+"""
+
+from __future__ import annotations
+
+KINDS = {  # the ending of a file and its media type, by the kind of export
+    "png": ("png", "image/png"),
+    "exr": ("exr", "image/x-exr"),
+    "ply": ("ply", "application/octet-stream"),
+    "python": ("py", "text/x-python"),
+    "sheet": ("png", "image/png"),
+    "gif": ("gif", "image/gif"),
+    "mp4": ("mp4", "video/mp4"),
+}
+SHEET_STEPS, ROW_STEPS = 8, 5  # pictures of a strip; rows of a grid, and its columns
+FILM_STEPS = 49  # both ends, the middle, and equal steps between; there and back lasts 8 s
+FRAMES_PER_SECOND = 12.0
