@@ -214,18 +214,18 @@ def ceiling(scene: Path, runs: Path) -> None:
     """Fit SCENE's Gaussians to one unseen member alone: what they could reach at all, beside what the surrogate reaches."""
     loaded, catalog = _open(scene, runs)
     from surrogate.model import Surrogate
-    from surrogate.studies.ceiling import FILE, line, measure_ceiling
+    from surrogate.studies.ceiling import FOLDER, line, measure_ceiling
 
     folder = loaded.run_directory(runs)
     surrogate = _load(folder / "surrogate") if Surrogate.exists(folder / "surrogate") else None
     try:
         with ProgressLine() as shown:
-            record = measure_ceiling(_settings(loaded), catalog, folder / FILE, surrogate, progress=shown)
+            entries = measure_ceiling(_settings(loaded), catalog, folder, surrogate, progress=shown)
     except (ValueError, OSError) as error:
         raise _Failure(str(error)) from error
-    for entry in record["entries"]:
+    for entry in entries:
         click.echo(line(entry))
-    click.echo(folder / FILE)
+    click.echo(folder / FOLDER)
 
 
 @main.command()

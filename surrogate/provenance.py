@@ -18,7 +18,15 @@ MEASURING = (
     "surrogate.training.run",
     "surrogate.evaluation.evaluate",
 )  # what they import decides how a model comes out
-SHOWING = ("surrogate.explore", "surrogate.notebook", "catalogs.browse", "catalogs.notebook", "catalogs.exchange")
+SHOWING = (
+    "surrogate.explore",
+    "surrogate.notebook",
+    "surrogate.provenance",
+    "catalogs.browse",
+    "catalogs.notebook",
+    "catalogs.exchange",
+    "catalogs.progress",
+)
 
 
 def commit() -> str:
@@ -38,15 +46,16 @@ def commit() -> str:
 
 
 @functools.cache
-def code() -> str:
+def code(*also: str) -> str:
     """16 hex digits that change with the code that trains and evaluates, but not with comments, docstrings or other code.
 
-    A SHA-256 over the statements of `MEASURING` and of all modules of this project that they import, directly or not, but
-    for those that only show; and over the sources of the C++ kernels or, where these are not installed, the version of the
-    package.  Torch, other libraries and the compiler are not in it; another version of Python may give another mark.
+    A SHA-256 over the statements of `MEASURING`, of the modules `also`, and of all modules of this project that they import,
+    directly or not, but for those that only show; and over the sources of the C++ kernels or, where these are not installed,
+    the version of the package.  Torch, other libraries and the compiler are not in it; another version of Python may give
+    another mark.
     """
     mark = hashlib.sha256()
-    for name, text in sorted(_statements().items()):
+    for name, text in sorted(_statements(*also).items()):
         mark.update(f"{name}\n{text}\n".encode())
     for path in sorted(_folder("native").glob("src/*")):
         mark.update(path.name.encode() + path.read_bytes())
@@ -71,10 +80,10 @@ def _processor() -> str:
     return platform.processor() or "unknown"
 
 
-def _statements() -> dict[str, str]:
-    """The code, without comments and docstrings, of `MEASURING` and of what they import of this project, by module."""
+def _statements(*also: str) -> dict[str, str]:
+    """The code, without comments and docstrings, of `MEASURING`, `also` and of what they import of this project, by module."""
     found: dict[str, str] = {}
-    left = list(MEASURING)
+    left = [*MEASURING, *also]
     while left:
         path = _file(name := left.pop())
         if name in found or path is None:

@@ -13,11 +13,11 @@ from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog
 from catalogs.scene import Scene
 from surrogate.evaluation.evaluate import VERSION
-from surrogate.report.report import RECORD, ceilings_beside
+from surrogate.report.report import RECORD
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint
-from surrogate.studies.ceiling import subjects
-from surrogate.studies.repeats.records import scores_beside
+from surrogate.studies.ceiling import load_ceilings, subjects
+from surrogate.studies.repeats.records import load_scores
 from surrogate.studies.repeats.spread import summarize_repeats
 from surrogate.training.source import Source
 
@@ -83,8 +83,8 @@ def read_scene(path: Path, runs: Path) -> SceneResults:
         run,
         _base(source),
         _read_report(run / "report" / RECORD, mark),
-        ceilings_beside(run, mark),
-        summarize_repeats(scores_beside(run, mark)),
+        [entry for entry in load_ceilings(run) if (entry["surrogate"] or {}).get("fingerprint") == mark],
+        summarize_repeats(load_scores(run, base=mark)),
         [study for study in studies.values() if study is not None],
     )
     without = [kind for kind, study in studies.items() if study is None]

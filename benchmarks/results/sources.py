@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from benchmarks.results.scenes import SceneResults
@@ -47,7 +47,7 @@ def study_sources(scene: str, study: StudyResults) -> str:
     results = study.results
     seeds = sorted({int(result.settings["seed"]) for result in results})
     command = f"{study.kind.command(scene)} --seconds {study.budget:g} --seeds {len(seeds)}"
-    made = Made.of(({"machine": result.machine, "commit": result.commit} for result in results), seeds)
+    made = Made.of((asdict(result.provenance) for result in results), seeds)
     return f"<sub>`{command}`: {made}.</sub>"
 
 

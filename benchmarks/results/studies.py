@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
 from surrogate.studies.ablation.comparison import Row, compared
 from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
-from surrogate.studies.ablation.records import Records, Result
+from surrogate.studies.ablation.records import Records, Result, load_results
 
 
 @dataclass(frozen=True)
@@ -73,19 +72,10 @@ def read_study(kind: StudyKind, run: Path, settings: TrainingSettings, catalog: 
         )
     except (ValueError, FileNotFoundError):  # such a study can't be of this scene
         return None
-    budget = _usual_budget(folder, fits.mark)
-    rows = [] if budget is None else compared(Records(folder, fits.mark, fits.base, budget, fits.variants))
-    return StudyResults(kind, folder, budget, rows) if budget is not None and any(row.results for row in rows) else None
-
-
-def _usual_budget(folder: Path, mark: str) -> float | None:
-    """The budget of most results that have the mark, the largest of several; None without any."""
-    counts: Counter[float] = Counter()
-    for path in folder.glob("*.json"):
-        try:
-            record = json.loads(path.read_text(encoding="utf-8"))
-            if record["mark"] == mark:
-                counts[float(record["budget"])] += 1
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
-    return max(counts, key=lambda budget: (counts[budget], budget), default=None)
+    results = load_results(folder, mark=fits.mark)
+    counts = Counter(result.budget for result in results)
+    budget = max(
+        counts, key=lambda budget: (counts[budget], budget), default=0.0
+    )  # of most results, the largest of several
+    rows = compared(Records(folder, fits, budget).all(), fits.variants)
+    return StudyResults(kind, folder, budget, rows) if any(row.results for row in rows) else None

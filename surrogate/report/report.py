@@ -29,9 +29,8 @@ from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
 from surrogate.report import figures
 from surrogate.report.variations import summarize_variation, variation_section
-from surrogate.studies.ceiling import FILE as CEILING
-from surrogate.studies.ceiling import load_ceiling
-from surrogate.studies.repeats.records import Scores, scores_beside
+from surrogate.studies.ceiling import load_ceilings
+from surrogate.studies.repeats.records import Scores, load_scores
 from surrogate.studies.repeats.spread import summarize_repeats
 from surrogate.studies.repeats.table import repeats_section
 
@@ -51,21 +50,21 @@ def fingerprint(
     return ":".join(marks)
 
 
-def ceilings_beside(run: Path, mark: str) -> list[dict[str, Any]]:
-    """What `surrogate ceiling` measured in the folder `run` beside the surrogate of fingerprint `mark`; maybe nothing."""
-    entries = (load_ceiling(run / CEILING) or {"entries": []})["entries"]
-    return [e for e in entries if e["surrogate"] is not None and e["surrogate"]["fingerprint"] == mark]
-
-
-def is_current(directory: Path, surrogate: Surrogate) -> bool:
-    """Whether `directory` holds a report of exactly this surrogate."""
+def is_current(directory: Path, surrogate: Surrogate, records: Path | None = None) -> bool:
+    """Whether `directory` holds a report of exactly this surrogate and of what stands beside it in `records`."""
     try:
         record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    run, mark = directory.parent, surrogate.training["fingerprint"]
-    beside = ceilings_beside(run, mark), scores_beside(run, mark)
+    beside = _beside(surrogate, directory.parent if records is None else records)
     return bool(record.get("fingerprint") == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))
+
+
+def _beside(surrogate: Surrogate, records: Path) -> tuple[list[dict[str, Any]], list[Scores]]:
+    """The ceilings and seeds of the surrogate's settings and data; maybe none."""
+    mark = surrogate.training["fingerprint"]
+    ceilings = [entry for entry in load_ceilings(records) if (entry["surrogate"] or {}).get("fingerprint") == mark]
+    return ceilings, load_scores(records, base=mark)
 
 
 def write_report(
@@ -76,16 +75,20 @@ def write_report(
     evaluation: Evaluation,
     *,
     dataset_seconds: float | None = None,
+    records: Path | None = None,
 ) -> dict[str, Any]:
-    """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents."""
-    run, mark = directory.parent, surrogate.training["fingerprint"]
+    """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents.
+
+    Ceilings and seeds of the same settings and data are taken from `records`, by default the folder around `directory`.
+    """
+    ceilings, repeats = _beside(surrogate, directory.parent if records is None else records)
     record = summarize(
         scene,
         surrogate,
         evaluation,
         dataset_seconds=dataset_seconds,
-        ceilings=ceilings_beside(run, mark),
-        repeats=scores_beside(run, mark),
+        ceilings=ceilings,
+        repeats=repeats,
     )
     directory.parent.mkdir(parents=True, exist_ok=True)
     durable.remove_abandoned(directory.parent)

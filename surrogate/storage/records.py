@@ -7,15 +7,16 @@ as None, so that whoever asks measures anew.  Records hold JSON values only, and
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from catalogs import durable
 from surrogate.provenance import code, commit, machine
 
+Result = TypeVar("Result")
 MOST_BYTES = 16_000_000  # that are read: the largest record of a study has some 100 kB
 
 
@@ -46,9 +47,10 @@ class Provenance:
             raise TypeError(f"processor seconds must be a number, got {self.processor_seconds!r}")
 
     @classmethod
-    def now(cls, processor_seconds: float | None = None) -> Provenance:
-        """This code on this machine, at this moment."""
-        return cls(commit(), code(), machine(), datetime.now(UTC).isoformat(timespec="seconds"), processor_seconds)
+    def now(cls, processor_seconds: float | None = None, *also: str) -> Provenance:
+        """This code on this machine, at this moment; `also` names modules that decide the result beside training and evaluation."""
+        made = datetime.now(UTC).isoformat(timespec="seconds")
+        return cls(commit(), code(*also), machine(), made, processor_seconds)
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,17 @@ class Record:
         if not (isinstance(self.key, Mapping) and isinstance(self.values, Mapping)):
             raise TypeError(f"a record's key and values are mappings, got {self.key!r} and {self.values!r}")
 
+    @classmethod
+    def of(cls, kind: str, version: int, result: Any, key: Iterable[str]) -> Record:
+        """A dataclass with a `provenance` as a record, its fields of the names in `key` as the key, and the others as values."""
+        values = {each.name: getattr(result, each.name) for each in fields(result)}
+        provenance = values.pop("provenance")
+        return cls(kind, version, {name: values.pop(name) for name in key}, values, provenance)
+
+    def to(self, form: Callable[..., Result]) -> Result:
+        """What `of` made a record of; raises TypeError where the record does not have the fields of the dataclass `form`."""
+        return form(**self.key, **self.values, provenance=self.provenance)
+
     def agrees(self, key: Mapping[str, Any]) -> bool:
         """Whether the record's key has all of these values; it may have more."""
         own, missing = _plain(self.key), object()
@@ -97,6 +110,12 @@ class Record:
             return None
         same = (record.kind, record.version) == (kind, version)
         return record if same and record.agrees(key or {}) else None
+
+    @classmethod
+    def load_all(cls, folder: Path, kind: str, version: int, key: Mapping[str, Any] | None = None) -> dict[str, Record]:
+        """All records in a folder that `load` finds, by file name without ".json"."""
+        found = {path.stem: cls.load(path, kind, version, key) for path in sorted(folder.glob("*.json"))}
+        return {name: record for name, record in found.items() if record is not None}
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

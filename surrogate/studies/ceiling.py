@@ -8,33 +8,33 @@ may be made by it.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs import durable
 from catalogs.catalog import Catalog, Member
 from catalogs.progress import Count, Rate
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import Case, Scored, Scorer, compare, mean
 from surrogate.model import DeformedGaussians, Surrogate
-from surrogate.provenance import commit, machine
+from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.records import Provenance, Record
 from surrogate.training.data import ImageRow, TrainingData, load_examples, middle
 from surrogate.training.loop import StageRun
 from surrogate.training.progress import ProgressReport, TrainingProgress
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 
-FILE = "ceiling.json"
-VERSION = 2
+FOLDER = "ceiling"  # of a scene's records
+KIND, VERSION = "ceiling", 3
+SHOWN = ("member", "split", "appearance", "parameters", "psnr", "ssim", "surrogate")  # in tables
 REPORT_SECONDS = 0.5
 
 
@@ -65,41 +65,63 @@ class Subject:
 def measure_ceiling(
     settings: TrainingSettings,
     catalog: Catalog,
-    path: Path,
+    records: Path,
     surrogate: Surrogate | None = None,
     *,
     progress: ProgressReport = lambda _: None,
-) -> dict[str, Any]:
-    """What `path` holds in the end: an entry for the base appearance and for the middle unseen setting of every variation.
+) -> list[dict[str, Any]]:
+    """An entry for the base appearance and for the middle unseen setting of every variation, as `load_ceilings` has them.
 
     Each says which `member` and `appearance` was fitted, the `psnr` (dB) and `ssim` at its test views, and what `surrogate`
-    reaches on exactly these images, None without it.  What is there with the same settings and catalog is not fitted again; each
-    entry is kept once it is finished.
+    reaches on exactly these images; without it, what is known of an earlier one, or None.  Each is kept in `records`, the folder
+    of the scene's records, once it is finished; what is there of the same settings, catalog and code is not fitted again.
 
     Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
     """
-    source, known = Source(settings, catalog), (load_ceiling(path) or {}).get("entries", [])
-    mark, entries = fingerprint(settings, catalog), []
+    source, mark = Source(settings, catalog), fingerprint(settings, catalog)
     wanted = subjects(source)
     forms = [_settings(settings, subject, surrogate) for subject in wanted]
     keys = [_key(mark, subject, form) for subject, form in zip(wanted, forms, strict=True)]
-    found = [next((e for e in known if _same(e, key)), None) for key in keys]
-    report = _Report(progress, [form.canonical_steps for form, one in zip(forms, found, strict=True) if one is None])
-    for subject, form, key, entry in zip(wanted, forms, keys, found, strict=True):
-        entry = entry or {**key, **_fitted_alone(form, source, subject, report)}
-        entries.append({**entry, "surrogate": _reached(surrogate, source, subject)})
-        durable.make_folder(path.parent)
-        durable.replace(path, json.dumps({"version": VERSION, "entries": entries}, indent=1).encode())
-    return {"version": VERSION, "entries": entries}
+    known = [_finished(records, key, surrogate) for key in keys]
+    report = _Report(progress, [form.canonical_steps for form, one in zip(forms, known, strict=True) if one is None])
+    entries = []
+    for subject, form, key, found in zip(wanted, forms, keys, known, strict=True):
+        begun = time.process_time()
+        record = found or Record(
+            KIND,
+            VERSION,
+            {**key, "settings": settings.to_json()},
+            _fitted_alone(form, source, subject, report),
+            Provenance.now(time.process_time() - begun, __name__),
+        )
+        if surrogate is not None or found is None:
+            record = replace(record, values={**record.values, "surrogate": _reached(surrogate, source, subject)})
+            record.save(_path(records, subject.appearance))
+        entries.append(_entry(record))
+    return entries
 
 
-def load_ceiling(path: Path) -> dict[str, Any] | None:
-    """What `measure_ceiling` wrote; None where there is nothing that this version can read."""
-    try:
-        record = json.loads(path.read_text())
-        return record if record["version"] == VERSION and isinstance(record["entries"], list) else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+def load_ceilings(records: Path) -> list[dict[str, Any]]:
+    """What `measure_ceiling` kept in the folder of a scene's records, the base appearance first."""
+    found = map(_entry, Record.load_all(records / FOLDER, KIND, VERSION).values())
+    whole = [entry for entry in found if set(SHOWN) <= set(entry)]
+    return sorted(whole, key=lambda entry: (len(entry["parameters"]), entry["appearance"]))
+
+
+def _entry(record: Record) -> dict[str, Any]:
+    made = {"machine": dict(record.provenance.machine), "commit": record.provenance.commit}
+    return {**{name: value for name, value in record.key.items() if name != "settings"}, **made, **record.values}
+
+
+def _path(records: Path, appearance: str) -> Path:
+    return records / FOLDER / f"{appearance}.json"
+
+
+def _finished(records: Path, key: Mapping[str, Any], surrogate: Surrogate | None) -> Record | None:
+    """The record of these settings, this catalog and this code; without a surrogate, of whichever colour degree one had."""
+    needed = {name: value for name, value in key.items() if surrogate is not None or name != "color_degree"}
+    found = Record.load(_path(records, key["appearance"]), KIND, VERSION, needed)
+    return None if found is None or found.provenance.code != code(__name__) else found
 
 
 def subjects(source: Source) -> list[Subject]:
@@ -180,10 +202,6 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
     }
 
 
-def _same(entry: Mapping[str, Any], key: Mapping[str, Any]) -> bool:
-    return all(entry.get(name) == value for name, value in key.items())
-
-
 def _fitted_alone(
     settings: TrainingSettings, source: Source, subject: Subject, report: Callable[[str, float], None]
 ) -> dict[str, Any]:
@@ -205,8 +223,6 @@ def _fitted_alone(
         "test_views": len(scored),
         **_means(scored),
         "seconds": seconds,
-        "machine": machine(),
-        "commit": commit(),
     }
 
 

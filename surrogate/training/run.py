@@ -25,6 +25,7 @@ from surrogate.deformation import KINDS, Deformation, load_deformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
 from surrogate.model import Surrogate
+from surrogate.provenance import code, commit
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.device import chosen
@@ -343,6 +344,8 @@ class _Run:
                 "fingerprint": self._mark,
                 "appearance": self._source.appearance,
                 "seconds": self._seconds(),
+                "commit": commit(),
+                "code_version": code(),
                 "steps": self._steps,
                 "settings": self._settings.to_json(),
                 "curve": self._curve,

@@ -12,12 +12,14 @@ from catalogs.catalog import Catalog, CatalogPlan
 from surrogate.evaluation.evaluate import VERSION
 from surrogate.evaluation.scoring import METRICS, PARAMETERS, PERCEPTUAL_METRICS, VIEWS
 from surrogate.evaluation.varied import SETTINGS
+from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.records import Provenance, Record
+from surrogate.studies import ceiling
 from surrogate.studies.ablation.fits import BaseFits
-from surrogate.studies.ablation.records import Records
+from surrogate.studies.ablation.records import DECIDING, Records
 from surrogate.studies.ablation.variants import VARIANTS
-from surrogate.studies.ceiling import VERSION as CEILING_VERSION
 from surrogate.studies.repeats.records import save
 from tests.support.blobs import Blobs
 from tests.support.scores import cells_of, scores_of
@@ -96,17 +98,27 @@ def report_of(name: str, mark: str, value: float, *, isovalues: float | None = N
 
 
 def ceiling_entry(mark: str, psnr: float, appearance: str = "drawn", **parameters: float) -> dict[str, Any]:
-    """An entry of `ceiling.json`, beside a surrogate half a dB behind."""
+    """A ceiling, beside a surrogate half a dB behind."""
     return {
+        "member": "test-0",
+        "split": "test",
         "appearance": appearance,
         "parameters": {"p": 0.7, **parameters},
+        "seed": 0,
         "psnr": psnr,
         "ssim": 0.9,
-        "seed": 0,
         "commit": "c0ffee",
         "machine": MACHINE,
         "surrogate": {"fingerprint": mark, "psnr": psnr - 0.5, "ssim": 0.8},
     }
+
+
+def save_ceiling(records: Path, entry: dict[str, Any]) -> None:
+    """Keep a ceiling in the folder of a scene's records."""
+    values = {name: value for name, value in entry.items() if name not in ("commit", "machine")}
+    key = {name: values.pop(name) for name in ("member", "split", "appearance", "parameters", "seed")}
+    record = Record(ceiling.KIND, ceiling.VERSION, key, values, Provenance(entry["commit"], "", entry["machine"]))
+    record.save(records / ceiling.FOLDER / f"{entry['appearance']}.json")
 
 
 def make_results(root: Path, name: str, value: float, *, seeds: tuple[float, ...] = ()) -> Catalog:
@@ -117,8 +129,7 @@ def make_results(root: Path, name: str, value: float, *, seeds: tuple[float, ...
     (run / "report").mkdir()
     (run / "report" / "report.json").write_text(json.dumps(report_of(name, mark, value)))
     (run / "report" / "comparison.png").write_bytes(b"a picture")
-    entries = [ceiling_entry(mark, value + 2.0)]
-    (run / "ceiling.json").write_text(json.dumps({"version": CEILING_VERSION, "entries": entries}))
+    save_ceiling(run, ceiling_entry(mark, value + 2.0))
     for seed, reached in enumerate(seeds):
         save(run, scores_of(seed, reached, base=mark))
     return catalog
@@ -129,10 +140,10 @@ def make_study(
 ) -> None:
     """Results of variants by name, one for each seed."""
     fits = BaseFits(SETTINGS_OF_SCENE, catalog)
-    records = Records(root / "runs" / name / "ablation", fits.mark, fits.base, budget)
+    records = Records(root / "runs" / name / "ablation", fits, budget)
     for variant in VARIANTS:
         for seed, reached in enumerate(psnr.get(variant.name, ())):
             result = records.result(
                 variant, seed, psnr=reached, ssim=0.9, seconds=budget, images=8, deformation_steps=100
             )
-            records.save(replace(result, gaussians=20, machine=MACHINE, commit="bead"))
+            records.save(replace(result, gaussians=20, provenance=Provenance("bead", code(DECIDING), MACHINE)))

@@ -6,6 +6,7 @@ from typing import Any
 
 from surrogate.evaluation.scoring import METRICS, PARAMETERS, VIEWS
 from surrogate.evaluation.varied import SETTINGS
+from surrogate.storage.records import Provenance
 from surrogate.studies.repeats.records import Scores
 
 
@@ -23,12 +24,13 @@ def scores_of(seed: int, value: float | None, *, varied: float | None = None, ba
         seed=seed,
         fingerprint=f"seed {seed}",
         base=base,
+        settings={},
         cells=cells_of(value),
         variations=() if varied is None else (isovalues,),
         gaussians=1000 + 10 * seed,
         megabytes=0.5 + seed,
         seconds=100.0 + seed,
-        machine={"processor": "abacus", "cores": 2, "system": "wood"},
-        commit="abc",
-        made="2026-01-01T00:00:00+00:00",
+        provenance=Provenance(
+            "abc", "", {"processor": "abacus", "cores": 2, "system": "wood"}, "2026-01-01T00:00:00+00:00"
+        ),
     )

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from surrogate.studies.ablation.records import Records, Result
+from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.variants import DEFAULT, Variant
 
 SURE = 2.0  # standard errors
@@ -48,9 +48,10 @@ class Row:
         return statistics.fmean(getattr(result, name) for result in self.results)
 
 
-def compared(records: Records) -> list[Row]:
-    """A row for each variant that the study knows anything of, the best first; failures stand last."""
-    rows = rows_of({variant: found for variant in records.variants if (found := records.of(variant))})
+def compared(results: Sequence[Result], variants: Sequence[Variant]) -> list[Row]:
+    """A row for each of `variants` that the results are of, the best first; failures stand last."""
+    known = {variant: [one for one in results if one.variant == variant.name] for variant in variants}
+    rows = rows_of({variant: found for variant, found in known.items() if found})
     return sorted(rows, key=lambda row: -math.inf if row.psnr is None else row.psnr, reverse=True)
 
 

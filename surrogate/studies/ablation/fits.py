@@ -55,6 +55,10 @@ class Fits(Protocol):
         """The settings that all variants depart from."""
 
     @property
+    def scene(self) -> TrainingSettings:
+        """The scene's settings."""
+
+    @property
     def mark(self) -> str:
         """Changes with everything but the settings of a variant that its result depends on."""
 
@@ -79,7 +83,7 @@ class BaseFits:
     variants = VARIANTS
 
     def __init__(self, settings: TrainingSettings, catalog: Catalog) -> None:
-        self.base, self._catalog = base_settings(settings, catalog), catalog
+        self.scene, self.base, self._catalog = settings, base_settings(settings, catalog), catalog
         self.mark = fingerprint(self.base, catalog)
         self._judges = judges(self.base, catalog)
 
@@ -117,7 +121,7 @@ class VisualizationFits:
     variants = VISUALIZATION_VARIANTS
 
     def __init__(self, settings: TrainingSettings, catalog: Catalog, surrogate: Surrogate) -> None:
-        self._source, self._surrogate = Source(settings, catalog), surrogate
+        self.scene, self._source, self._surrogate = settings, Source(settings, catalog), surrogate
         if not self._source.variations:
             raise ValueError(f"catalog {catalog.path} has no variation of {self._source.appearance}: there is no F_vis")
         if not surrogate.visualizations or surrogate.training.get("appearance") != self._source.appearance:

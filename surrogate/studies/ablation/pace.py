@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -11,7 +12,6 @@ from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.studies.ablation.clock import clock
 from surrogate.training.data import Example, ImageRow, TrainingData, load_examples, training_rows
 from surrogate.training.loop import StageRun
 from surrogate.training.run import new_deformation
@@ -23,6 +23,15 @@ WARM_STEPS, FEWEST_TIMED = 2, 3
 ROUGHLY = 0.15  # of the probe, for a first guess of how many steps it can take
 SETTLED = 0.5  # of a stage's steps, after which they are timed
 FEWEST_STEPS = 4
+
+
+def clock(settings: TrainingSettings) -> Callable[[], float]:
+    """Seconds since some moment: of all cores together on a CPU, and on the wall where a GPU computes.
+
+    Two cores that compute for a minute count as two, so a study is best given one core (`taskset`, or a batch system's affinity):
+    it then takes as long as it says, and as many can run side by side as there are cores.
+    """
+    return time.process_time if chosen(settings.device).type == "cpu" else time.perf_counter
 
 
 class Pace(NamedTuple):

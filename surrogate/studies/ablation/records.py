@@ -1,17 +1,20 @@
-"""The result of one fit, and the folder that keeps them: a small file each, there whole or not at all."""
+"""The result of one fit, each in a record of its own."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs import durable
 from surrogate.settings import TrainingSettings
-from surrogate.studies.ablation.variants import VARIANTS, Variant
+from surrogate.storage.records import Provenance, Record
+from surrogate.studies.ablation.fits import Fits
+from surrogate.studies.ablation.variants import Variant
 
+KIND, VERSION = "ablation", 1
+KEY = ("variant", "seed", "budget", "budgets", "mark", "scene", "settings")
+DECIDING = "surrogate.studies.ablation.pace"  # beside training and evaluation: it decides how many steps are taken
 TIME_TOLERANCE = 0.15  # of the budget
 Stamp = tuple[int, int]  # of a file: another one after it was replaced
 
@@ -23,15 +26,15 @@ class Result:
     Attributes
     ----------
     budget : seconds that a fit of the study is given.
-    budgets : how many of them this one was given.
     mark : the fingerprint of the catalog and of the settings that all variants depart from.
     settings : the variant's, before steps were fitted to the budget, as JSON values.
+    scene : the scene's settings.
+    budgets : how many budgets this fit was given.
     canonical_steps, deformation_steps, visualization_steps : that were taken.
-    seconds : of training, from its first image to its last step, by `surrogate.studies.ablation.clock`.
+    seconds : of training, from its first image to its last step, by `surrogate.studies.ablation.pace.clock`.
     psnr, ssim : means over the `images` validation images; psnr in dB.
     gaussians : how many there were.
-    pace : seconds before the first step, and of a step in either stage, as they were measured before.
-    machine, commit : where this was computed, and by what.
+    pace : seconds before the first step, and of a step in each stage, as they were measured before.
     error : why there is no result; "" where there is one.
     """
 
@@ -39,7 +42,8 @@ class Result:
     seed: int
     budget: float
     mark: str
-    settings: dict[str, Any]
+    settings: Mapping[str, Any]
+    scene: Mapping[str, Any] = field(default_factory=dict)
     budgets: float = 1.0
     canonical_steps: int = 0
     deformation_steps: int = 0
@@ -50,9 +54,22 @@ class Result:
     images: int = 0
     gaussians: int = 0
     pace: Sequence[float] = ()
-    machine: dict[str, str | int] | None = None
-    commit: str = ""
     error: str = ""
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        numbers = (
+            self.budget,
+            self.budgets,
+            self.seconds,
+            self.psnr,
+            self.ssim,
+            self.steps,
+            self.images,
+            self.gaussians,
+        )
+        if type(self.seed) is not int or not all(type(number) in (int, float) for number in numbers):
+            raise TypeError(f"seeds, figures and steps must be numbers, got {self!r}")
 
     @property
     def steps(self) -> int:
@@ -65,19 +82,17 @@ class Result:
         return abs(self.seconds / (self.budgets * self.budget) - 1.0) <= TIME_TOLERANCE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Records:
-    """The results of one study of `variants`: those in `folder` that were made with this mark and budget, from these settings."""
+    """The results of one study: those in `folder` of the variants of `fits`, given `budget` seconds each."""
 
     folder: Path
-    mark: str
-    base: TrainingSettings
+    fits: Fits
     budget: float
-    variants: Sequence[Variant] = VARIANTS
 
     def settings(self, variant: Variant, seed: int) -> TrainingSettings:
         """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""
-        return replace(variant.settings(self.base), seed=self.base.seed + seed)
+        return replace(variant.settings(self.fits.base), seed=self.fits.base.seed + seed)
 
     def result(self, variant: Variant, seed: int, **found: Any) -> Result:
         """A result of this study."""
@@ -85,29 +100,18 @@ class Records:
             settings = self.settings(variant, seed).to_json()
         except ValueError:  # such settings can't be: `found` holds the error
             settings = {}
-        return Result(variant.name, seed, self.budget, self.mark, settings, variant.budgets, **found)
+        scene = self.fits.scene.to_json()
+        return Result(variant.name, seed, self.budget, self.fits.mark, settings, scene, variant.budgets, **found)
 
     def save(self, result: Result) -> None:
         """Keep a result, at once and whole."""
-        durable.make_folder(self.folder)
-        text = json.dumps(asdict(result), indent=1)
-        durable.replace(self._path(result.variant, result.seed), text.encode())
+        Record.of(KIND, VERSION, result, KEY).save(self._path(result.variant, result.seed))
 
     def find(self, variant: Variant, seed: int) -> Result | None:
         """What this study knows of a variant and seed, a failure included; None for nothing, or for what is out of date."""
-        try:
-            found = Result(**json.loads(self._path(variant.name, seed).read_text()))
-            kept = {} if not found.settings else TrainingSettings.from_table(found.settings).to_json()
-        except (OSError, ValueError, TypeError):
-            return None
-        same = (found.variant, found.seed, found.mark, found.budget, found.budgets) == (
-            variant.name,
-            seed,
-            self.mark,
-            self.budget,
-            variant.budgets,
-        )
-        return found if same and kept == self.result(variant, seed).settings else None
+        wanted = asdict(self.result(variant, seed))
+        key = {name: wanted[name] for name in KEY}
+        return next(_results([Record.load(self._path(variant.name, seed), KIND, VERSION, key)]), None)
 
     def stamp(self, variant: Variant, seed: int) -> Stamp | None:
         """Tells a result that is kept from one that has taken its place since, however alike; None without any."""
@@ -117,14 +121,29 @@ class Records:
             return None
         return found.st_ino, found.st_mtime_ns
 
-    def of(self, variant: Variant) -> list[Result]:
-        """All that this study knows of a variant, by seed."""
-        seeds = sorted(
-            int(number)
-            for path in self.folder.glob(f"{variant.name}.seed*.json")
-            if (number := path.stem.rpartition("seed")[2]).isdigit()
-        )
-        return [result for seed in seeds if (result := self.find(variant, seed)) is not None]
+    def all(self) -> list[Result]:
+        """All that this study knows, by seed."""
+        named = {variant.name: variant for variant in self.fits.variants}
+        there = [
+            one for one in load_results(self.folder, mark=self.fits.mark, budget=self.budget) if one.variant in named
+        ]
+        found = [self.find(named[one.variant], one.seed) for one in there]
+        return [result for result in found if result is not None]
 
     def _path(self, name: str, seed: int) -> Path:
         return self.folder / f"{name}.seed{seed}.json"
+
+
+def load_results(folder: Path, **key: Any) -> list[Result]:
+    """All results in a folder that agree with `key`, by seed."""
+    found = Record.load_all(folder, KIND, VERSION, key)
+    return sorted(_results(found.values()), key=lambda result: result.seed)
+
+
+def _results(records: Iterable[Record | None]) -> Iterator[Result]:
+    for record in records:
+        try:
+            if record is not None:
+                yield record.to(Result)
+        except TypeError:
+            continue

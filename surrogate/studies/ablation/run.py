@@ -10,7 +10,7 @@ from catalogs import durable
 from surrogate.studies.ablation import table
 from surrogate.studies.ablation.comparison import Row, compared
 from surrogate.studies.ablation.fits import Fits
-from surrogate.studies.ablation.records import Records, Result
+from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.study import Standing, Study
 
 LOCK = ".page.lock"
@@ -25,7 +25,7 @@ def ablate(
     tell: Callable[[Result], None] = lambda _: None,
     **options: Any,
 ) -> list[Row]:
-    """Fit what is missing in `folder`, writing ablation.md and ablation.png after every fit; returns the rows of the table.
+    """Fit what is missing, writing ablation.md and ablation.png into `folder` after every fit; returns the rows of the table.
 
     `options` and errors are those of `Study`.
     """
@@ -33,16 +33,15 @@ def ablate(
     durable.make_folder(folder)
     durable.remove_abandoned(folder)
 
+    def write_page() -> list[Row]:
+        with durable.locked(folder / LOCK):  # or the last process to write might not know the last result
+            rows = compared(study.records.all(), fits.variants)
+            table.write(scene, folder, study.records.budget, rows)
+        return rows
+
     def keep(result: Result) -> None:
-        _write_page(scene, study.records)
+        write_page()
         tell(result)
 
     study.run(progress=progress, tell=keep)
-    _write_page(scene, study.records)
-    return compared(study.records)
-
-
-def _write_page(scene: str, records: Records) -> None:
-    """One process after the other, or the last to write might not know the last result."""
-    with durable.locked(records.folder / LOCK):
-        table.write(scene, records)
+    return write_page()

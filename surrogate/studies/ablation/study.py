@@ -14,13 +14,13 @@ from typing import Any
 from catalogs import durable
 from catalogs.progress import joined, per_second, time_left
 from surrogate.evaluation.scoring import mean
-from surrogate.provenance import commit, machine
+from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import locked
-from surrogate.studies.ablation.clock import clock
+from surrogate.storage.records import Provenance
 from surrogate.studies.ablation.fits import Fits
-from surrogate.studies.ablation.pace import Pace, scheduled, with_steps
-from surrogate.studies.ablation.records import Records, Result, Stamp
+from surrogate.studies.ablation.pace import Pace, clock, scheduled, with_steps
+from surrogate.studies.ablation.records import DECIDING, Records, Result, Stamp
 from surrogate.studies.ablation.variants import Variant, selected
 from surrogate.training.progress import TrainingProgress
 
@@ -59,8 +59,9 @@ class Standing:
 
 
 class Study:
-    """The variants of `fits`, each trained for `seconds` with each of so many `seeds`, in `folder`.
+    """The variants of `fits`, each trained for `seconds` with each of so many `seeds`, in `folder`; results are kept in `records`.
 
+    `records` is `folder` unless given.  A result of the same settings is left out, unless other code made it or it is a failure.
     `only` names variants, none meaning all; `longest` is how many seconds a fit may take whose steps another one gives.  With
     `again`, a result that took noticeably more or less time than it should is not taken for one.
     Raises ValueError for an unknown variant, and for times or seeds that are not positive.
@@ -71,6 +72,7 @@ class Study:
         fits: Fits,
         folder: Path,
         *,
+        records: Path | None = None,
         seconds: float = 180.0,
         seeds: int = 3,
         only: Iterable[str] = (),
@@ -83,8 +85,8 @@ class Study:
                 raise ValueError(f"{name} must be positive, got {value}")
         self.variants, self.seeds = selected(only, fits.variants), seeds
         self.longest, self._again = longest, again
-        self.records = Records(folder, fits.mark, fits.base, seconds, fits.variants)
-        self._fits = fits
+        self.records = Records(folder if records is None else records, fits, seconds)
+        self._fits, self._work = fits, folder / WORK
         self._rejected: dict[_One, Stamp | None] = {}
 
     def run(
@@ -145,15 +147,17 @@ class Study:
             yield folder / MODEL if free else None
 
     def _folder(self, name: str, seed: int) -> Path:
-        folder = self.records.folder / WORK / f"{name}.seed{seed}"
+        folder = self._work / f"{name}.seed{seed}"
         durable.make_folder(folder)
         return folder
 
     def _is_to_be_repeated(self, variant: Variant, seed: int) -> bool:
         """Asked at the start: what failed is tried again, as the reason may be gone, but only once by all processes together."""
         result = self.records.find(variant, seed)
-        late = self._again and not variant.steps_of
-        return result is not None and bool(result.error or (late and not result.is_timely))
+        if result is None:
+            return False
+        late = self._again and not variant.steps_of and not result.is_timely
+        return bool(result.error) or late or result.provenance.code != code(DECIDING)
 
     def _is_finished(self, variant: Variant, seed: int) -> bool:
         result, rejected = self.records.find(variant, seed), self._rejected.get((variant, seed))
@@ -180,14 +184,16 @@ class Study:
         return None if found is None or found.error else found
 
     def _attempted(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> Result:
-        made: dict[str, Any] = {"machine": machine(), "commit": commit()}
+        begun, found = time.process_time(), {}
         try:
             shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
-            return self.records.result(variant, seed, **made, **self._fit(variant, seed, work, watch))
+            found = self._fit(variant, seed, work, watch)
         except Exception as error:  # whatever it is, the other variants may do without
-            return self.records.result(variant, seed, **made, error=_sentence(error))
+            found = {"error": _sentence(error)}
         finally:
             shutil.rmtree(work, ignore_errors=True)
+        provenance = Provenance.now(time.process_time() - begun, DECIDING)
+        return self.records.result(variant, seed, provenance=provenance, **found)
 
     def _fit(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from catalogs import durable
 from surrogate.evaluation.tables import NOTHING, number, table
-from surrogate.studies.ablation.comparison import SURE, Row, compared
+from surrogate.studies.ablation.comparison import SURE, Row
 from surrogate.studies.ablation.plot import plot
-from surrogate.studies.ablation.records import TIME_TOLERANCE, Records
+from surrogate.studies.ablation.records import TIME_TOLERANCE
 from surrogate.studies.ablation.variants import DEFAULT, VARIANTS, VISUALIZATION_VARIANTS
 
 ORDER = (*VARIANTS, *VISUALIZATION_VARIANTS)
@@ -17,16 +17,14 @@ PAGE, PICTURE = "ablation.md", "ablation.png"
 HEADER = ("variant", "changed", "PSNR, dB", "difference, dB", "SSIM", "steps", "seconds", "Gaussians", "seeds")
 
 
-def write(scene: str, records: Records) -> Path | None:
-    """Write the page and its plot from all results that are there; returns the page's path, None where there are none."""
-    rows = compared(records)
+def write(scene: str, folder: Path, budget: float, rows: Sequence[Row]) -> None:
+    """Write the page and its plot into `folder`, where there are any rows."""
     if not rows:
-        return None
+        return
     drawn = plot(rows)
     if drawn is not None:
-        durable.replace(records.folder / PICTURE, drawn)
-    durable.replace(records.folder / PAGE, "\n".join(page(scene, records.budget, rows, drawn is not None)).encode())
-    return records.folder / PAGE
+        durable.replace(folder / PICTURE, drawn)
+    durable.replace(folder / PAGE, "\n".join(page(scene, budget, rows, drawn is not None)).encode())
 
 
 def page(scene: str, budget: float, rows: Sequence[Row], pictured: bool) -> list[str]:
@@ -144,8 +142,8 @@ def _failures(rows: Sequence[Row]) -> list[str]:
 
 def _made_by(scene: str, budget: float, rows: Sequence[Row]) -> list[str]:
     results = [result for row in rows for result in row.results]
-    machines = dict.fromkeys(", ".join(map(str, (result.machine or {}).values())) for result in results)
-    commits = dict.fromkeys(result.commit for result in results)
+    machines = dict.fromkeys(", ".join(map(str, result.provenance.machine.values())) for result in results)
+    commits = dict.fromkeys(result.provenance.commit for result in results)
     of = " --visualization" if _is_of_visualization(rows) else ""
     return [
         f"<sub>`surrogate ablate scenes/{scene}.toml{of} --seconds {budget:g}`; {'; '.join(machines)}; commit "

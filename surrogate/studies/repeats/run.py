@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from catalogs.catalog import Catalog
 from surrogate.model import Surrogate
-from surrogate.provenance import commit, machine
+from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import Checkpoint, fingerprint
+from surrogate.storage.records import Provenance
 from surrogate.studies.repeats.progress import RepeatProgress, RepeatWatch
-from surrogate.studies.repeats.records import SEEDS, Scores, load, save, scores_beside
+from surrogate.studies.repeats.records import FOLDER, Scores, load, load_scores, save
 from surrogate.studies.repeats.scoring import score_model
 from surrogate.training.run import train
 
@@ -38,30 +39,32 @@ def repeat(
     catalog: Catalog,
     run: Path,
     *,
+    records: Path | None = None,
     seeds: int = 3,
     progress: Callable[[RepeatProgress], None] = lambda _: None,
     tell: Callable[[Scores], None] = lambda _: None,
 ) -> list[Scores]:
-    """Train `settings` with `seeds` successive seeds and keep their scores in `run`; returns all that are there, by seed.
+    """Train `settings` with `seeds` successive seeds and keep their scores in `records`; returns all that are there, by seed.
 
-    The first seed is that of the settings, and its model `run`/surrogate, which is taken as it is where it is finished.
-    Scores that are there with the same fingerprint are not made again, nor are models trained again; an
-    interrupted training goes on from its last checkpoint.  `tell` is given each seed's scores once they are kept.
+    `records` is the folder of the scene's records, by default `run`, which holds the models: that of the settings' own seed in
+    `run`/surrogate.  A model that is finished is taken as it is, and an interrupted training goes on from its last checkpoint.
+    A seed is left out whose scores are there with the same fingerprint and from the same code: that of its model, or, where
+    there is no model, the present one.  `tell` is given each seed's scores once they are kept.
 
     Raises ValueError, before anything is written, for fewer than two seeds and where a folder is none, or holds a run of other
     settings or of another catalog; RuntimeError where another process is training there.
     """
-    plan = planned(settings, catalog, run, seeds)
+    plan, records = planned(settings, catalog, run, seeds), run if records is None else records
     base = plan[0].mark
-    left = [one for one in plan if not _is_scored(run, one, base)]
+    left = [one for one in plan if not _is_scored(records, one, base)]
     _check(left, run)
     watch = RepeatWatch(len(left), progress)
     for one in left:
         watch.begin(one.seed)
-        scores = _trained_and_scored(one, catalog, base, watch)
-        save(run, scores)
+        scores = _trained_and_scored(one, catalog, settings, base, watch)
+        save(records, scores)
         tell(scores)
-    return scores_beside(run, base)
+    return load_scores(records, base=base)
 
 
 def planned(settings: TrainingSettings, catalog: Catalog, run: Path, seeds: int) -> list[Repeat]:
@@ -69,18 +72,20 @@ def planned(settings: TrainingSettings, catalog: Catalog, run: Path, seeds: int)
     if seeds < 2:
         raise ValueError(f"seeds must be at least 2, or nothing could be said about their spread; got {seeds}")
     varied = [replace(settings, seed=settings.seed + number) for number in range(seeds)]
-    folders = [run, *(run / SEEDS / str(one.seed) for one in varied[1:])]
+    folders = [run, *(run / FOLDER / str(one.seed) for one in varied[1:])]
     return [Repeat(one, fingerprint(one, catalog), folder / MODEL) for one, folder in zip(varied, folders, strict=True)]
 
 
-def _is_scored(run: Path, one: Repeat, base: str) -> bool:
-    scores = load(run, one.seed)
-    return scores is not None and (scores.fingerprint, scores.base) == (one.mark, base)
+def _is_scored(records: Path, one: Repeat, base: str) -> bool:
+    scores = load(records, one.seed)
+    if scores is None or (scores.fingerprint, scores.base) != (one.mark, base):
+        return False
+    return scores.provenance.code == (_code_of(Surrogate.load(one.model)) if Surrogate.exists(one.model) else code())
 
 
 def _check(plan: Sequence[Repeat], run: Path) -> None:
     """Raise ValueError where the folder of any seed is none or holds something else: an hour later would be too late."""
-    folders = [run / SEEDS, *(folder for one in plan for folder in (run / SEEDS / str(one.seed), one.model))]
+    folders = [run / FOLDER, *(folder for one in plan for folder in (run / FOLDER / str(one.seed), one.model))]
     files = [str(path) for path in folders if path.exists() and not path.is_dir()]
     if files:
         raise ValueError(f"{' and '.join(files)} must be folders of results: delete or rename these files")
@@ -100,22 +105,32 @@ def _mark_in(directory: Path) -> str | None:
     return None if checkpoint is None else str(checkpoint.record["fingerprint"])
 
 
-def _trained_and_scored(one: Repeat, catalog: Catalog, base: str, watch: RepeatWatch) -> Scores:
+def _code_of(surrogate: Surrogate) -> str:
+    """The code that trained a model, "" where it does not know."""
+    return str(surrogate.training.get("code_version", ""))
+
+
+def _trained_and_scored(
+    one: Repeat, catalog: Catalog, settings: TrainingSettings, base: str, watch: RepeatWatch
+) -> Scores:
+    begun, is_new = time.process_time(), _mark_in(one.model) is None
     surrogate = train(one.settings, catalog, one.model, progress=watch.training)
     watch.trained(surrogate.training["seconds"])
     try:
         scored = score_model(surrogate, catalog, progress=watch.scoring)
     except ValueError as error:
         raise ValueError(f"seed {one.seed}, {one.model}: {error}") from error
+    provenance = Provenance.now(time.process_time() - begun if is_new else None)
     return Scores(
         seed=one.seed,
         fingerprint=one.mark,
         base=base,
+        settings=settings.to_json(),
         **scored,
         gaussians=len(surrogate.gaussians),
         megabytes=surrogate.megabytes,
         seconds=surrogate.training["seconds"],
-        machine=machine(),
-        commit=commit(),
-        made=datetime.now(UTC).isoformat(timespec="seconds"),
+        provenance=replace(
+            provenance, code=_code_of(surrogate), commit=surrogate.training.get("commit", provenance.commit)
+        ),
     )

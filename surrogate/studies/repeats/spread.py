@@ -31,8 +31,8 @@ def summarize_repeats(scores: Sequence[Scores]) -> dict[str, Any] | None:
         return None
     return {
         "seeds": [one.seed for one in scores],
-        "machines": _distinct([dict(one.machine) for one in scores]),
-        "commits": _distinct([one.commit for one in scores]),
+        "machines": _distinct([dict(one.provenance.machine) for one in scores]),
+        "commits": _distinct([one.provenance.commit for one in scores]),
         "gaussians": _spread([one.gaussians for one in scores]),
         "megabytes": _spread([one.megabytes for one in scores]),
         "seconds": _spread([one.seconds for one in scores]),

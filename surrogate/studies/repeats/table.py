@@ -10,7 +10,7 @@ from catalogs import durable
 from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import HEADINGS, metric_number, spread_number, table
 from surrogate.report.variations import NAMES
-from surrogate.studies.repeats.records import SEEDS, Scores
+from surrogate.studies.repeats.records import FOLDER, Scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
 PAGE = "seeds.md"
@@ -65,8 +65,8 @@ def write_page(run: Path, scene: str, scores: Sequence[Scores]) -> Path | None:
     if record is None:
         return None
     lines = [f"# {scene}", "", *repeats_section(record, scene), *_seed_table(scores), ""]
-    durable.replace(run / SEEDS / PAGE, "\n".join(lines).encode())
-    return run / SEEDS / PAGE
+    durable.replace(run / FOLDER / PAGE, "\n".join(lines).encode())
+    return run / FOLDER / PAGE
 
 
 def terminal_lines(record: Mapping[str, Any]) -> list[str]:
@@ -113,7 +113,7 @@ def _seed_table(scores: Sequence[Scores]) -> list[str]:
                     f"{one.gaussians:,}",
                     f"{one.megabytes:.2f}",
                     f"{one.seconds:.0f}",
-                    one.commit,
+                    one.provenance.commit,
                 )
                 for one in scores
             ),

@@ -6,13 +6,14 @@ import pytest
 
 from benchmarks.results.ablations import GROUPS, group_of, study_lines
 from benchmarks.results.studies import BASE, VISUALIZATION, StudyResults, kinds_of
+from surrogate.storage.records import Provenance
 from surrogate.studies.ablation.comparison import rows_of
 from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
 
 
 def results(name: str, *psnr: float, steps: int = 100, error: str = "") -> list[Result]:
-    made = {"machine": {"processor": "abacus", "cores": 1}, "commit": "bead", "deformation_steps": steps}
+    made = {"provenance": Provenance("bead", "", {"processor": "abacus", "cores": 1}), "deformation_steps": steps}
     return [
         Result(
             name, seed, 60.0, "mark", {"seed": seed}, psnr=value, ssim=0.9, seconds=60.0, images=8, error=error, **made

@@ -20,9 +20,9 @@ from surrogate.evaluation.metrics import score
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
 from surrogate.settings import TrainingSettings
-from surrogate.studies import ceiling
 from surrogate.studies.repeats.records import save
 from surrogate.training.run import train
+from tests.support.results import ceiling_entry, save_ceiling
 from tests.support.scores import scores_of
 from tests.support.tables import tables
 
@@ -153,20 +153,11 @@ def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
     assert write_report(report, "disks", surrogate, catalog, evaluation)["ceilings"] == []
     assert "fitted alone" not in (report / "report.md").read_text()
     for mark, stands in (("another run", False), (surrogate.training["fingerprint"], True)):
-        reached = {"fingerprint": mark, "gaussians": 3, "psnr": 31.25, "ssim": 0.9125}
-        entry = {
-            "appearance": "disk",
-            "member": "lone",
-            "split": "test",
-            "psnr": 37.75,
-            "ssim": 0.9875,
-            "surrogate": reached,
-        }
-        (tmp_path / "ceiling.json").write_text(json.dumps({"version": ceiling.VERSION, "entries": [entry]}))
+        save_ceiling(tmp_path, ceiling_entry(mark, 37.75, "disk"))
         assert is_current(report, surrogate) != stands
         record = write_report(report, "disks", surrogate, catalog, evaluation)
-        assert record["ceilings"] == ([entry] if stands else [])
-        row = "| disk | lone (unseen) | 37.75 | 31.25 | 0.9875 | 0.9125 |"
+        assert [entry["appearance"] for entry in record["ceilings"]] == (["disk"] if stands else [])
+        row = "| disk | test-0 (unseen) | 37.75 | 37.25 | 0.9000 | 0.8000 |"
         assert (row in (report / "report.md").read_text()) == stands
         assert is_current(report, surrogate)
 

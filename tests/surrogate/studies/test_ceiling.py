@@ -9,7 +9,7 @@ from catalogs.catalog import Catalog
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
 from surrogate.studies import ceiling as module
-from surrogate.studies.ceiling import Subject, line, load_ceiling, measure_ceiling, subjects
+from surrogate.studies.ceiling import Subject, line, load_ceilings, measure_ceiling, subjects
 from surrogate.training.data import middle
 from surrogate.training.progress import TrainingProgress
 from surrogate.training.source import Source
@@ -32,29 +32,29 @@ def varied(tmp_path_factory: pytest.TempPathFactory, surrogate: Surrogate) -> Ca
     return varied_catalog(tmp_path_factory.mktemp("varied") / "varied.cdb", surrogate)
 
 
-def by_appearance(record: dict) -> dict[str, dict]:
-    return {entry["appearance"]: entry for entry in record["entries"]}
+def by_appearance(entries: list[dict]) -> dict[str, dict]:
+    return {entry["appearance"]: entry for entry in entries}
 
 
 def test_one_member_alone_is_learnt_well(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("train", 1.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
     seen: list[TrainingProgress] = []
     settings = replace(SCENE, gaussians=80, canonical_steps=200, deformation_steps=400)
-    record = measure_ceiling(settings, catalog, tmp_path / "ceiling.json", progress=seen.append)
-    (entry,) = record["entries"]
+    entries = measure_ceiling(settings, catalog, tmp_path, progress=seen.append)
+    (entry,) = entries
     assert (entry["member"], entry["appearance"], entry["steps"]) == ("member-2", "drawn", 600)
     assert (entry["train_views"], entry["test_views"]) == (6, 2)
     assert entry["psnr"] > 25.0
     assert entry["surrogate"] is None
     assert entry["seconds"] > 0
     assert (seen[-1].step, seen[-1].steps, seen[-1].seconds_left) == (600, 600, 0.0)
-    assert load_ceiling(tmp_path / "ceiling.json") == record
+    assert load_ceilings(tmp_path) == entries
 
 
 def test_the_base_and_the_middle_unseen_setting_of_every_variation_are_fitted(
     varied: Catalog, surrogate: Surrogate, tmp_path: Path
 ) -> None:
-    found = by_appearance(measure_ceiling(SCENE, varied, tmp_path / "ceiling.json", surrogate))
+    found = by_appearance(measure_ceiling(SCENE, varied, tmp_path, surrogate))
     assert {name: entry["steps"] for name, entry in found.items()} == {"dvr": 30, "iso=8": 60, "tf-test-1": 60}
     assert found["iso=8"]["parameters"] == {"p": 0.5, "isovalue": 8.0}
     for entry in found.values():
@@ -68,7 +68,7 @@ def test_the_base_and_the_middle_unseen_setting_of_every_variation_are_fitted(
 def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
     varied: Catalog, surrogate: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, settings = tmp_path / "ceiling.json", replace(SCENE, color_degree=0, visualization_color_degree=0)
+    path, settings = tmp_path, replace(SCENE, color_degree=0, visualization_color_degree=0)
     alone = by_appearance(measure_ceiling(settings, varied, path))
     assert all(entry["surrogate"] is None for entry in alone.values())
     monkeypatch.setattr(module, "_fitted_alone", None)
@@ -81,8 +81,8 @@ def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
 @pytest.mark.parametrize("change", [{"gaussians": 41}, {"seed": 1}, {"mean_rate": 1e-3}, {"canonical_steps": 11}])
 def test_other_settings_are_fitted_anew(make_catalog, tmp_path: Path, change: dict) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    before = measure_ceiling(SCENE, catalog, tmp_path / "ceiling.json")["entries"][0]
-    after = measure_ceiling(replace(SCENE, **change), catalog, tmp_path / "ceiling.json")["entries"][0]
+    (before,) = measure_ceiling(SCENE, catalog, tmp_path)
+    (after,) = measure_ceiling(replace(SCENE, **change), catalog, tmp_path)
     assert before["mark"] != after["mark"]
     assert before["psnr"] != after["psnr"]
 
@@ -90,7 +90,7 @@ def test_other_settings_are_fitted_anew(make_catalog, tmp_path: Path, change: di
 def test_an_interruption_keeps_what_is_finished(
     varied: Catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, fit, fitted = tmp_path / "ceiling.json", module._fitted_alone, []
+    path, fit, fitted = tmp_path, module._fitted_alone, []
 
     def interrupted(settings: TrainingSettings, source: Source, subject: Subject, report: object) -> dict:
         if len(fitted) == 1:
@@ -102,7 +102,7 @@ def test_an_interruption_keeps_what_is_finished(
     monkeypatch.setattr(module, "_fitted_alone", interrupted)
     with pytest.raises(KeyboardInterrupt):
         measure_ceiling(SCENE, varied, path)
-    assert [entry["appearance"] for entry in (load_ceiling(path) or {})["entries"]] == ["dvr"]
+    assert [entry["appearance"] for entry in load_ceilings(path)] == ["dvr"]
     measure_ceiling(SCENE, varied, path)
     assert fitted == ["dvr", "interrupted", "iso=8", "tf-test-1"]
 
@@ -150,19 +150,45 @@ def test_a_catalog_that_tests_nothing_is_refused(
 ) -> None:
     catalog = make_catalog(SMALL, members=members, view_splits=view_splits)
     with pytest.raises(ValueError, match="there is none that could be fitted alone"):
-        measure_ceiling(SCENE, catalog, tmp_path / "ceiling.json")
+        measure_ceiling(SCENE, catalog, tmp_path)
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{", '{"version": 0, "entries": []}', '{"version": 1}'])
 def test_a_file_that_is_none_counts_as_nothing(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "ceiling.json"
-    assert load_ceiling(path) is None
-    path.write_text(content)
-    assert load_ceiling(path) is None
+    assert load_ceilings(tmp_path) == []
+    (tmp_path / "ceiling").mkdir()
+    (tmp_path / "ceiling" / "drawn.json").write_text(content)
+    assert load_ceilings(tmp_path) == []
 
 
-def test_the_file_is_plain_json(make_catalog, tmp_path: Path) -> None:
+def test_a_ceiling_without_its_figures_counts_as_nothing(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    record = measure_ceiling(SCENE, catalog, tmp_path / "ceiling.json")
-    assert json.loads((tmp_path / "ceiling.json").read_text()) == record
-    assert np.isfinite(record["entries"][0]["ssim"])
+    measure_ceiling(SCENE, catalog, tmp_path)
+    path = tmp_path / "ceiling" / "drawn.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"values": {"psnr": 30.0}}))
+    assert load_ceilings(tmp_path) == []
+
+
+def test_each_has_a_record_with_what_made_it(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
+    (entry,) = measure_ceiling(SCENE, catalog, tmp_path)
+    record = json.loads((tmp_path / "ceiling" / "drawn.json").read_text())
+    assert record["values"]["psnr"] == entry["psnr"]
+    assert record["key"]["settings"] == SCENE.to_json()
+    assert record["provenance"]["processor_seconds"] > 0
+    assert np.isfinite(entry["ssim"])
+
+
+def test_other_code_measures_anew(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
+    measure_ceiling(SCENE, catalog, tmp_path)
+    monkeypatch.setattr(module, "code", lambda *_: "later")
+    monkeypatch.setattr(module, "_fitted_alone", lambda *_: {"psnr": 1.0, "ssim": 0.5})
+    assert measure_ceiling(SCENE, catalog, tmp_path)[0]["psnr"] == 1.0
+
+
+def test_without_a_surrogate_what_an_earlier_one_reached_stays(
+    varied: Catalog, surrogate: Surrogate, tmp_path: Path
+) -> None:
+    beside = measure_ceiling(SCENE, varied, tmp_path, surrogate)
+    assert measure_ceiling(SCENE, varied, tmp_path) == beside

@@ -20,10 +20,9 @@ from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import locked
 from surrogate.studies.ablation import fits
 from surrogate.studies.ablation import study as module
-from surrogate.studies.ablation.clock import clock
 from surrogate.studies.ablation.fits import BaseFits, base_settings
-from surrogate.studies.ablation.pace import measured
-from surrogate.studies.ablation.records import Records, Result
+from surrogate.studies.ablation.pace import clock, measured
+from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.run import LOCK, ablate
 from surrogate.studies.ablation.study import Study
 from surrogate.studies.ablation.variants import VARIANTS, Variant
@@ -82,8 +81,10 @@ def test_every_variant_is_fitted_once_per_seed_and_kept(conduct, tmp_path: Path)
         assert result.images == 1  # the validation view of the validation member
         assert result.gaussians == 40
         assert 5.0 < result.psnr < 60.0
-        assert result.machine
-        assert result.commit
+        assert result.provenance.machine
+        assert result.provenance.commit
+        assert result.provenance.processor_seconds > result.seconds
+        assert result.scene == SCENE.to_json()
     assert {r.settings["seed"] for r in fitted} == {0, 1}
     assert (tmp_path / "ablation.png").read_bytes().startswith(b"\x89PNG")
     assert "| **default** |" in (tmp_path / "ablation.md").read_text()
@@ -129,7 +130,8 @@ def test_results_of_other_settings_budgets_or_data_are_not_taken(conduct, make_c
 def test_what_took_another_time_is_repeated_only_when_that_is_asked_for(conduct, at_once, tmp_path: Path) -> None:
     conduct(only=["joint"])
     path = tmp_path / "joint.seed0.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"seconds": BUDGET}))
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"values": record["values"] | {"seconds": BUDGET}}))
     assert conduct(only=["joint"]) == []
     assert names(conduct(only=["joint"], again=True)) == [("default", 0)]
 
@@ -153,7 +155,7 @@ def test_what_took_the_steps_of_a_repeated_fit_is_repeated_in_the_same_run(
 def test_a_damaged_result_is_made_again(conduct, at_once, tmp_path: Path, content: str) -> None:
     (tmp_path / "default.seed0.json").write_text(content)
     assert names(conduct(only=["default"])) == [("default", 0)]
-    assert json.loads((tmp_path / "default.seed0.json").read_text())["psnr"] == 20.0
+    assert json.loads((tmp_path / "default.seed0.json").read_text())["values"]["psnr"] == 20.0
 
 
 def test_what_is_not_asked_for_now_stays_in_the_table(conduct, at_once, tmp_path: Path) -> None:
@@ -193,7 +195,10 @@ def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> Non
     again = {r.variant: r for r in conduct(only=["default-in-paper-steps"], longest=60.0)}
     assert again["default-in-paper-steps"].steps == fitted["paper"].steps
     path = tmp_path / "paper.seed0.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"deformation_steps": fitted["paper"].steps + 7}))
+    record = json.loads(path.read_text())
+    path.write_text(
+        json.dumps(record | {"values": record["values"] | {"deformation_steps": fitted["paper"].steps + 7}})
+    )
     assert names(conduct(only=["default-in-paper-steps"], longest=60.0)) == [("default-in-paper-steps", 0)]
 
 
@@ -331,7 +336,7 @@ def test_pages_are_written_one_after_the_other_and_leftovers_go(
     assert Path(dead).exists()
     held: list[bool] = []
 
-    def write(scene: str, records: Records) -> None:
+    def write(*_: object) -> None:
         try:
             with (tmp_path / LOCK).open("w") as file:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -8,7 +8,7 @@ import pytest
 
 from catalogs import durable
 from surrogate.studies.repeats import records
-from surrogate.studies.repeats.records import load, save, scores_beside, scores_path
+from surrogate.studies.repeats.records import load, load_scores, save, scores_path
 from tests.support.scores import scores_of
 
 
@@ -18,7 +18,7 @@ def test_what_is_kept_is_found_again(tmp_path: Path) -> None:
     found = load(tmp_path, 3)
     assert found is not None
     assert replace(found, variations=tuple(found.variations)) == scores
-    assert scores_path(tmp_path, 3) == tmp_path / "seeds" / "3" / "scores.json"
+    assert scores_path(tmp_path, 3) == tmp_path / "seeds" / "3.json"
     assert load(tmp_path, 4) is None
 
 
@@ -27,7 +27,7 @@ def test_damaged_files_count_as_nothing(tmp_path: Path, content: str) -> None:
     save(tmp_path, scores_of(0, 30.0))
     scores_path(tmp_path, 0).write_text(content)
     assert load(tmp_path, 0) is None
-    assert scores_beside(tmp_path, "base") == []
+    assert load_scores(tmp_path, base="base") == []
 
 
 @pytest.mark.parametrize("name", ["VERSION", "EVALUATION"])
@@ -35,13 +35,15 @@ def test_what_another_version_wrote_counts_as_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     save(tmp_path, scores_of(0, 30.0))
+    assert load_scores(tmp_path)
     monkeypatch.setattr(records, name, getattr(records, name) + 1)
     assert load(tmp_path, 0) is None
+    assert load_scores(tmp_path) == []
 
 
 def test_a_file_in_the_folder_of_another_seed_counts_as_nothing(tmp_path: Path) -> None:
     save(tmp_path, scores_of(0, 30.0))
-    scores_path(tmp_path, 0).parent.rename(tmp_path / "seeds" / "1")
+    scores_path(tmp_path, 0).rename(scores_path(tmp_path, 1))
     assert load(tmp_path, 1) is None
 
 
@@ -51,8 +53,8 @@ def test_only_what_differs_in_the_seed_alone_stands_beside(tmp_path: Path) -> No
     save(tmp_path, scores_of(1, 30.0, base="other settings"))
     (tmp_path / "seeds" / "notes").mkdir()
     (tmp_path / "seeds" / "seeds.md").write_text("a page")
-    assert [scores.seed for scores in scores_beside(tmp_path, "base")] == [0, 2, 10]
-    assert scores_beside(tmp_path / "nowhere", "base") == []
+    assert [scores.seed for scores in load_scores(tmp_path, base="base")] == [0, 2, 10]
+    assert load_scores(tmp_path / "nowhere", base="base") == []
 
 
 def test_numbers_that_are_none_are_not_kept(tmp_path: Path) -> None:
@@ -70,7 +72,10 @@ def test_a_failed_write_leaves_what_was_there(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("catalogs.durable.rename", fail)
     with pytest.raises(OSError, match="disk full"):
         save(tmp_path, scores_of(0, 40.0))
-    assert json.loads(scores_path(tmp_path, 0).read_text())["cells"]["psnr"]["seen_views"]["seen_parameters"] == 30.0
+    assert (
+        json.loads(scores_path(tmp_path, 0).read_text())["values"]["cells"]["psnr"]["seen_views"]["seen_parameters"]
+        == 30.0
+    )
 
 
 def broken(*place: str, value: object) -> Any:
@@ -87,18 +92,18 @@ def broken(*place: str, value: object) -> Any:
 @pytest.mark.parametrize(
     "change",
     [
-        broken("cells", value={}),
-        broken("cells", value=None),
-        broken("cells", "psnr", "seen_views", "seen_parameters", value=float("nan")),
-        broken("cells", "ssim", "seen_views", "seen_parameters", value="high"),
-        broken("cells", "images", value={}),
-        broken("variations", value=None),
-        broken("variations", value=[{"kind": "isovalue"}]),
-        broken("gaussians", value="many"),
-        broken("seconds", value=float("inf")),
-        broken("machine", value={}),
-        broken("commit", value=None),
-        broken("seed", value=True),
+        broken("values", "cells", value={}),
+        broken("values", "cells", value=None),
+        broken("values", "cells", "psnr", "seen_views", "seen_parameters", value=float("nan")),
+        broken("values", "cells", "ssim", "seen_views", "seen_parameters", value="high"),
+        broken("values", "cells", "images", value={}),
+        broken("values", "variations", value=None),
+        broken("values", "variations", value=[{"kind": "isovalue"}]),
+        broken("values", "gaussians", value="many"),
+        broken("values", "seconds", value=float("inf")),
+        broken("provenance", "machine", value={}),
+        broken("provenance", "commit", value=None),
+        broken("key", "seed", value=True),
     ],
 )
 def test_scores_that_no_table_could_be_made_of_count_as_nothing(tmp_path: Path, change: Any) -> None:
@@ -121,8 +126,8 @@ def test_an_endless_file_counts_as_nothing(tmp_path: Path) -> None:
 def test_no_seed_is_counted_twice(tmp_path: Path, name: str) -> None:
     for seed in (0, 4):
         save(tmp_path, scores_of(seed, 30.0))
-    shutil.copytree(tmp_path / "seeds" / "4", tmp_path / "seeds" / name)
-    assert [scores.seed for scores in scores_beside(tmp_path, "base")] == [0, 4]
+    shutil.copy(scores_path(tmp_path, 4), tmp_path / "seeds" / f"{name}.json")
+    assert [scores.seed for scores in load_scores(tmp_path, base="base")] == [0, 4]
 
 
 def test_what_a_killed_writer_left_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,4 +136,4 @@ def test_what_a_killed_writer_left_is_removed(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(durable, "_start_time", lambda process: "another process's")
     left.write_bytes(b"{")
     save(tmp_path, scores_of(0, 31.0))
-    assert [path.name for path in scores_path(tmp_path, 0).parent.iterdir()] == ["scores.json"]
+    assert [path.name for path in scores_path(tmp_path, 0).parent.iterdir()] == ["0.json"]

@@ -15,6 +15,7 @@ from surrogate.cli import main
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
+from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.studies.repeats import run as module
 from surrogate.studies.repeats.progress import RepeatProgress
@@ -40,8 +41,8 @@ def contents(folder: Path) -> dict[Path, tuple[bytes, int]]:
 
 
 def numbers(scores: Scores) -> dict:
-    """All but the times."""
-    return {name: value for name, value in asdict(scores).items() if name not in ("seconds", "made")}
+    """All but the times, which one of the settings is about."""
+    return {name: value for name, value in asdict(scores).items() if name not in ("seconds", "provenance", "settings")}
 
 
 def test_every_seed_is_trained_in_its_folder_and_kept(catalog: Catalog, tmp_path: Path) -> None:
@@ -54,9 +55,10 @@ def test_every_seed_is_trained_in_its_folder_and_kept(catalog: Catalog, tmp_path
         surrogate = Surrogate.load(tmp_path / "run" / folders[scores.seed])
         assert surrogate.training["settings"]["seed"] == scores.seed
         assert surrogate.training["fingerprint"] == scores.fingerprint
-        record = json.loads((tmp_path / f"run/seeds/{scores.seed}/scores.json").read_text())
-        assert record["seed"] == scores.seed
-        assert {"fingerprint", "machine", "commit"} <= set(record)
+        record = json.loads((tmp_path / f"run/seeds/{scores.seed}.json").read_text())
+        assert record["key"] | {"seed": scores.seed, "settings": SCENE.to_json()} == record["key"]
+        assert record["provenance"]["code"] == code() == surrogate.training["code_version"]
+        assert record["provenance"]["processor_seconds"] > 0
     assert len({scores.fingerprint for scores in found}) == 3
     assert {scores.base for scores in found} == {found[0].fingerprint}
     assert len({scores.cells["psnr"]["unseen_views"]["unseen_parameters"] for scores in found}) == 3
@@ -87,6 +89,23 @@ def test_nothing_is_done_twice(catalog: Catalog, tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(module, "score_model", None)
     assert repeat(SCENE, catalog, tmp_path / "run", seeds=2) == first
     assert contents(tmp_path / "run") == before
+
+
+def test_without_a_model_records_answer_unless_other_code_made_them(
+    catalog: Catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = repeat(SCENE, catalog, tmp_path / "run", records=tmp_path / "kept", seeds=2)
+    assert sorted(path.name for path in (tmp_path / "kept/seeds").iterdir()) == ["4.json", "5.json"]
+    assert repeat(SCENE, catalog, tmp_path / "elsewhere", records=tmp_path / "kept", seeds=2) == first
+    assert not (tmp_path / "elsewhere").exists()
+    monkeypatch.setattr("surrogate.training.run.code", lambda: "later")
+    monkeypatch.setattr(module, "code", lambda: "later")
+    assert (
+        repeat(SCENE, catalog, tmp_path / "run", records=tmp_path / "kept", seeds=2) == first
+    )  # these models are of earlier code
+    told: list[Scores] = []
+    repeat(SCENE, catalog, tmp_path / "elsewhere", records=tmp_path / "kept", seeds=2, tell=told.append)
+    assert [(scores.seed, scores.provenance.code) for scores in told] == [(4, "later"), (5, "later")]
 
 
 def test_a_trained_base_model_is_taken_as_it_is_and_more_seeds_are_added(catalog: Catalog, tmp_path: Path) -> None:
@@ -213,7 +232,7 @@ def test_an_interruption_while_scoring_loses_only_that(catalog: Catalog, tmp_pat
 
     with pytest.raises(KeyboardInterrupt):
         repeat(SCENE, catalog, tmp_path / "run", seeds=2, progress=press)
-    assert sorted(path.name for path in (tmp_path / "run/seeds").glob("*/*")) == ["scores.json", "surrogate"]
+    assert sorted(path.name for path in (tmp_path / "run/seeds").glob("*")) == ["4.json", "5"]
     before = contents(tmp_path / "run/seeds/5/surrogate")
     assert len(repeat(SCENE, catalog, tmp_path / "run", seeds=2)) == 2
     assert contents(tmp_path / "run/seeds/5/surrogate") == before
