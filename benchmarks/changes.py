@@ -92,7 +92,7 @@ def changes(surrogate: Surrogate) -> dict[str, Callable[[], object]]:
         def change(of_vis: Iterator[dict[str, float]] = of_vis) -> None:
             surrogate.at(**next(of_simulation), **next(of_vis))
 
-        calls[f"simulation and {visualization.variation.kind.replace('_', ' ')}"] = change
+        calls[f"simulation and {visualization.variation.name}"] = change
     return calls
 
 

@@ -343,7 +343,7 @@ def _write_empty(path: Path, plan: CatalogPlan) -> None:
 
 def _least_schema(plan: CatalogPlan) -> int:
     """The first schema whose readers know all that is in the plan: programs from before fields read catalogs without them."""
-    fields = any(plan.fields) or any(variation.kind == "field" for variation in plan.variations)
+    fields = any(plan.fields) or not all(variation.continuous for variation in plan.variations)
     return SCHEMA if fields else WITHOUT_FIELDS
 
 

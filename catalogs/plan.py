@@ -23,7 +23,7 @@ from catalogs.appearance import (
 from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
-from catalogs.variations import ISOVALUE, Setting, Variation, mismatches
+from catalogs.variations import ISOVALUE, Setting, Variation, variation_from_json
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 KEPT_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz")  # what a member's folder holds beside images
@@ -105,7 +105,7 @@ class CatalogPlan:
     @property
     def varied_names(self) -> list[str]:
         """The visualization parameters of all variations that have columns in the table."""
-        return [name for variation in self.variations if variation.in_table for name in variation.space.names]
+        return [name for variation in self.variations if variation.continuous for name in variation.space.names]
 
     def setting(self, appearance: str) -> Setting | None:
         """The appearance's place in a variation; None where it belongs to none or is the base of one."""
@@ -114,7 +114,7 @@ class CatalogPlan:
     def varied(self, appearance: str) -> dict[str, float]:
         """All of `varied_names` of an appearance by name, zero where it does not have one."""
         values = dict.fromkeys(self.varied_names, 0.0)
-        for variation in (v for v in self.variations if v.in_table):
+        for variation in (v for v in self.variations if v.continuous):
             setting = variation.setting(appearance)
             if setting is not None:
                 values |= dict(zip(variation.space.names, setting.values, strict=True))
@@ -123,7 +123,7 @@ class CatalogPlan:
     @property
     def plain_appearances(self) -> tuple[Appearance, ...]:
         """The appearances that are no setting of a variation, or the setting of a field, each of which looks its own way."""
-        made = {s.appearance for v in self.variations if v.in_table for s in v.settings}
+        made = {s.appearance for v in self.variations if v.continuous for s in v.settings}
         return tuple(a for a in self.appearances if a.name not in made)
 
     def image_name(self, appearance: str, view: int) -> str:
@@ -162,7 +162,7 @@ class CatalogPlan:
             background=None if record["background"] is None else tuple(record["background"]),
             image_format=record["image_format"],
             provenance=record.get("provenance", {}),
-            variations=tuple(Variation.from_json(v) for v in record.get("variations", ())),
+            variations=tuple(variation_from_json(v) for v in record.get("variations", ())),
         )
 
     def differences(self, other: CatalogPlan) -> list[str]:
@@ -197,7 +197,7 @@ def _check_variations(variations: Sequence[Variation], appearances: Sequence[App
             f"every setting of a variation, and its base, is one appearance of the catalog: {shortened(strange) or 'none'} "
             f"are no appearances, {shortened(twice) or 'none'} stand twice"
         )
-    wrong = [problem for variation in variations for problem in mismatches(variation, appearances)]
+    wrong = [problem for variation in variations for problem in variation.mismatches(appearances)]
     if wrong:
         raise CatalogError(f"appearances are not what their variation says: {'; '.join(wrong[:3])}")
 

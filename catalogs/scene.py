@@ -20,7 +20,7 @@ import numpy as np
 from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, check_fields
 from catalogs.cameras import Camera, orbit, view_splits
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.variations import Family, Variation, field_variation, isovalue_family, transfer_function_family
+from catalogs.variations import Family, Variation, variation_kind
 
 SOURCES = ("simulation", "hdf5", "nerf")
 DATA_FOLDER = "GS_SURROGATE_DATA"
@@ -165,7 +165,7 @@ class Scene:
         if not self.varied:
             return tuple(members)
         training = [m.name for m in members if m.split == "train"]
-        sampled = [v for v in self.varied if v.variation.kind != "field"]  # those of a field are like any others
+        sampled = [v for v in self.varied if v.variation.continuous]
         settings = {s.appearance for v in sampled for s in v.variation.settings}
         plain = [a.name for a in self.appearances if a.name not in settings]
         random = np.random.default_rng(self.seed)
@@ -241,7 +241,7 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
 def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tuple[Family, VariedMembers]:
     """One `[[variation]]` table: a family of appearances around the one that it names, and who shows it."""
     values = dict(record)
-    kind, base_name = values.pop("kind", None), values.pop("of", None)
+    form, base_name = variation_kind(values.pop("kind", None)), values.pop("of", None)
     share, compared = values.pop("members", 1.0), values.pop("compared", None)
     base = next((a for a in appearances if a.name == base_name), None)
     if not isinstance(base, VolumeRendering):
@@ -250,30 +250,13 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
         raise ValueError(f"variation.members, the share of training members, must lie in (0, 1], got {share!r}")
     if compared is not None and (type(compared) is not int or compared < 1):
         raise ValueError(f"variation.compared must be a count, at least 1, got {compared!r}; left out, it is all")
-    if kind == "field" and {"members", "compared"} & set(record):
+    if not form.continuous and {"members", "compared"} & set(record):
         raise ValueError(f"variation of {base.name}: every member shows every field, leave out members and compared")
     try:
-        if kind == "isovalue":
-            values["style"] = ({"field": base.field} if base.field else {}) | values.get("style", {})
-            family = isovalue_family(base.name, **values)
-        elif kind == "transfer_function":
-            family = transfer_function_family(base, **values)
-        elif kind == "field":
-            family = _field_family(base.name, [a.name for a in appearances], **values)
-        else:
-            raise ValueError(f'variation.kind must be "isovalue", "transfer_function" or "field", got {kind!r}')
+        family = form.family(base, [a.name for a in appearances], **values)
     except (TypeError, ValueError) as error:
         raise ValueError(f"variation of {base.name}: {error}") from None
     return family, VariedMembers(family.variation, float(share), compared)
-
-
-def _field_family(base: str, known: Sequence[str], *, appearances: Sequence[str] = ()) -> Family:
-    """Appearances of the scene's own, which are shown instead of `base`; raises ValueError naming those that are not `known`."""
-    variation = field_variation(base, appearances=appearances)
-    unknown = [setting.appearance for setting in variation.settings if setting.appearance not in known]
-    if unknown:
-        raise ValueError(f"appearances must name some of {list(known)}, each an [[appearance]] table, got {unknown}")
-    return Family(variation, ())
 
 
 def _records(tables: Mapping[str, Any], name: str) -> Sequence[Mapping[str, Any]]:

@@ -83,7 +83,7 @@ def _appearance(appearance: Appearance) -> str:
 
 
 def _variation(variation: Variation) -> str:
-    if variation.kind == "field":
+    if not variation.continuous:
         return f"field: {variation.base}, or {shortened([s.appearance for s in variation.settings])}"
     counts = Counter(setting.split for setting in variation.settings)
     ranges = ", ".join(f"{p.name} in [{p.low:g}, {p.high:g}] {p.unit}".strip() for p in variation.space.parameters)

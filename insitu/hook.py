@@ -344,7 +344,7 @@ def _summaries(fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan) -
 
 def _sampled(plan: CatalogPlan) -> tuple[Appearance, ...]:
     """The appearances by which points of the field are kept: of transfer functions only the bases, whose places all share."""
-    same = {n for v in plan.variations if v.kind == "transfer_function" for n in v.named(*SPLITS)}
+    same = {n for v in plan.variations if v.edits_base for n in v.named(*SPLITS)}
     return tuple(a for a in plan.appearances if a.name not in same)
 
 

@@ -129,7 +129,7 @@ def measure_pilot(fields: Fields, wishes: Wishes) -> Pilot:
         return Pilot(bounds, fields.ranges)
     from render import choose_sample_distance
 
-    variations = [v for v in wishes.variations or () if v.kind != "field"]  # nothing is in common between fields
+    variations = [v for v in wishes.variations or () if v.continuous]  # nothing is in common between fields
     cameras = cameras_around(bounds, wishes.views or ViewPlan())
     measured = _measured(volumes, variations)
     target = target_decibels(wishes)

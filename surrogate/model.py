@@ -159,7 +159,7 @@ class Surrogate:
         knows no field values (it then learnt transfer functions by their displacements, or none), or as `at` does.
         """
         normalized, named = self._placed(self.space.values(parameters, outside=outside, stacklevel=2))
-        known = [v for v in self.visualizations if v.variation.kind == "transfer_function"]
+        known = [v for v in self.visualizations if v.variation.edits_base]
         if not known:
             raise ValueError(
                 "this surrogate has learnt no transfer functions: its scene needs a [[variation]] of that kind"
@@ -226,7 +226,7 @@ class Surrogate:
         content = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
         durable.replace(directory / TENSORS, content)
         record = {
-            "schema": SCHEMA if any(v.variation.kind == "field" for v in self.visualizations) else WITHOUT_FIELDS,
+            "schema": WITHOUT_FIELDS if all(v.variation.continuous for v in self.visualizations) else SCHEMA,
             "tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()},
             "encodings": forms,
             "parameters": self.space.to_json(),
@@ -304,8 +304,8 @@ class Surrogate:
 
     def _following(self) -> str:
         variations = [v.variation for v in self.visualizations]
-        kinds = [v.kind.replace("_", " ") for v in variations if v.kind != "field"]
-        others = [s.appearance for v in variations if v.kind == "field" for s in v.settings]
+        kinds = [v.name for v in variations if v.continuous]
+        others = [s.appearance for v in variations if not v.continuous for s in v.settings]
         following = f"any {' and '.join(kinds)}, " if kinds else ""
         return following + (f"also as {', '.join(others)}, " if others else "")
 

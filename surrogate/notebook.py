@@ -96,13 +96,13 @@ def _bounds(space: ParameterSpace) -> list[str]:
 def _followed(visualization: Visualization) -> str:
     """What a variation lets one ask for, in words."""
     variation = visualization.variation
-    if variation.kind == "field":
+    if not variation.continuous:
         return f"other fields: appearance {', '.join(setting.appearance for setting in variation.settings)}"
     if isinstance(visualization.deformation, ValuesDeformation):
         low, high = visualization.deformation.base.bounds
         return f"any transfer function over field values {low:g} to {high:g}"
     bounds = ", ".join(_bounds(variation.space))
-    return f"displacements of the transfer function: {bounds}" if variation.kind == "transfer_function" else bounds
+    return f"displacements of the transfer function: {bounds}" if variation.edits_base else bounds
 
 
 def _trained(training: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.results.scenes import SceneResults
+from catalogs.variations import KINDS
 from surrogate.evaluation.tables import NOTHING, metric_number, number, spread_number
-from surrogate.report.variations import NAMES
 
 BASE = "base"
 
@@ -91,10 +91,10 @@ def _parts(scene: SceneResults) -> list[Part]:
         own = _ceiling_names(one)
         ceiling = next((entry for entry in scene.ceilings if own & set(entry["parameters"])), None)
         spreads = None if repeats is None else {"seeds": repeats["seeds"], **repeats["variations"][number_of]}
-        parts.append(Part(scene.name, one["kind"], NAMES[one["kind"]], one, spreads, ceiling))
+        parts.append(Part(scene.name, one["kind"], KINDS[one["kind"]].plural, one, spreads, ceiling))
     return parts
 
 
 def _ceiling_names(varied: Mapping[str, Any]) -> set[str]:
     """The visualization parameters that a ceiling of a variation is measured at; those of a field, all seen, have none."""
-    return set() if varied["kind"] == "field" else {parameter["name"] for parameter in varied["parameters"]}
+    return {parameter["name"] for parameter in varied["parameters"]} if KINDS[varied["kind"]].continuous else set()

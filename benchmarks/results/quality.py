@@ -9,7 +9,6 @@ from benchmarks.results.parts import BASE, Part
 from catalogs.variations import KINDS
 from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
 from surrogate.evaluation.tables import HEADINGS, NOTHING, table
-from surrogate.report.variations import NAMES
 
 FOREGROUND, SSIM = "PSNR of the foreground (dB)", "SSIM"
 CEILING, TRIVIAL = "ceiling (surrogate there), dB", "best trivial predictor, dB"
@@ -70,19 +69,19 @@ def unseen_settings(parts: Sequence[Part]) -> list[QualityTable]:
     at = "unseen_settings", "seen_parameters"
     return [
         _made(
-            f"Unseen {NAMES[kind]}",
-            f"Training members at unseen views, under {NAMES[kind]} that training showed and under others.  Trivial predictors "
+            f"Unseen {form.plural}",
+            f"Training members at unseen views, under {form.plural} that training showed and under others.  Trivial predictors "
             "have stored pictures of the same member and view.",
-            [part for part in parts if part.kind == kind and part.has(*at)],
-            (f"seen {NAMES[kind]}, PSNR (dB)", lambda part: part.figure("psnr", "seen_settings", "seen_parameters")),
-            (f"**unseen {NAMES[kind]}**, PSNR (dB)", lambda part: part.figure("psnr", *at)),
+            [part for part in parts if part.kind == form.kind and part.has(*at)],
+            (f"seen {form.plural}, PSNR (dB)", lambda part: part.figure("psnr", "seen_settings", "seen_parameters")),
+            (f"**unseen {form.plural}**, PSNR (dB)", lambda part: part.figure("psnr", *at)),
             *_details(at),
             (CEILING, Part.beside_ceiling),
             (TRIVIAL, lambda part: part.best_trivial(*at)),
             *_counts(at),
         )
-        for kind in KINDS
-        if any(part.kind == kind and part.has(*at) for part in parts) or kind != "field"
+        for form in KINDS.values()
+        if any(part.kind == form.kind and part.has(*at) for part in parts) or form.continuous
     ]
 
 

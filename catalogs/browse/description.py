@@ -110,7 +110,7 @@ def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
     if plan.has_isosurface:
         values = [float(a.isovalue) if isinstance(a, Isosurface) else None for a in plan.appearances]
         found.append((ISOVALUE, "", values))
-    for variation in (v for v in plan.variations if v.in_table and v.kind != "isovalue"):
+    for variation in (v for v in plan.variations if v.continuous and v.space.names != (ISOVALUE,)):
         for i, parameter in enumerate(variation.space.parameters):
             values = [
                 setting.values[i]
@@ -132,10 +132,9 @@ def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
     said = {"name": appearance.name, "title": _appearance_title(appearance, plan)}
     setting = plan.setting(appearance.name)
     variation = next((v for v in plan.variations if v.setting(appearance.name) is not None), None)
-    if setting is None or variation is None or not variation.in_table:
+    if setting is None or variation is None or not variation.continuous:
         return {**said, "kind": appearance.name}
-    kind = f"{variation.kind.replace('_', ' ')}s"
-    return {**said, "kind": kind, "group": f"{kind}, {setting.split}"}
+    return {**said, "kind": variation.plural, "group": f"{variation.plural}, {setting.split}"}
 
 
 def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:

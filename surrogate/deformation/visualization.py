@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from catalogs.appearance import TransferFunction
-from catalogs.variations import Variation
+from catalogs.variations import Variation, variation_from_json
 from surrogate.deformation import Deformation, deformed_in_turn, load_deformation
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.gaussians import Gaussians
@@ -103,7 +103,7 @@ class Visualization:
             return load_deformation(record[name]["kind"], part_of(tensors, name), record[name])
 
         tuned = None if record["simulation"] is None else part("simulation")
-        variation = Variation.from_json(record["variation"])
+        variation = variation_from_json(record["variation"])
         return cls(variation, part("deformation"), tuned, int(record["color_degree"]))
 
     def stored(self) -> dict[str, Tensor]:

@@ -80,12 +80,12 @@ def evaluate_variation(
     """Score one of the surrogate's visualizations."""
     variation, members = visualization.variation, catalog.members
     chosen = images_of_varied_cells(members, variation)
-    judging = "train" if variation.kind == "field" else VALIDATION  # of fields all are learnt
+    judging = VALIDATION if variation.continuous else "train"  # of fields all are learnt
     watched = drawn_evenly(_cases(members, variation, (judging,), (VALIDATION,), ("train", VALIDATION)))
     unseen = {**chosen["unseen_settings"], VALIDATION: watched}
     total = sum(len(group) for row in chosen.values() for group in row.values()) + len(watched)
     total += len(unseen["unseen_parameters"])  # once more, at the nearest trained setting
-    stage = f"surrogate, {variation.kind.replace('_', ' ')}"
+    stage = f"surrogate, {variation.name}"
     scorer = Scorer(surrogate, catalog, lambda done: progress(stage, done, total))
     cells = {
         row: {
@@ -94,7 +94,7 @@ def evaluate_variation(
         for row, groups in chosen.items()
     }
     validation = scorer.score(watched)
-    baselines = [] if variation.kind == "field" else _baselines(scorer, catalog, variation, unseen, progress)
+    baselines = _baselines(scorer, catalog, variation, unseen, progress) if variation.continuous else []
     milliseconds = _measure_times(surrogate, variation, members)
     return VariedEvaluation(variation, visualization.deformation.kind, cells, validation, baselines, milliseconds)
 

@@ -104,7 +104,7 @@ def _visualization(given: Mapping[str, Any], surrogate: Surrogate) -> dict[str, 
     for variation in (v.variation for v in surrogate.visualizations):
         if not set(given) <= set(variation.asked_names):
             continue
-        if variation.kind == "field":
+        if not variation.continuous:
             appearances = [variation.base, *(s.appearance for s in variation.settings)]
             if given[APPEARANCE] not in appearances:
                 raise MessageError(f"{APPEARANCE} must be one of {appearances}, got {_shown(given[APPEARANCE])}")

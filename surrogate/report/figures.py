@@ -17,7 +17,6 @@ from surrogate.evaluation.scoring import PARAMETERS, VIEWS, Scored
 from surrogate.evaluation.tables import Cells
 from surrogate.model import Surrogate
 from surrogate.report.sheets import chosen_rows, draw_sheet
-from surrogate.report.variations import NAMES
 
 RESOLUTION = 130
 
@@ -37,10 +36,9 @@ def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Ev
         )
     }
     for varied in evaluation.variations:
-        kind = varied.variation.kind
-        title = f"Truth, prediction and difference under {NAMES[kind]}"
+        title = f"Truth, prediction and difference under {varied.variation.plural}"
         drawn = partial(sheet, names=("median", "worst"), cells=varied.cells, otherwise=varied.validation)
-        candidates[title] = f"{kind}.png", drawn
+        candidates[title] = f"{varied.variation.kind}.png", drawn
     candidates |= {
         "Training": ("curves.png", lambda f: _curves(f, surrogate)),
         "Error by parameter": ("parameters.png", lambda f: _parameters(f, evaluation)),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from catalogs.variations import Setting
+from catalogs.variations import KINDS, Setting
 from surrogate.evaluation.scoring import PARAMETERS, Scored, mean
 from surrogate.evaluation.tables import (
     METRICS,
@@ -25,7 +25,6 @@ from surrogate.evaluation.tables import (
 from surrogate.evaluation.trivial.settings import Trained
 from surrogate.evaluation.varied import VALIDATION, SettingBaseline, VariedEvaluation
 
-NAMES = {"isovalue": "isovalues", "transfer_function": "transfer functions", "field": "other fields"}
 COLUMNS = (*PARAMETERS, VALIDATION)
 
 
@@ -51,8 +50,9 @@ def summarize_variation(evaluation: VariedEvaluation) -> dict[str, Any]:
 
 def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> list[str]:
     """Lines of Markdown from a `summarize_variation` record."""
-    names = NAMES[record["kind"]]
-    if record["kind"] == "field":
+    kind = KINDS[record["kind"]]
+    names = kind.plural
+    if not kind.continuous:
         return _field_section(record, names, unavailable)
     return [
         f"## Unseen {names}",
@@ -105,7 +105,7 @@ def _validation(record: Mapping[str, Any], what: str) -> str:
 
 
 def _timing_table(record: Mapping[str, Any]) -> list[str]:
-    change = f"a change of the {record['kind'].replace('_', ' ')}"
+    change = f"a change of the {KINDS[record['kind']].name}"
     return table(
         ("", ""),
         [
@@ -117,22 +117,23 @@ def _timing_table(record: Mapping[str, Any]) -> list[str]:
 
 def variation_line(record: Mapping[str, Any]) -> str:
     """The variation in one line, for a terminal."""
-    if record["kind"] == "field":
-        return _field_line(record)
+    kind = KINDS[record["kind"]]
+    if not kind.continuous:
+        return _field_line(record, kind.plural)
     unseen = {m: record[m]["unseen_settings"]["unseen_parameters"] for m in ("psnr", "ssim")}
     if unseen["psnr"] is None:
-        return f"{NAMES[record['kind']]}: no unseen ones at unseen parameters"
-    label = f"unseen {NAMES[record['kind']]}, unseen parameters"
+        return f"{kind.plural}: no unseen ones at unseen parameters"
+    label = f"unseen {kind.plural}, unseen parameters"
     behind = record["behind"]["unseen_parameters"]
     beside = "" if behind is None else f"   ({_signed(behind)} seen ones)"
     return f"{label:<38} {unseen['psnr']:6.2f} dB   SSIM {unseen['ssim']:.4f}{beside}"
 
 
-def _field_line(record: Mapping[str, Any]) -> str:
+def _field_line(record: Mapping[str, Any], names: str) -> str:
     seen = {m: record[m]["seen_settings"]["unseen_parameters"] for m in ("psnr", "ssim")}
     if seen["psnr"] is None:
-        return f"{NAMES['field']}: none at unseen parameters"
-    return f"{NAMES['field'] + ', unseen parameters':<38} {seen['psnr']:6.2f} dB   SSIM {seen['ssim']:.4f}"
+        return f"{names}: none at unseen parameters"
+    return f"{names + ', unseen parameters':<38} {seen['psnr']:6.2f} dB   SSIM {seen['ssim']:.4f}"
 
 
 def _summarize_baseline(baseline: SettingBaseline, evaluation: VariedEvaluation) -> dict[str, Any]:
@@ -232,12 +233,12 @@ def _remark(shown: Mapping[str, Sequence[int]], trained: int) -> str:
 
 def _setting_table(record: Mapping[str, Any]) -> list[str]:
     """Every isovalue, in order, and every field; of transfer functions, which are many, the unseen ones."""
-    kind = record["kind"]
-    settings = [s for s in record["settings"] if kind != "transfer_function" or s["split"] == "test"]
-    settings = sorted(settings, key=lambda s: s["values"]) if kind == "isovalue" else settings
-    if kind == "field":  # its name says it
-        settings = [{**setting, "values": []} for setting in settings]
-    names = [] if kind == "field" else [parameter["name"] for parameter in record["parameters"]]
+    kind = KINDS[record["kind"]]
+    settings = [s for s in record["settings"] if not kind.edits_base or s["split"] == "test"]
+    names = [parameter["name"] for parameter in record["parameters"]]
+    if not kind.continuous:  # the setting's name says it
+        settings, names = [{**setting, "values": []} for setting in settings], []
+    settings = sorted(settings, key=lambda s: s["values"]) if len(names) == 1 else settings
     headings = [f"{what}, {c.split('_')[0]} parameters" for c in PARAMETERS for what in ("PSNR", "worst")]
     return table(("", "split", *names, *headings, "covered pixels"), map(_setting_row, settings))
 

@@ -162,7 +162,7 @@ def _middle_setting(variation: Variation) -> str:
     """The name of the appearance in the middle of those that test, by isovalue where that is what varies."""
     names = variation.named("test")
     settings = [s for s in variation.settings if s.appearance in names]
-    ordered = sorted(settings, key=lambda s: s.values) if variation.kind == "isovalue" else settings
+    ordered = sorted(settings, key=lambda s: s.values) if len(variation.space) == 1 else settings
     return ordered[len(ordered) // 2].appearance if ordered else ""
 
 

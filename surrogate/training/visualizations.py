@@ -25,7 +25,7 @@ VISUALIZATION, SIMULATION = "visualization.", "simulation."
 
 def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
     """Which F_vis a variation gets; raises ValueError where what was asked for can't be had."""
-    asked, edits = settings.visualization_deformation, _edits_transfer_functions(variation)
+    asked, edits = settings.visualization_deformation, variation.edits_base
     if asked == "auto":
         return "values" if edits else "bilinear"
     if asked == "values" and not edits:
@@ -51,7 +51,7 @@ def new_visualization(
     source : the catalog, which knows the base appearance and the field's histogram, and the settings.
     color_degree : of the Gaussians that it is to show.
     """
-    settings, edits = source.settings, _edits_transfer_functions(variation)
+    settings, edits = source.settings, variation.edits_base  # F_sim is frozen where the base is edited
     kind, degree = kind_of(variation, settings), max(color_degree, gaussians.color_degree)
     if kind == "values":
         return Visualization(variation, _applied_functions(gaussians, variation, source), None, degree)
@@ -68,11 +68,6 @@ def new_visualization(
         deformation = deformation.without(attribute)
     tuned = None if edits or not settings.simulation_rate_factor else simulation.copy()
     return Visualization(variation, deformation.to(gaussians.means.device), tuned, degree)
-
-
-def _edits_transfer_functions(variation: Variation) -> bool:
-    """Whether only opacities and colours follow, and nothing at the base: F_sim is frozen then."""
-    return variation.kind == "transfer_function"
 
 
 def _applied_functions(gaussians: Gaussians, variation: Variation, source: Source) -> ValuesDeformation:

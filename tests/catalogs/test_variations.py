@@ -22,8 +22,9 @@ from catalogs.variations import (
     displaced,
     field_variation,
     isovalue_family,
-    mismatches,
     transfer_function_family,
+    variation_from_json,
+    variation_kind,
 )
 
 COLORS = ((-1.0, 0.0, 0.0, 1.0), (3.0, 1.0, 0.0, 0.0))
@@ -60,7 +61,7 @@ def test_every_setting_is_the_base_with_its_points_moved() -> None:
         np.testing.assert_allclose(moved[1:3].ravel(), setting.values, atol=1e-12)
         assert not moved[[0, 3]].any()
         assert appearance.transfer_function.color_points == COLORS
-    assert mismatches(family.variation, (BASE, *family.appearances)) == []
+    assert family.variation.mismatches((BASE, *family.appearances)) == []
 
 
 def test_unseen_settings_lie_in_the_box_apart_from_the_trained_ones() -> None:
@@ -163,7 +164,7 @@ def test_isosurfaces_stand_at_their_values() -> None:
     ]
     assert family.variation.space.parameters == (Parameter("isovalue", 2.0, 8.0, "1/s²"),)
     assert family.appearances[4] == Isosurface("iso=5.5", 5.5, (1.0, 0.5, 0.0), specular=0.0)
-    assert mismatches(family.variation, (BASE, *family.appearances)) == []
+    assert family.variation.mismatches((BASE, *family.appearances)) == []
 
 
 def test_close_isovalues_have_names_of_their_own() -> None:
@@ -241,7 +242,7 @@ def test_an_impossible_variation_is_refused(
     kind: Any, names: tuple[str, ...], settings: tuple[Setting, ...], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        Variation(kind, "dvr", space_of(*names), settings)
+        variation_kind(kind)("dvr", space_of(*names), settings)
 
 
 def test_an_impossible_setting_is_refused() -> None:
@@ -266,31 +267,31 @@ def variations(draw: st.DrawFn) -> Variation:
     settings = tuple(Setting(draw(names), v, split) for v, split in rows)
     low = draw(st.floats(-1e6, 1e6))
     space = ParameterSpace(tuple(Parameter(name, low, low + 1.0, draw(st.text(max_size=3))) for name in parameters))
-    return Variation(kind, "dvr", space, settings)
+    return variation_kind(kind)("dvr", space, settings)
 
 
 @given(variations())
 def test_json_round_trip(variation: Variation) -> None:
-    assert Variation.from_json(json.loads(json.dumps(variation.to_json()))) == variation
+    assert variation_from_json(json.loads(json.dumps(variation.to_json()))) == variation
 
 
 def test_families_come_back_from_json_to_the_bit() -> None:
     for family in (isovalue_family("dvr", train=(0.1, 1 / 3)), transfer_function_family(BASE, **STEPS)):
-        read = Variation.from_json(json.loads(json.dumps(family.variation.to_json())))
+        read = variation_from_json(json.loads(json.dumps(family.variation.to_json())))
         assert read == family.variation
-        assert mismatches(read, (BASE, *family.appearances)) == []
+        assert read.mismatches((BASE, *family.appearances)) == []
 
 
 def test_an_appearance_that_shows_something_else_is_named() -> None:
     functions, isovalues = transfer_function_family(BASE, **STEPS), isovalue_family("dvr", train=ISOVALUES)
     swapped = (BASE, replace(functions.appearances[1], name="dvr-train-01"), *functions.appearances[1:])
-    (problem,) = mismatches(functions.variation, swapped)
+    (problem,) = functions.variation.mismatches(swapped)
     assert re.search(r"dvr-train-01 does not show .*'c1_value': -0\.25", problem)
-    (problem,) = mismatches(isovalues.variation, (BASE, Isosurface("iso=2", 2.1), *isovalues.appearances[1:]))
+    (problem,) = isovalues.variation.mismatches((BASE, Isosurface("iso=2", 2.1), *isovalues.appearances[1:]))
     assert problem == "iso=2 does not show {'isovalue': 2.0}"
-    (problem,) = mismatches(isovalues.variation, (BASE, replace(BASE, name="iso=2"), *isovalues.appearances[1:]))
+    (problem,) = isovalues.variation.mismatches((BASE, replace(BASE, name="iso=2"), *isovalues.appearances[1:]))
     assert "iso=2" in problem
-    (problem,) = mismatches(functions.variation, (Isosurface("dvr", 1.0), *functions.appearances))
+    (problem,) = functions.variation.mismatches((Isosurface("dvr", 1.0), *functions.appearances))
     assert problem == "the base dvr is no volume rendering of four opacity points"
 
 
@@ -307,9 +308,9 @@ def test_a_field_is_one_of_a_few() -> None:
     assert variation.values_of({"appearance": "dvr"}) is None
     with pytest.raises(ValueError, match=r"one of \['dvr', 'speed-dvr', 'surface'\], got 'speed'"):
         variation.values_of({"appearance": "speed"})
-    assert Variation.from_json(json.loads(json.dumps(variation.to_json()))) == variation
-    assert not variation.in_table
-    assert mismatches(variation, []) == []
+    assert variation_from_json(json.loads(json.dumps(variation.to_json()))) == variation
+    assert not variation.continuous
+    assert variation.mismatches([]) == []
 
 
 def test_settings_are_asked_for_by_their_parameters() -> None:
@@ -318,7 +319,7 @@ def test_settings_are_asked_for_by_their_parameters() -> None:
         isovalue_family("dvr", train=(1, 2)).variation,
     )
     for variation in (functions, isovalues):
-        assert variation.in_table
+        assert variation.continuous
         assert variation.asked_names == variation.space.names
         for setting in variation.settings:
             assert tuple(variation.asked(setting).values()) == setting.values
@@ -347,6 +348,6 @@ def test_a_field_needs_others_beside_the_base(appearances: Any) -> None:
 def test_a_field_that_is_no_choice_among_the_trained_is_refused(settings: tuple[Setting, ...]) -> None:
     space = ParameterSpace((Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)))
     with pytest.raises(ValueError, match="a 1 in its own place"):
-        Variation("field", "dvr", space, settings)
+        variation_kind("field")("dvr", space, settings)
     with pytest.raises(ValueError, match=r"has the parameters \('a', 'b'\), got \('a', 'c'\)"):
-        Variation("field", "dvr", ParameterSpace((Parameter("a", 0, 1), Parameter("c", 0, 1))), settings)
+        variation_kind("field")("dvr", ParameterSpace((Parameter("a", 0, 1), Parameter("c", 0, 1))), settings)

@@ -13,7 +13,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.summary import FieldSummary
-from catalogs.variations import POINT_PARAMETERS, Setting, Variation, displaced
+from catalogs.variations import POINT_PARAMETERS, Setting, Variation, displaced, variation_kind
 from tests.support.blobs import Blobs
 
 BASE = "dvr"
@@ -26,7 +26,7 @@ def isovalues(values: Mapping[str, Sequence[float]]) -> Variation:
     """Isosurfaces at the values of each split, `iso=<value>`."""
     settings = tuple(Setting(f"iso={v:g}", (v,), split) for split, some in values.items() for v in some)
     space = ParameterSpace((Parameter("isovalue", min(values["train"]), max(values["train"])),))
-    return Variation("isovalue", BASE, space, settings)
+    return variation_kind("isovalue")(BASE, space, settings)
 
 
 def transfer_functions(steps: NDArray[np.float64], places: Mapping[str, ArrayLike]) -> Variation:
@@ -37,7 +37,9 @@ def transfer_functions(steps: NDArray[np.float64], places: Mapping[str, ArrayLik
         for i, displacement in enumerate((np.asarray(some) * steps).tolist())
     )
     bounds = zip(POINT_PARAMETERS, steps.tolist(), strict=True)
-    return Variation("transfer_function", BASE, ParameterSpace(tuple(Parameter(n, -s, s) for n, s in bounds)), settings)
+    return variation_kind("transfer_function")(
+        BASE, ParameterSpace(tuple(Parameter(n, -s, s) for n, s in bounds)), settings
+    )
 
 
 def appearance_of(setting: Setting, function: TransferFunction) -> Appearance:

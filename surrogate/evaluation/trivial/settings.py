@@ -61,8 +61,8 @@ def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) ->
 def setting_predictors(variation: Variation) -> list[Predictor]:
     """Rules from the trained settings that a member shows to weights of their pictures."""
     found = [Predictor("nearest trained setting", nearest_member)]
-    if variation.kind == "isovalue":
-        return [*found, Predictor("linear interpolation of isovalues", linear)]
+    if len(variation.space) == 1:
+        return [*found, Predictor(f"linear interpolation of {variation.plural}", linear)]
     return [*found, Predictor(f"inverse distances to the {NEIGHBOURS} nearest settings", inverse_distance)]
 
 

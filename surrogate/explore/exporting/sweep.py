@@ -169,7 +169,7 @@ def _drawn(
 
 def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
     """The simulation and visualization parameters that are numbers, with their bounds and units, by name."""
-    spaces = [surrogate.space, *(v.variation.space for v in surrogate.visualizations if v.variation.kind != "field")]
+    spaces = [surrogate.space, *(v.variation.space for v in surrogate.visualizations if v.variation.continuous)]
     return {p.name: p for space in reversed(spaces) for p in space.parameters}
 
 

@@ -127,16 +127,16 @@ def _ticks(values: Sequence[float]) -> list[float]:
 
 def _variation(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
     """A variation; None for transfer functions around a base that nobody knows any more."""
-    if variation.kind == "field":
-        return {"kind": "field", "names": [variation.base, *(s.appearance for s in variation.settings)]}
-    if variation.kind == "transfer_function":
+    if not variation.continuous:
+        return {"kind": variation.kind, "names": [variation.base, *(s.appearance for s in variation.settings)]}
+    if variation.edits_base:
         return _functions(surrogate, variation, catalog)
     (parameter,) = variation.space.parameters
     values = {
         split: _ticks([s.values[0] for s in variation.settings if s.split == split])
         for split in ("train", "validation")
     }
-    return {"kind": "isovalue", "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **values}
+    return {"kind": variation.kind, "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **values}
 
 
 def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
@@ -148,7 +148,7 @@ def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | No
     spanned = base.color_points[0][0], base.color_points[-1][0]
     maps = NAMES if recolorable is not None else ()
     return {
-        "kind": "transfer_function",
+        "kind": variation.kind,
         "unit": next((p.unit for p in variation.space.parameters if p.unit), ""),
         "bounds": {p.name: {"low": p.low, "high": p.high} for p in variation.space.parameters},
         "opacity_points": [list(point) for point in base.opacity_points],

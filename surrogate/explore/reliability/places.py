@@ -47,7 +47,7 @@ def place_of(setting: Setting, surrogate: Surrogate) -> Place:
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
     outside = [*surrogate.space.outside(simulation)]
     variation, values = asked(setting.visualization, [v.variation for v in surrogate.visualizations])
-    if variation is not None and values is not None and variation.kind != "field":
+    if variation is not None and values is not None and variation.continuous:
         outside += variation.space.outside(values)
     family, within = _of_family(variation, values, surrogate)
     return Place(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
@@ -80,11 +80,9 @@ def _of_family(
 ) -> tuple[str, NDArray[np.float64]]:
     """The family, and the visualization parameters within it as fractions of their ranges."""
     if variation is None or values is None:
-        functions = next(
-            (v.variation for v in surrogate.visualizations if v.variation.kind == "transfer_function"), None
-        )
+        functions = next((v.variation for v in surrogate.visualizations if v.variation.edits_base), None)
         return base_name(surrogate), np.zeros(0) if functions is None else functions.normalize(None) / RANGE
-    if variation.kind == "field":
+    if not variation.continuous:
         return next(s.appearance for s in variation.settings if s.values == values), np.zeros(0)
-    family = ISOSURFACES if variation.kind == "isovalue" else base_name(surrogate)
+    family = base_name(surrogate) if variation.edits_base else ISOSURFACES
     return family, variation.normalize(values) / RANGE

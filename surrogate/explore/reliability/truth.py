@@ -120,16 +120,16 @@ class Truth:
         """
         shown = self.catalog.appearance_names if member is None else member.appearances
         variation, values = asked(setting.visualization, self.variations)
-        functions = next((v for v in self.variations if v.kind == "transfer_function"), None)
+        functions = next((v for v in self.variations if v.edits_base), None)
         if variation is None and functions is not None:
             variation = functions
-        if variation is None or variation.kind == "field":
+        if variation is None or not variation.continuous:
             name = self._appearance_at(setting)
             return None if name is None or name not in shown else (name, 0.0)
         wanted = variation.normalize(values) / 2.0  # [V]
         known = [(s.appearance, s.values) for s in variation.settings if s.appearance in shown]
         places = {name: variation.normalize(given) / 2.0 for name, given in known}
-        if variation.kind == "transfer_function" and self.base in shown:
+        if variation.edits_base and self.base in shown:
             places = {self.base: variation.normalize(None) / 2.0, **places}
         distances = {name: float(np.linalg.norm(place - wanted)) for name, place in places.items()}
         nearest = min(distances, key=distances.__getitem__, default=None)
@@ -179,7 +179,7 @@ class Truth:
         if variation is None or values is None:
             return self.base
         given = dict(zip(variation.space.names, values, strict=True))
-        if variation.kind == "transfer_function" and _same(variation.space, dict.fromkeys(given, 0.0), given):
+        if variation.edits_base and _same(variation.space, dict.fromkeys(given, 0.0), given):
             return self.base
         known = ((s.appearance, dict(zip(given, s.values, strict=True))) for s in variation.settings)
         return next((name for name, values in known if _same(variation.space, values, given)), None)

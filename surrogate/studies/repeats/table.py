@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from catalogs import durable
+from catalogs.variations import KINDS
 from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import HEADINGS, metric_number, spread_number, table
-from surrogate.report.variations import NAMES
 from surrogate.studies.repeats.records import FOLDER, Scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
@@ -29,7 +29,7 @@ def repeats_section(record: Mapping[str, Any] | None, scene: str) -> list[str]:
         "",
     ]
     for varied in record["variations"]:
-        names = NAMES[varied["kind"]]
+        names = KINDS[varied["kind"]].plural
         lines += [f"The {names} beside the appearance `{varied['base']}`, at unseen views:", ""]
         lines += [*spread_table(varied, (names, "parameters")), ""]
     return [*lines, f"<sub>{made_by(record, scene)}</sub>", ""]
@@ -73,7 +73,7 @@ def terminal_lines(record: Mapping[str, Any]) -> list[str]:
     """The spread of PSNR and SSIM in every cell that has images, for a terminal."""
     lines = list(_terminal_rows(record, ""))
     for varied in record["variations"]:
-        lines += _terminal_rows(varied, f"{NAMES[varied['kind']]}: ")
+        lines += _terminal_rows(varied, f"{KINDS[varied['kind']].plural}: ")
     return lines
 
 

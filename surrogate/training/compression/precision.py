@@ -50,8 +50,7 @@ def precision_of_visualization(
     )
     current = loaded(stored)
     options = [Option("all in float32", before), *tried, Option("as kept", psnr(current))]
-    kind = visualization.variation.kind.replace("_", " ")
-    return current, chosen, Choice(f"{NAME}, {kind}", _said(_by_size(stored), chosen), options)
+    return current, chosen, Choice(f"{NAME}, {visualization.variation.name}", _said(_by_size(stored), chosen), options)
 
 
 def _in_fewest_bits(

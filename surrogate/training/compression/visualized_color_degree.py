@@ -31,7 +31,7 @@ def choose_visualized_color_degree(
     asked, least = source.settings.visualization_color_degree, fitted.gaussians.color_degree
     if asked != "auto":
         return max(int(asked), least), None
-    if variation.kind == "transfer_function" or least == 1 or not data.validation:
+    if variation.edits_base or least == 1 or not data.validation:
         return least, None
     scores = [_probed(fitted, variation, source, data, degree) for degree in (0, 1)]
     chosen = int(scores[1] > scores[0] + WORTHWHILE)
