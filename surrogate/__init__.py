@@ -10,6 +10,7 @@ _HOMES = {
     "TrainingSettings": "settings",
     "train": "training.run",
     "render": "splatting",
+    "show": "explore.notebook",
 }
 
 __all__ = list(_HOMES)

@@ -6,7 +6,9 @@ a covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -108,6 +110,15 @@ class Normalization:
                 f"the box of the volume must be finite and have a size, got {low.tolist()}, {high.tolist()}"
             )
         return cls((low + high) / 2.0, extent)
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Normalization:
+        """The normalization that `to_json` described."""
+        return cls(np.array(values["center"]), float(values["extent"]))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {"center": self.center.tolist(), "extent": self.extent}
 
     def points(self, world: ArrayLike) -> NDArray[np.float64]:
         """World points (..., 3) in the Gaussians' coordinates."""

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import safetensors.torch
 import torch
 from numpy.typing import NDArray
 
-from catalogs import durable
+import surrogate
 from catalogs.appearance import TransferFunction
 from catalogs.cameras import Camera
 from catalogs.parameters import ParameterSpace
 from surrogate.deformation import Deformation, load_deformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
+from surrogate.notebook import deformed_html, surrogate_html
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
+from surrogate.storage import models
 from surrogate.storage.encoding import Encoding
-
-if TYPE_CHECKING:
-    from surrogate.explore.notebook import Shown
-
-SCHEMA = 4  # 1 had no encodings, 2 no visualization parameters, 3 no fields
-WITHOUT_FIELDS = 3
-TENSORS, RECORD = "model.safetensors", "model.json"
-SEPARATOR = "/"  # between the name of an encoded tensor and that of its part
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +75,6 @@ class DeformedGaussians:
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture."""
-        from surrogate.notebook import deformed_html
-
         return deformed_html(self)
 
 
@@ -168,14 +156,13 @@ class Surrogate:
             deformed = known[0].under(self.gaussians, self.deformation, normalized, transfer_function)
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
 
-    def show(self, run: str | os.PathLike[str] | None = None, *, height: int = 720) -> Shown:
+    def show(self, run: str | os.PathLike[str] | None = None, *, height: int = 720) -> Any:
         """Explore this surrogate in Jupyter, `height` pixels tall; needs the extra `[explore]`.
 
-        With the folder of its `run` (such as "runs/tgv-dvr") the page also shows the stored pictures beside it.
+        With the folder of its `run` (such as "runs/tgv-dvr") the page also shows the stored pictures beside it.  What comes back
+        has an `address`, and `close` stops it.
         """
-        from surrogate.explore.notebook import show
-
-        return show(self, run, height=height)
+        return surrogate.show(self, run, height=height)
 
     @property
     def visualization_names(self) -> tuple[str, ...]:
@@ -196,48 +183,28 @@ class Surrogate:
 
     def to(self, device: str | torch.device) -> Surrogate:
         """The same on another device, which draws it: "cuda" needs the extra `[cuda]`, and then draws by gsplat."""
-        moved, rasterizer = torch.device(device), replace(self.rasterizer, backend=AUTO)
-        gaussians, deformation = self.gaussians.to(moved), self.deformation.to(moved)
-        visualizations = tuple(v.to(moved) for v in self.visualizations)
+        moved = torch.device(device)
         return replace(
             self,
-            gaussians=gaussians,
-            deformation=deformation,
-            rasterizer=rasterizer,
-            visualizations=visualizations,
+            gaussians=self.gaussians.to(moved),
+            deformation=self.deformation.to(moved),
+            rasterizer=replace(self.rasterizer, backend=AUTO),
+            visualizations=tuple(v.to(moved) for v in self.visualizations),
         )
 
     @property
     def megabytes(self) -> float:
         """Size of the model's tensors as they are stored, 10^6 bytes."""
-        tensors, _ = self._stored()
-        return sum(tensor.numel() * tensor.element_size() for tensor in tensors.values()) / 1e6
+        return self._stored().megabytes
 
     @staticmethod
     def exists(directory: str | os.PathLike[str]) -> bool:
         """Whether `directory` holds a finished surrogate."""
-        return (Path(directory) / RECORD).is_file()
+        return models.exists(directory)
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`."""
-        directory = Path(directory)
-        directory.mkdir(parents=True, exist_ok=True)
-        tensors, forms = self._stored()
-        content = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
-        durable.replace(directory / TENSORS, content)
-        record = {
-            "schema": WITHOUT_FIELDS if all(v.variation.continuous for v in self.visualizations) else SCHEMA,
-            "tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()},
-            "encodings": forms,
-            "parameters": self.space.to_json(),
-            "normalization": {"center": self.normalization.center.tolist(), "extent": self.normalization.extent},
-            "deformation": {"kind": self.deformation.kind, **self.deformation.record()},
-            "rasterizer": self.rasterizer.to_json(),
-            "background": self.background,
-            "training": dict(self.training),
-            "visualizations": [v.record() for v in self.visualizations],
-        }
-        durable.replace(directory / RECORD, json.dumps(record, indent=1).encode())
+        self._stored().save(directory)
 
     @classmethod
     def load(cls, directory: str | os.PathLike[str]) -> Surrogate:
@@ -245,62 +212,48 @@ class Surrogate:
 
         Raises FileNotFoundError where there is none, ValueError for one of a newer schema or whose files are damaged.
         """
-        directory = Path(directory)
-        path = directory / RECORD
-        if not path.is_file():
-            raise FileNotFoundError(f"there is no trained surrogate in {directory}: {path} is missing")
-        try:
-            record = json.loads(path.read_text(encoding="utf-8"))
-            if record["schema"] > SCHEMA:
-                raise ValueError(f"its schema is {record['schema']}, this version reads up to {SCHEMA}: update it")
-            content = (directory / record["tensors"]["file"]).read_bytes()
-            if hashlib.sha256(content).hexdigest() != record["tensors"]["sha256"]:
-                raise ValueError(f"{record['tensors']['file']} does not belong to it or is damaged: train anew")
-            return cls._of(record, *_decoded(safetensors.torch.load(content), record.get("encodings", {})))
-        except (ValueError, KeyError, TypeError, OSError) as error:
-            reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
-            raise ValueError(f"{path} can't be read: {reason}") from error
+        return models.load(directory, cls._of)
 
     @classmethod
-    def _of(
-        cls, record: Mapping[str, Any], tensors: Mapping[str, torch.Tensor], encodings: Mapping[str, Encoding]
-    ) -> Surrogate:
-        records = record.get("visualizations", [])
-        names = ("gaussians", "deformation", *(f"visualization{i}" for i in range(len(records))))
+    def _of(cls, stored: models.StoredModel) -> Surrogate:
+        record = stored.record
+        visualizations = record.get("visualizations", [])
+        names = ("gaussians", "deformation", *(f"visualization{i}" for i in range(len(visualizations))))
         parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in names}
-        for name, tensor in tensors.items():
+        for name, tensor in stored.tensors.items():
             part, key = name.split(".", 1)
             parts[part][key] = tensor
-        normalization, background = record["normalization"], record["background"]
+        background = record["background"]
         return cls(
             gaussians=Gaussians(**parts["gaussians"]),
             deformation=load_deformation(record["deformation"]["kind"], parts["deformation"], record["deformation"]),
             space=ParameterSpace.from_json(record["parameters"]),
-            normalization=Normalization(np.array(normalization["center"]), float(normalization["extent"])),
+            normalization=Normalization.from_json(record["normalization"]),
             rasterizer=Rasterizer.from_json(record["rasterizer"]),
             background=None if background is None else tuple(background),
             training=record["training"],
-            encodings=encodings,
+            encodings=stored.encodings,
             visualizations=tuple(
-                Visualization.load(parts[f"visualization{i}"], form) for i, form in enumerate(records)
+                Visualization.load(parts[f"visualization{i}"], form) for i, form in enumerate(visualizations)
             ),
         )
 
-    def _stored(self) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
-        """The tensors of the file, and the format of each that is encoded, by name."""
-        tensors = {f"gaussians.{name}": tensor for name, tensor in self.gaussians.tensors().items()}
-        tensors |= {f"deformation.{name}": tensor for name, tensor in self.deformation.stored().items()}
-        for i, visualization in enumerate(self.visualizations):
-            tensors |= {f"visualization{i}.{name}": tensor for name, tensor in visualization.stored().items()}
-        found, forms = dict[str, torch.Tensor](), dict[str, str]()
-        for name, tensor in tensors.items():
-            encoding = self.encodings.get(name)
-            if encoding is not None and torch.equal(encoding.decoded(), tensor.cpu()):
-                found |= {f"{name}{SEPARATOR}{part}": t for part, t in encoding.tensors().items()}
-                forms[name] = encoding.form
-            else:
-                found[name] = tensor
-        return found, forms
+    def _stored(self) -> models.StoredModel:
+        parts = {"gaussians": self.gaussians.tensors(), "deformation": self.deformation.stored()}
+        parts |= {f"visualization{i}": v.stored() for i, v in enumerate(self.visualizations)}
+        continuous = all(v.variation.continuous for v in self.visualizations)
+        record = {
+            "schema": models.WITHOUT_FIELDS if continuous else models.SCHEMA,
+            "parameters": self.space.to_json(),
+            "normalization": self.normalization.to_json(),
+            "deformation": {"kind": self.deformation.kind, **self.deformation.record()},
+            "rasterizer": self.rasterizer.to_json(),
+            "background": self.background,
+            "training": dict(self.training),
+            "visualizations": [v.record() for v in self.visualizations],
+        }
+        tensors = {f"{part}.{name}": tensor for part, of in parts.items() for name, tensor in of.items()}
+        return models.StoredModel(tensors, record, self.encodings)
 
     def _following(self) -> str:
         variations = [v.variation for v in self.visualizations]
@@ -318,22 +271,4 @@ class Surrogate:
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a picture at the middle of the parameters."""
-        from surrogate.notebook import surrogate_html
-
         return surrogate_html(self)
-
-
-def _decoded(
-    stored: Mapping[str, torch.Tensor], forms: Mapping[str, str]
-) -> tuple[dict[str, torch.Tensor], dict[str, Encoding]]:
-    """The tensors of a file in float32, and the encodings of those that `forms` names."""
-    parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in forms}
-    tensors = {}
-    for key, tensor in stored.items():
-        name, separator, part = key.partition(SEPARATOR)
-        if separator:
-            parts[name][part] = tensor
-        else:
-            tensors[name] = tensor
-    encodings = {name: Encoding.of_tensors(form, parts[name]) for name, form in forms.items()}
-    return tensors | {name: encoding.decoded() for name, encoding in encodings.items()}, encodings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +18,18 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization
 from surrogate.splatting.threads import one_torch_thread
 
-if TYPE_CHECKING:
-    from surrogate.model import DeformedGaussians, Surrogate
-
 WIDTH = 176  # pixels of the picture
 FIELD = 30.0  # degrees
 FILL = 0.9  # of the frame, by the sphere around the volume's box
 
 
-def surrogate_html(surrogate: Surrogate) -> str:
+def surrogate_html(surrogate: Any) -> str:
     """The card of a surrogate, with a picture at the middle of its parameters; never raises."""
     with one_torch_thread():
         return never_failing("Surrogate", lambda: _surrogate_card(surrogate))
 
 
-def deformed_html(deformed: DeformedGaussians) -> str:
+def deformed_html(deformed: Any) -> str:
     """The card of the Gaussians of one member; never raises."""
     with one_torch_thread():
         return never_failing("DeformedGaussians", lambda: _deformed_card(deformed))
@@ -46,7 +43,7 @@ def first_camera(normalization: Normalization, side: int = WIDTH) -> Camera:
     return Camera.look_at(position, normalization.center, vertical_fov_degrees=FIELD, width=side, height=side)
 
 
-def _surrogate_card(surrogate: Surrogate) -> str:
+def _surrogate_card(surrogate: Any) -> str:
     degree = surrogate.gaussians.color_degree
     rows = [
         *(("parameter", words) for words in _bounds(surrogate.space)),
@@ -64,7 +61,7 @@ def _surrogate_card(surrogate: Surrogate) -> str:
     return card("Surrogate", rows, pictures, notes, width=WIDTH)
 
 
-def _deformed_card(deformed: DeformedGaussians) -> str:
+def _deformed_card(deformed: Any) -> str:
     rows = [
         *((name, _value(value)) for name, value in deformed.parameters.items()),
         ("Gaussians", f"{len(deformed):,}"),
@@ -73,7 +70,7 @@ def _deformed_card(deformed: DeformedGaussians) -> str:
     return card("Gaussians of one member", rows, [picture], width=WIDTH)
 
 
-def _middle(surrogate: Surrogate) -> Picture:
+def _middle(surrogate: Any) -> Picture:
     values = {p.name: (p.low + p.high) / 2.0 for p in surrogate.space.parameters}
     rgb = on_background(_seen(surrogate.at(**values)), surrogate.background or WHITE)
     words = _listed(values)
@@ -81,7 +78,7 @@ def _middle(surrogate: Surrogate) -> Picture:
     return Picture(rgb, caption if values else "", words)
 
 
-def _seen(deformed: DeformedGaussians) -> NDArray[np.float32]:
+def _seen(deformed: Any) -> NDArray[np.float32]:
     return deformed.render(first_camera(deformed.normalization))
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
+from catalogs.parameters import ParameterSpace
 from surrogate.gaussians import Normalization
-from surrogate.training.data import middle
 
 VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't reach further
 
@@ -26,16 +26,21 @@ class Picture(NamedTuple):
 
 
 def representative_member(catalog: Catalog, appearance: str) -> Member:
-    """Of the training members that show an appearance, that whose normalized parameters are nearest to the mean of theirs all.
-
-    The first by name of equals.  Raises ValueError where there is none.
-    """
+    """The central one of the training members that show an appearance; raises ValueError where there is none."""
     members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
     if not members:
         raise ValueError(
             f"catalog {catalog.path} holds no training member that shows {appearance} for Gaussians to start on"
         )
-    return middle(members, catalog.plan.space)
+    return central_member(members, catalog.plan.space)
+
+
+def central_member(members: Sequence[Member], space: ParameterSpace) -> Member:
+    """The member whose normalized parameters are nearest to the mean of all, the first by name of equals."""
+    members = sorted(members, key=lambda member: member.name)
+    places = np.array([space.normalize([m.parameters[n] for n in space.names]) for m in members])  # [M, P]
+    distances = np.linalg.norm(places - places.mean(axis=0), axis=1)  # [M]
+    return members[int(distances.round(9).argmin())]  # rounded: equals differ in the last digit
 
 
 def training_pictures(catalog: Catalog, member: Member, appearance: str, normalization: Normalization) -> list[Picture]:

@@ -18,6 +18,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.progress import Count, Rate
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import Case, Scored, Scorer, compare, mean
+from surrogate.initialization.pictures import central_member
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
@@ -26,7 +27,7 @@ from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
-from surrogate.training.data import ImageRow, TrainingData, load_examples, middle
+from surrogate.training.data import ImageRow, TrainingData, load_examples
 from surrogate.training.loop import StageRun
 from surrogate.training.progress import ProgressReport, TrainingProgress
 from surrogate.training.source import Source
@@ -141,12 +142,12 @@ def subjects(source: Source) -> list[Subject]:
             f"catalog {source.catalog.path} has no member with views to learn from and views that test: there is none that "
             "could be fitted alone"
         )
-    found = [Subject(middle(shown, source.catalog.plan.space), source.appearance)]
+    found = [Subject(central_member(shown, source.catalog.plan.space), source.appearance)]
     for variation in source.variations:
         appearance = _middle_setting(variation)
         shown = [m for m in members if m.split == "test" and appearance in m.appearances]
         if shown:
-            found.append(Subject(middle(shown, source.catalog.plan.space), appearance, variation))
+            found.append(Subject(central_member(shown, source.catalog.plan.space), appearance, variation))
     return found
 
 

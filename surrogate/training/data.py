@@ -15,7 +15,6 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
-from catalogs.parameters import ParameterSpace
 from catalogs.variations import Setting, Variation
 from surrogate.gaussians import Normalization
 
@@ -134,14 +133,6 @@ def load_examples(
             Example(cameras[id(row.member.cameras[row.view])], parameters[row.member.name, row.appearance], image)
             for row, image in zip(wanted, pixels, strict=True)
         ]
-
-
-def middle(members: Sequence[Member], space: ParameterSpace) -> Member:
-    """The member whose normalized parameters are nearest to the mean of all, the first by name of equals."""
-    members = sorted(members, key=lambda member: member.name)
-    places = np.array([space.normalize([m.parameters[n] for n in space.names]) for m in members])  # [M, P]
-    distances = np.linalg.norm(places - places.mean(axis=0), axis=1)  # [M]
-    return members[int(distances.round(9).argmin())]  # rounded: equals differ in the last digit
 
 
 def foreground_color(examples: Iterable[Example], background: Sequence[float] | None) -> NDArray[np.float64]:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from catalogs.catalog import Catalog
+from surrogate.initialization.pictures import central_member
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
 from surrogate.studies import ceiling as module
 from surrogate.studies.ceiling import Subject, line, load_ceilings, measure_ceiling, subjects
-from surrogate.training.data import middle
 from surrogate.training.progress import TrainingProgress
 from surrogate.training.source import Source
 from tests.support.blobs import Blobs
@@ -129,9 +129,9 @@ def test_a_setting_that_no_test_member_shows_is_left_out(tmp_path: Path, surroga
 
 def test_the_middle_member_is_that_nearest_to_the_mean(make_catalog) -> None:
     catalog = make_catalog(SMALL, members=[("test", p) for p in (1.0, 0.1, 0.2, 0.9, 0.45)], view_splits=("test",))
-    assert middle(catalog.members, catalog.plan.space).parameters["p"] == 0.45
+    assert central_member(catalog.members, catalog.plan.space).parameters["p"] == 0.45
     ends = [m for m in catalog.members if m.parameters["p"] in (0.1, 0.9)]
-    assert middle(ends, catalog.plan.space).name == "member-1"
+    assert central_member(ends, catalog.plan.space).name == "member-1"
 
 
 def test_without_unseen_members_to_fit_the_training_member_with_the_most_test_views_is_taken(make_catalog) -> None:
