@@ -60,7 +60,7 @@ def made_up(count: int) -> Surrogate:
     functions = transfer_function_family(BASE, first_step=(0.3, 0.2), second_step=(0.3, 0.2)).variation
     steps = [parameter.high for parameter in functions.space.parameters]
     values = ValuesDeformation.create(
-        gaussians, BASE.transfer_function, np.linspace(0.0, 3.0, SETTINGS.value_bins), steps
+        gaussians, BASE.transfer_function, np.linspace(0.0, 3.0, SETTINGS.designs.value_bins), steps
     )
     return Surrogate(
         gaussians,

@@ -288,7 +288,7 @@ def _settings(scene: Scene) -> Any:
     from surrogate.settings import TrainingSettings
 
     try:
-        return TrainingSettings.from_table(scene.training)
+        return TrainingSettings(**scene.training)
     except ValueError as error:
         raise _Failure(f"scene {scene.path}: {error}") from error
 

@@ -25,8 +25,9 @@ class Rasterizer:
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:
         """The rasterizer that `settings` ask for."""
-        chosen = {name: getattr(settings, name) for name in ("dilation", "alpha_floor", "alpha_cap")}
-        return cls(Constants(**chosen), settings.backend)
+        chosen = asdict(settings.splatting)
+        backend = chosen.pop("backend")
+        return cls(Constants(**chosen), backend)
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Rasterizer:

@@ -2,216 +2,273 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 import typing
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
 from surrogate.gaussians import NAMES
 from surrogate.splatting.constants import Constants
 
 ColorDegree = Literal["auto", 0, 1]
-Device = Literal["auto", "cpu", "cuda"]
-Initialization = Literal["auto", "in-situ", "hull", "sfm", "random"]
-DeformationKind = Literal["bilinear", "paper"]
-RelocationTarget = Literal["opacity", "gradient"]
 VisualizationKind = Literal["auto", "bilinear", "paper", "values"]
-FieldPrecision = Literal["float32", "bfloat16"]
+
+
+class Bound(NamedTuple):
+    """What a value must be, in words and as a test."""
+
+    words: str
+    holds: Callable[[Any], bool]
+
+
+ONE_OR_MORE = Bound("at least 1", lambda value: value >= 1)
+TWO_OR_MORE = Bound("at least 2", lambda value: value >= 2)
+NOT_NEGATIVE = Bound("at least 0", lambda value: value >= 0)
+POSITIVE = Bound("positive", lambda value: value > 0)
+FRACTION = Bound("in [0, 1]", lambda value: 0 <= value <= 1)
+BETWEEN = Bound("between 0 and 1", lambda value: 0 < value < 1)
+ATTRIBUTES = Bound(f"some of {list(NAMES)}", lambda value: set(value) <= set(NAMES))
+
+
+def _setting(default: Any, bound: Bound | None = None, key: str = "", *, optional: bool = False) -> Any:
+    """A field with its `key` in the table, its own name if empty; an `optional` one is not written at its default."""
+    return dataclasses.field(default=default, metadata={"bound": bound, "key": key, "optional": optional})
+
+
+def _require(bound: Bound | None, key: str, value: Any) -> None:
+    if bound is not None and not bound.holds(value):
+        raise ValueError(f"training.{key} must be {bound.words}, got {value!r}")
 
 
 @dataclass(frozen=True)
+class Start:
+    """The Gaussians that stage 1 begins with.
+
+    `initialization` places them: "in-situ" on the points that the hook sampled by opacity, "hull" in the visual hull of the member
+    nearest to the parameters' mean, "sfm" on its structure from motion (the extra `[sfm]`), "random" uniformly in the box;
+    "auto" takes in-situ points where the catalog has them, else "random".
+    """
+
+    initialization: Literal["auto", "in-situ", "hull", "sfm", "random"] = "auto"
+    opacity: float = _setting(0.2, BETWEEN, "initial_opacity")
+    scale: float = _setting(0.25, POSITIVE, "initial_scale")  # times the mean distance of as many, evenly in the box
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The length of each stage; of stage 3 per variation of the appearance."""
+
+    canonical: int = _setting(2_000, NOT_NEGATIVE, "canonical_steps")  # 0: learnt in stage 2, with the deformation
+    deformation: int = _setting(10_000, NOT_NEGATIVE, "deformation_steps")
+    visualization: int = _setting(10_000, NOT_NEGATIVE, "visualization_steps")
+
+
+@dataclass(frozen=True)
+class DeformationSize:
+    """Sizes of a bilinear deformation."""
+
+    latent: int = _setting(16, ONE_OR_MORE, "latent_size")  # numbers per Gaussian
+    hidden: int = _setting(64, ONE_OR_MORE, "hidden_width")  # of the network that embeds the parameters
+
+
+@dataclass(frozen=True)
+class Designs:
+    """Which deformations F_sim and F_vis are, of `surrogate.deformation.READABLE`.
+
+    F_vis applies transfer functions ("values") and learns the rest ("bilinear") where "auto" leaves it open.
+    """
+
+    simulation: Literal["bilinear", "paper"] = _setting("bilinear", key="deformation")
+    held_still: tuple[str, ...] = _setting((), ATTRIBUTES, optional=True)  # what F_sim does not move
+    visualization: VisualizationKind = _setting("auto", key="visualization_deformation")  # noqa: RUF009
+    visualization_color_degree: ColorDegree = "auto"  # of the Gaussians that F_vis shows; "auto": as images decide
+    value_bins: int = _setting(32, TWO_OR_MORE)  # of "values": for how many every Gaussian has weights
+    latent_spread: float = _setting(0.25, POSITIVE)  # of "bilinear": standard deviation at the start
+    precision: Literal["float32", "bfloat16"] = _setting("float32", key="field_precision", optional=True)  # of "paper"
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Adam's step sizes at the start of a stage, and what they are multiplied by."""
+
+    means: float = _setting(3e-3, POSITIVE, "mean_rate")
+    log_scales: float = _setting(6e-3, POSITIVE, "log_scale_rate")
+    quats: float = _setting(3e-3, POSITIVE, "quat_rate")
+    opacity_logits: float = _setting(6e-2, POSITIVE, "opacity_rate")
+    colors: float = _setting(5e-3, POSITIVE, "color_rate")
+    latent: float = _setting(5e-2, POSITIVE, "latent_rate")
+    embedding: float = _setting(1e-2, POSITIVE, "embedding_rate")
+    value: float = _setting(2e-3, POSITIVE, "value_rate")
+    canonical_factor: float = _setting(1.0, POSITIVE, "canonical_rate_factor")  # of the Gaussians in stage 2
+    simulation_factor: float = _setting(0.1, NOT_NEGATIVE, "simulation_rate_factor")  # of F_sim in stage 3; 0: frozen
+    final_factor: float = _setting(0.05, POSITIVE, "final_rate_factor")  # of all, reached exponentially in each stage
+
+
+@dataclass(frozen=True)
+class OffsetUnits:
+    """How far one unit of a deformation's output moves each attribute of a Gaussian."""
+
+    means: float = _setting(0.05, POSITIVE, "mean_offset")
+    log_scales: float = _setting(0.2, POSITIVE, "log_scale_offset")
+    quats: float = _setting(0.1, POSITIVE, "quat_offset")
+    opacity_logits: float = _setting(1.0, POSITIVE, "opacity_offset")
+    colors: float = _setting(0.5, POSITIVE, "color_offset")
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Weights beside the mean absolute error, and how the images are drawn."""
+
+    ssim_weight: float = _setting(0.2, FRACTION)  # of 1 - SSIM
+    deformation_penalty: float = _setting(0.0, NOT_NEGATIVE)  # of L_deform, a learnt deformation's mean squared offsets
+    hard_example_power: float = _setting(0.0, NOT_NEGATIVE)  # of an image's error, which it is drawn in proportion to
+
+
+@dataclass(frozen=True)
+class Relocation:
+    """When a Gaussian is dead, and where it goes: the decayed maximum of its deformed opacity tells."""
+
+    interval: int = _setting(100, NOT_NEGATIVE, "relocation_interval")  # steps; 0: never
+    target: Literal["opacity", "gradient"] = _setting("opacity", key="relocation_target")  # who attracts the dead
+    gradient_threshold: float = _setting(1e-4, NOT_NEGATIVE)  # on the screen, which those who attract exceed
+    stop: float = _setting(0.7, FRACTION, "relocation_stop")  # of a stage; later no Gaussian is relocated
+    dead_opacity: float = _setting(0.01, BETWEEN)
+    peak_decay: float = _setting(0.995, FRACTION)  # per step
+
+
+@dataclass(frozen=True)
+class Splatting:
+    """What `surrogate.splatting.Constants` of the rasterizer may be chosen, and what draws."""
+
+    alpha_floor: float = _setting(Constants.alpha_floor, FRACTION)
+    alpha_cap: float = Constants.alpha_cap
+    dilation: float = _setting(
+        Constants.dilation, NOT_NEGATIVE
+    )  # variance added to every projected Gaussian, in pixels squared
+    backend: str = "auto"
+
+    def __post_init__(self) -> None:
+        above = Bound("above alpha_floor and below 1", lambda value: self.alpha_floor < value < 1)
+        _require(above, "alpha_cap", self.alpha_cap)
+
+
+@dataclass(frozen=True)
+class Compression:
+    """Whether the model loses at the end what validation images do not need: deformed attributes, modes, Gaussians, bits."""
+
+    enabled: bool = _setting(True, key="fit_to_need")
+    tolerance: float = _setting(0.05, NOT_NEGATIVE, "need_tolerance")  # dB that each choice may cost
+    recovery_fraction: float = _setting(0.02, FRACTION)  # of all steps, for which a model is fine-tuned after it
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Steps between looks at how many fixed validation images; 0 for none."""
+
+    interval: int = _setting(500, NOT_NEGATIVE, "validation_interval")
+    images: int = _setting(16, NOT_NEGATIVE, "validation_images")
+
+
+@dataclass(frozen=True, init=False, repr=False)
 class TrainingSettings:
     """Every choice of a training run; two runs with equal settings on equal catalogs end bit for bit alike.
 
-    Lengths (`mean_rate`, `mean_offset`) are in units of half the longest side of the catalog's box.  Rates are
-    Adam's step sizes at the start of a stage.
+    They are made by the keys of the table and read as records: `TrainingSettings(mean_rate=1e-3).rates.means`.
+    Lengths (`mean_rate`, `mean_offset`) are in units of half the longest side of the catalog's box.
 
     Attributes
     ----------
     seed : seeds everything that is drawn at random.
     appearance : which of the catalog's appearances is learnt; "" means the first.
     gaussians : how many Gaussians, constant through training (dead ones are relocated).
-    initialization : "in-situ" places them on the points that the hook sampled by opacity, "hull" in the visual hull of the
-        member nearest to the parameters' mean, "sfm" on its structure from motion (the extra `[sfm]`), "random" uniformly in
-        the box; "auto" takes in-situ points where the catalog has them, else "random".
-    initial_opacity, initial_scale : opacity of a fresh Gaussian, and its standard deviation in units of the mean
-        distance between Gaussians spread evenly through the box.
     color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading); "auto" lets
-        held-out views of one member decide.
-    canonical_steps, deformation_steps : length of stage 1 (one set of Gaussians for all members; 0: both are learnt jointly
-        from the start) and of stage 2 (the same, deformed by the simulation parameters).
-    latent_size, hidden_width : the bilinear deformation's latent vector per Gaussian, and the width of the network
-        that embeds the parameters.
-    latent_spread : standard deviation of the latent vectors at the start of stage 2.
-    deformation : the design of F_sim, of `surrogate.deformation.KINDS`.
-    field_precision : what the "paper" design computes in per Gaussian; "bfloat16" is faster on processors that multiply in it.
-    held_still : attributes of the Gaussians, of `surrogate.gaussians.NAMES`, that F_sim does not move.
-    visualization_steps : length of stage 3, per variation of the appearance that the catalog has.
-    visualization_deformation : the design of F_vis; "auto" applies transfer functions ("values") and learns the rest ("bilinear").
-    visualization_latent_size, visualization_hidden_width : as those above, of F_vis.
-    visualization_color_degree : as `color_degree`, of the Gaussians that F_vis shows; "auto" lets validation images decide.
-    simulation_rate_factor : what F_sim's rates are multiplied by where it is tuned along with F_vis; 0 freezes it.
-    value_bins, value_rate : how many field values every Gaussian has weights of ("values"), and Adam's rate for those.
-    mean_rate ... color_rate : of the canonical Gaussians.  latent_rate, embedding_rate : of the deformation.
-    canonical_rate_factor : what stage 2 multiplies the canonical rates by.
-    final_rate_factor : what all rates have decayed to, exponentially, at the end of a stage.
-    mean_offset ... color_offset : how far one unit of the deformation's output moves each quantity.
-    ssim_weight : of 1 - SSIM in the loss, beside the mean absolute error.
-    deformation_penalty : weight in the loss of L_deform, the mean squared size of a learnt deformation's offsets; 0 for none.
-    hard_example_power : images are drawn in proportion to this power of their running error, but none is forgotten; 0 draws all
-        as often.
-    relocation_interval : steps between relocations of dead Gaussians; 0 turns them off.
-    relocation_stop : fraction of a stage after which no Gaussian is relocated.
-    relocation_target : where dead Gaussians go: "opacity", onto living ones in proportion to that; "gradient", onto those at which
-        pictures pull by more than `gradient_threshold` on the screen.
-    dead_opacity : a Gaussian is dead where the decayed maximum of its deformed opacity lies below this.
-    peak_decay : what that maximum is multiplied by per step.
-    alpha_floor, alpha_cap, dilation : the rasterizer's smallest and largest alpha, and the variance (pixels squared) added to
-        every projected Gaussian.
-    device, backend : where training computes, "auto" being a GPU where torch and gsplat can use one, else "cpu"; and how it draws,
-        of `surrogate.splatting.render`.
-    fit_to_need : whether what the model does not need is taken from it at the end, as validation images tell: attributes that
-        need not deform, modes of deformation, Gaussians, bits.  Where a catalog has no such images, nothing is.
-    need_tolerance : what each of those choices may cost on validation images, in dB.
-    recovery_fraction : steps after such a change, as a part of all steps.
-    validation_interval, validation_images : steps between looks at how many fixed validation images; 0 for none.
+        validation images decide.
+    simulation_size, visualization_size : of F_sim and of F_vis, whose keys begin with `visualization_`.
+    device : where training computes, "auto" being a GPU where torch and gsplat can use one, else "cpu".
     checkpoint_seconds : time between checkpoints.
     """
 
-    seed: int = 0
+    seed: int = _setting(0, NOT_NEGATIVE)
     appearance: str = ""
-    gaussians: int = 10_000
-    initialization: Initialization = "auto"
-    initial_opacity: float = 0.2
-    initial_scale: float = 0.25
+    gaussians: int = _setting(10_000, ONE_OR_MORE)
+    start: Start = Start()
     color_degree: ColorDegree = "auto"
+    steps: Steps = Steps()
+    simulation_size: DeformationSize = DeformationSize()
+    visualization_size: DeformationSize = _setting(DeformationSize(), key="visualization_")  # noqa: RUF009
+    designs: Designs = Designs()
+    rates: Rates = Rates()
+    units: OffsetUnits = OffsetUnits()
+    loss: Loss = Loss()
+    relocation: Relocation = Relocation()
+    splatting: Splatting = Splatting()
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    compression: Compression = Compression()
+    validation: Validation = Validation()
+    checkpoint_seconds: float = _setting(30.0, POSITIVE)
 
-    canonical_steps: int = 2_000
-    deformation_steps: int = 10_000
-    latent_size: int = 16
-    hidden_width: int = 64
-    latent_spread: float = 0.25
-    deformation: DeformationKind = "bilinear"
-    field_precision: FieldPrecision = "float32"
-    held_still: tuple[str, ...] = ()
+    def __init__(self, /, **values: Any) -> None:
+        """Settings by the keys of the `[training]` table; those that are absent keep their defaults.
 
-    visualization_steps: int = 10_000
-    visualization_deformation: VisualizationKind = "auto"
-    visualization_latent_size: int = 16
-    visualization_hidden_width: int = 64
-    visualization_color_degree: ColorDegree = "auto"
-    simulation_rate_factor: float = 0.1
-    value_bins: int = 32
-    value_rate: float = 2e-3
-
-    mean_rate: float = 3e-3
-    log_scale_rate: float = 6e-3
-    quat_rate: float = 3e-3
-    opacity_rate: float = 6e-2
-    color_rate: float = 5e-3
-    latent_rate: float = 5e-2
-    embedding_rate: float = 1e-2
-    canonical_rate_factor: float = 1.0
-    final_rate_factor: float = 0.05
-
-    mean_offset: float = 0.05
-    log_scale_offset: float = 0.2
-    quat_offset: float = 0.1
-    opacity_offset: float = 1.0
-    color_offset: float = 0.5
-
-    ssim_weight: float = 0.2
-    deformation_penalty: float = 0.0
-    hard_example_power: float = 0.0
-    relocation_interval: int = 100
-    relocation_target: RelocationTarget = "opacity"
-    gradient_threshold: float = 1e-4
-    relocation_stop: float = 0.7
-    dead_opacity: float = 0.01
-    peak_decay: float = 0.995
-    alpha_floor: float = Constants.alpha_floor
-    alpha_cap: float = Constants.alpha_cap
-    dilation: float = Constants.dilation
-    device: Device = "auto"
-    backend: str = "auto"
-
-    fit_to_need: bool = True
-    need_tolerance: float = 0.05
-    recovery_fraction: float = 0.02
-
-    validation_interval: int = 500
-    validation_images: int = 16
-    checkpoint_seconds: float = 30.0
-
-    def __post_init__(self) -> None:
-        for name in (
-            "gaussians",
-            "latent_size",
-            "hidden_width",
-            "visualization_latent_size",
-            "visualization_hidden_width",
-        ):
-            _require(getattr(self, name) >= 1, self, name, "at least 1")
-        for name in (
-            "seed",
-            "canonical_steps",
-            "deformation_steps",
-            "visualization_steps",
-            "relocation_interval",
-            "validation_interval",
-            "validation_images",
-        ):
-            _require(getattr(self, name) >= 0, self, name, "at least 0")
-        _require(self.value_bins >= 2, self, "value_bins", "at least 2")
-        _require(set(self.held_still) <= set(NAMES), self, "held_still", f"some of {list(NAMES)}")
-        for name in ("initial_opacity", "dead_opacity"):
-            _require(0 < getattr(self, name) < 1, self, name, "between 0 and 1")
-        for name in ("ssim_weight", "relocation_stop", "peak_decay", "alpha_floor", "recovery_fraction"):
-            _require(0 <= getattr(self, name) <= 1, self, name, "in [0, 1]")
-        for field in fields(self):
-            if field.name == "simulation_rate_factor":  # zero freezes F_sim
-                continue
-            positive = field.name.endswith(("_rate", "_factor", "_offset", "_scale", "_spread", "_seconds"))
-            _require(not positive or getattr(self, field.name) > 0, self, field.name, "positive")
-        _require(self.alpha_floor < self.alpha_cap < 1, self, "alpha_cap", "above alpha_floor and below 1")
-        for name, kind in typing.get_type_hints(type(self)).items():
-            if typing.get_origin(kind) is Literal:
-                options = typing.get_args(kind)
-                _require(getattr(self, name) in options, self, name, f"one of {list(options)}")
-        for name in (
-            "dilation",
-            "need_tolerance",
-            "deformation_penalty",
-            "hard_example_power",
-            "simulation_rate_factor",
-            "gradient_threshold",
-        ):
-            _require(getattr(self, name) >= 0, self, name, "at least 0")
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> TrainingSettings:
-        """Settings from a scene's `[training]` table; keys that are absent keep their defaults.
-
-        Raises ValueError naming an unknown key, a value of the wrong type or one out of range.
+        Raises ValueError naming an unknown key, a value of the wrong type or one out of bounds.
         """
-        types = typing.get_type_hints(cls)
-        unknown = sorted(set(table) - set(types))
-        if unknown:
-            raise ValueError(f"training: unknown keys {unknown}; known are {sorted(types)}")
-        return cls(**{name: _typed(name, value, types[name]) for name, value in table.items()})
+        if unknown := sorted(set(values) - set(_keys())):
+            raise ValueError(f"training: unknown keys {unknown}; known are {sorted(_keys())}")
+        given: dict[str, dict[str, Any]] = {}
+        for key, value in values.items():
+            record, field, kind = _keys()[key]
+            given.setdefault(record, {})[field.name] = _typed(key, value, kind)
+            _require(field.metadata.get("bound"), key, given[record][field.name])
+        own = given.pop("", {})
+        own |= {record: dataclasses.replace(getattr(self, record), **changes) for record, changes in given.items()}
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
 
-    def for_visualization(self) -> TrainingSettings:
-        """The same with F_vis's sizes where F_sim's stand."""
-        return replace(self, latent_size=self.visualization_latent_size, hidden_width=self.visualization_hidden_width)
+    def changed(self, /, **values: Any) -> TrainingSettings:
+        """The same with other values of some keys."""
+        return TrainingSettings(**self.to_json() | values)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain JSON values that `from_table` turns back into the same settings."""
-        values = asdict(self)
-        for name in ("held_still", "field_precision"):  # so that runs from before there were these are still recognized
-            if values[name] == type(self).__dataclass_fields__[name].default:
-                del values[name]
-        return values
+        """Plain JSON values by key, which make the same settings again."""
+        values = [(key, entry.value(self), entry.field) for key, entry in _keys().items()]
+        return {key: v for key, v, field in values if v != field.default or not field.metadata.get("optional")}
+
+    def __repr__(self) -> str:
+        other = [f"{key}={value!r}" for key, value in self.to_json().items() if value != _keys()[key].field.default]
+        return f"TrainingSettings({', '.join(other)})"
+
+
+class _Key(NamedTuple):
+    """Where a key of the table leads: to a record, "" for the settings themselves, a field of it, and that one's type."""
+
+    record: str
+    field: dataclasses.Field[Any]
+    kind: Any
+
+    def value(self, settings: TrainingSettings) -> Any:
+        """The value in some settings."""
+        return getattr(getattr(settings, self.record) if self.record else settings, self.field.name)
+
+
+@functools.cache
+def _keys() -> dict[str, _Key]:
+    """All keys of the table, in order."""
+    found: dict[str, _Key] = {}
+
+    def add(record: type, name: str, prefix: str) -> None:
+        kinds = typing.get_type_hints(record)
+        for field in dataclasses.fields(record):
+            key = field.metadata.get("key", "")
+            if dataclasses.is_dataclass(field.default):
+                add(kinds[field.name], field.name, key)
+            else:
+                found[prefix + (key or field.name)] = _Key(name, field, kinds[field.name])
+
+    add(TrainingSettings, "", "")
+    return found
 
 
 def _typed(name: str, value: Any, kind: Any) -> Any:
@@ -230,8 +287,3 @@ def _typed(name: str, value: Any, kind: Any) -> Any:
     elif kind is float and not math.isfinite(value):
         raise ValueError(f"training.{name} must be finite, got {value!r}")
     return value
-
-
-def _require(condition: bool, settings: TrainingSettings, name: str, what: str) -> None:
-    if not condition:
-        raise ValueError(f"training.{name} must be {what}, got {getattr(settings, name)!r}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +35,7 @@ def measure(runs: Path, folder: Path, scale: float, say: Callable[[str], None]) 
         catalog = catalog_of(runs, scene)
         for name, change in CHANGES.items() if catalog else ():
             assert catalog is not None
-            settings = replace(_settings(scene, scale), **change)
+            settings = _settings(scene, scale).changed(**change)
             path = folder / "ensembles" / f"{scene}-{''.join(c if c.isalnum() else '_' for c in name)}.json"
             if is_fitted(path, settings):
                 continue
@@ -67,12 +66,11 @@ def ensembles_table(results: list[dict[str, Any]]) -> str:
 
 
 def _settings(scene: str, scale: float) -> TrainingSettings:
-    own = TrainingSettings.from_table(Scene.load(PROJECT / "scenes" / f"{scene}.toml").training)
-    steps = max(2, round(scale * own.deformation_steps / SHORTER))
-    return replace(
-        own,
+    own = TrainingSettings(**Scene.load(PROJECT / "scenes" / f"{scene}.toml").training)
+    steps = max(2, round(scale * own.steps.deformation / SHORTER))
+    return own.changed(
         color_degree=0,
-        canonical_steps=max(2, round(scale * own.canonical_steps / 2)),
+        canonical_steps=max(2, round(scale * own.steps.canonical / 2)),
         deformation_steps=steps,
         fit_to_need=False,
         validation_images=JUDGES,

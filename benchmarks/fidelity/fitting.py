@@ -99,8 +99,8 @@ def fit(subject: Subject, variant: Variant, scale: float, say: Callable[[str], N
 def settings_of(variant: Variant, scale: float) -> TrainingSettings:
     """The settings of a variant; no deformation."""
     base = TrainingSettings(gaussians=GAUSSIANS, canonical_steps=STEPS, deformation_steps=0)
-    chosen = replace(base, **variant.settings)
-    return replace(chosen, canonical_steps=max(POINTS, round(scale * chosen.canonical_steps)))
+    chosen = base.changed(**variant.settings)
+    return chosen.changed(canonical_steps=max(POINTS, round(scale * chosen.steps.canonical)))
 
 
 def is_fitted(path: Path, settings: TrainingSettings) -> bool:
@@ -133,7 +133,7 @@ def judge(
 def _start(subject: Subject, settings: TrainingSettings, activation: str) -> Gaussians:
     some = subject.examples["train"][::8]
     gaussians = initial_gaussians(settings, subject.box, subject.points, foreground_color(some, subject.background))
-    gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(settings.initial_opacity))
+    gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(settings.start.opacity))
     return gaussians
 
 

@@ -70,7 +70,7 @@ def read_scenes(scenes: Path, runs: Path) -> list[SceneResults]:
 def read_scene(path: Path, runs: Path) -> SceneResults:
     """What there is of one scene.  Raises ValueError for one that can't be read."""
     scene = Scene.load(path)
-    settings, run = TrainingSettings.from_table(scene.training), scene.run_directory(runs)
+    settings, run = TrainingSettings(**scene.training), scene.run_directory(runs)
     source = _source(settings, run / "catalog.cdb")
     if source is None:
         gap = Gap(scene.name, "everything", f"make results SCENES={scene.name}")

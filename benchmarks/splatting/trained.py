@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -94,9 +94,9 @@ class Trained:
         """Those of the scene for its base appearance, without the choices that follow: what is left out here is what these
         tables are about.
         """
-        found = TrainingSettings.from_table(self.scene_file.training)
+        found = TrainingSettings(**self.scene_file.training)
         degree = 0 if found.color_degree == "auto" else found.color_degree
-        return replace(found, fit_to_need=False, color_degree=degree, visualization_steps=0)
+        return found.changed(fit_to_need=False, color_degree=degree, visualization_steps=0)
 
     @cached_property
     def pace(self) -> Pace:
@@ -163,8 +163,8 @@ def mean_decibels(surrogate: Surrogate, trained: Trained, rows: Sequence[ImageRo
 def planned(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
     """`settings` with as many steps as fit into `seconds`, and about `POINTS` points in the curve of their training."""
     found = scheduled(settings, seconds, pace)
-    interval = max(1, (found.canonical_steps + found.deformation_steps) // POINTS)
-    return replace(found, validation_interval=interval)
+    interval = max(1, (found.steps.canonical + found.steps.deformation) // POINTS)
+    return found.changed(validation_interval=interval)
 
 
 def _now_and_then(say: Callable[[str], None]) -> Callable[[TrainingProgress], None]:

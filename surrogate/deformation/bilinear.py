@@ -20,7 +20,7 @@ from torch import Tensor
 
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.products import Factors, add_products
-from surrogate.gaussians import Gaussians
+from surrogate.gaussians import NAMES, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
@@ -53,18 +53,16 @@ class BilinearDeformation:
         *,
         anchored: int = 0,
         color_columns: int = 3,
-        lighter: bool = False,
+        for_visualization: bool = False,
     ) -> BilinearDeformation:
-        """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero.
-
-        There is no lighter form.
-        """
-        count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
+        """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero."""
+        size = settings.visualization_size if for_visualization else settings.simulation_size
+        count, hidden, latent = len(gaussians), size.hidden, size.latent
         units = _units(settings, color_columns)  # [C]
         random = generator(settings.seed, "latents")
         bound = 1.0 / math.sqrt(max(parameters, 1))
         return cls(
-            latents=_float32(settings.latent_spread * random.standard_normal((count, latent))),
+            latents=_float32(settings.designs.latent_spread * random.standard_normal((count, latent))),
             weights_in=_float32(random.uniform(-bound, bound, (hidden, parameters))),
             biases_in=_float32(random.uniform(-bound, bound, hidden)),
             weights_out=torch.zeros(latent * len(units), hidden),
@@ -205,13 +203,13 @@ class BilinearDeformation:
         rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
-        hidden = settings.embedding_rate * narrower
+        hidden = settings.rates.embedding * narrower
         return {
-            "latents": settings.latent_rate * fewer,
+            "latents": settings.rates.latent * fewer,
             "weights_in": hidden,
             "biases_in": hidden,
             "weights_out": hidden * fewer,
-            "biases_out": settings.embedding_rate * fewer,
+            "biases_out": settings.rates.embedding * fewer,
         }
 
     def record(self) -> dict[str, Any]:
@@ -225,13 +223,8 @@ class BilinearDeformation:
 
 def _units(settings: TrainingSettings, color_columns: int) -> Tensor:
     """The size of one unit of each of a Gaussian's C parameters that may move, (C,), `color_columns` of them of its colour."""
-    return torch.tensor(
-        [settings.mean_offset] * 3
-        + [settings.log_scale_offset] * 3
-        + [settings.quat_offset] * 4
-        + [settings.opacity_offset]
-        + [settings.color_offset] * color_columns
-    )
+    widths = _WIDTHS | {"colors": color_columns}
+    return torch.tensor([getattr(settings.units, name) for name in NAMES for _ in range(widths[name])])
 
 
 def _spread(tensor: Tensor, kept: Tensor, modes: int) -> Tensor:

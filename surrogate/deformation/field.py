@@ -177,19 +177,19 @@ class FieldDeformation:
         *,
         anchored: int = 0,
         color_columns: int = 3,
-        lighter: bool = False,
+        for_visualization: bool = False,
         heads: Iterable[str] = NAMES,
     ) -> FieldDeformation:
         """Random networks with last layers of zero: nothing moves, but the gradient is not zero.
 
-        `lighter` is without a backbone, as the paper's F_vis is; for transfer functions it has heads for "opacity_logits" and
+        F_vis is without a backbone, as the paper's is; for transfer functions it has heads for "opacity_logits" and
         "colors" only.
         """
-        width, bfloat16 = 0 if lighter else BACKBONE_WIDTH, settings.field_precision == "bfloat16"
+        width, bfloat16 = 0 if for_visualization else BACKBONE_WIDTH, settings.designs.precision == "bfloat16"
         architecture = Architecture(
             parameters, tuple(heads), color_columns, anchored, backbone_width=width, bfloat16=bfloat16
         )
-        return cls(architecture.initial(generator(settings.seed, "latents")), architecture, _units(settings))
+        return cls(architecture.initial(generator(settings.seed, "latents")), architecture, asdict(settings.units))
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> FieldDeformation:
@@ -342,16 +342,6 @@ def encode(points: Tensor, frequencies: int) -> Tensor:
     turns = (points[:, :, None] * powers).flatten(1)  # [N, D K], exact
     angles = math.pi * (turns - 2.0 * (turns / 2.0).round())  # within [-pi, pi], where float32 is as exact as it can be
     return torch.cat([points, angles.sin(), angles.cos()], dim=1)
-
-
-def _units(settings: TrainingSettings) -> dict[str, float]:
-    return {
-        "means": settings.mean_offset,
-        "log_scales": settings.log_scale_offset,
-        "quats": settings.quat_offset,
-        "opacity_logits": settings.opacity_offset,
-        "colors": settings.color_offset,
-    }
 
 
 def _checked_units(units: Any) -> dict[str, float]:

@@ -110,10 +110,10 @@ class LearntDeformation(Deformation, Protocol):
         *,
         anchored: int = 0,
         color_columns: int = 3,
-        lighter: bool = False,
+        for_visualization: bool = False,
     ) -> Deformation:
         """A deformation by `parameters` many parameters that still moves nothing.
 
         Where the last `anchored` parameters are zero it will never move anything.  `color_columns` of the colours may move.
-        `lighter` asks for F_vis's form where a design has one.
+        `for_visualization` asks for F_vis's own size and form.
         """

@@ -156,7 +156,7 @@ class ValuesDeformation:
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for the weights."""
-        return {"weights": settings.value_rate}
+        return {"weights": settings.rates.value}
 
     def record(self) -> dict[str, Any]:
         """The base transfer function, the values and the steps."""

@@ -21,16 +21,16 @@ def initial_points(
     """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
 
     They are of the field that `appearance` shows.  Their colours are those of the transfer function, where it has one.  Raises
-    ValueError where `settings.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
+    ValueError where `settings.start.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
     """
-    if settings.initialization == "random":
+    if settings.start.initialization == "random":
         return None
-    if settings.initialization in ("hull", "sfm"):
+    if settings.start.initialization in ("hull", "sfm"):
         return _from_pictures(settings, catalog, appearance, normalization)
     shown = next(a for a in catalog.plan.appearances if a.name == appearance)
     summaries = [m.summary(field_of(shown)) for m in catalog.members if m.split == "train"]
     kept = [s for s in summaries if s is not None and len(s.points)]
-    if not kept and settings.initialization == "in-situ":
+    if not kept and settings.start.initialization == "in-situ":
         raise ValueError(
             'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
             'set it to "auto" or "random"'
@@ -52,7 +52,7 @@ def _from_pictures(
     from surrogate.initialization.structure_from_motion import structure_from_motion_points
 
     member = representative_member(catalog, appearance)
-    if settings.initialization == "sfm":
+    if settings.start.initialization == "sfm":
         return structure_from_motion_points(catalog, member, appearance, normalization, seed=settings.seed)
     random = generator(settings.seed, "hull")
     return hull_points(catalog, member, appearance, normalization, settings.gaussians, random)
@@ -79,10 +79,10 @@ def initial_gaussians(
         places = points.places[chosen] + random.normal(0.0, 0.25 * spacing, (count, 3))  # [N, 3]
         colors = colors if points.colors is None else points.colors[chosen]
     flat = np.zeros((count, 9 * (settings.color_degree == 1)))
-    opacity_logit = float(np.log(settings.initial_opacity / (1.0 - settings.initial_opacity)))
+    opacity_logit = float(np.log(settings.start.opacity / (1.0 - settings.start.opacity)))
     return Gaussians(
         means=_float32(places),
-        log_scales=torch.full((count, 3), float(np.log(settings.initial_scale * spacing))),
+        log_scales=torch.full((count, 3), float(np.log(settings.start.scale * spacing))),
         quats=torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
         opacity_logits=torch.full((count,), opacity_logit),
         colors=_float32(np.concatenate([colors, flat], axis=1)),

@@ -72,7 +72,7 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
     """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes."""
     plan = catalog.plan
     appearance = settings.appearance or plan.appearances[0].name
-    learnt = [v for v in plan.variations if v.base == appearance and settings.visualization_steps]
+    learnt = [v for v in plan.variations if v.base == appearance and settings.steps.visualization]
     shown = [appearance, *(s.appearance for v in learnt for s in v.settings)]
     values = {
         "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},

@@ -84,7 +84,7 @@ def measure_ceiling(
     forms = [_settings(settings, subject, surrogate) for subject in wanted]
     keys = [_key(mark, subject, form) for subject, form in zip(wanted, forms, strict=True)]
     known = [_finished(records, key, surrogate) for key in keys]
-    report = _Report(progress, [form.canonical_steps for form, one in zip(forms, known, strict=True) if one is None])
+    report = _Report(progress, [form.steps.canonical for form, one in zip(forms, known, strict=True) if one is None])
     entries = []
     for subject, form, key, found in zip(wanted, forms, keys, known, strict=True):
         begun = time.process_time()
@@ -169,13 +169,12 @@ def _middle_setting(variation: Variation) -> str:
 
 def _settings(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
     """Stage 1 alone, with the steps of all stages that the surrogate takes for such a picture, and its colour degree."""
-    more = settings.visualization_steps if subject.variation is not None else 0
-    return replace(
-        settings,
-        canonical_steps=settings.canonical_steps + settings.deformation_steps + more,
+    more = settings.steps.visualization if subject.variation is not None else 0
+    return settings.changed(
+        canonical_steps=settings.steps.canonical + settings.steps.deformation + more,
         deformation_steps=0,
         visualization_steps=0,
-        color_degree=_color_degree(settings, subject, surrogate),  # type: ignore[arg-type]
+        color_degree=_color_degree(settings, subject, surrogate),
     )
 
 
@@ -184,7 +183,7 @@ def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surro
     if surrogate is not None:
         mine = [v for v in surrogate.visualizations if subject.variation and v.variation.kind == subject.variation.kind]
         return max([surrogate.gaussians.color_degree, *(v.color_degree for v in mine)])
-    asked = [settings.color_degree, *([settings.visualization_color_degree] if subject.variation else [])]
+    asked = [settings.color_degree, *([settings.designs.visualization_color_degree] if subject.variation else [])]
     return max(1 if degree == "auto" else degree for degree in asked)
 
 
@@ -198,7 +197,7 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
         "parameters": {**subject.member.parameters, **subject.varied},
         "gaussians": form.gaussians,
         "color_degree": form.color_degree,
-        "steps": form.canonical_steps,
+        "steps": form.steps.canonical,
         "seed": form.seed,
     }
 

@@ -34,9 +34,9 @@ class StageRun:
         first = next(iter(stage.tensors.values()))
         count = len(stage.tensors["means"]) if stage.relocates else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
-        by_gradient = count if settings.relocation_target == "gradient" else 0
+        by_gradient = count if settings.relocation.target == "gradient" else 0
         self._pulls = Pulls.none(by_gradient, first)
-        images, power = len(data.examples), settings.hard_example_power
+        images, power = len(data.examples), settings.loss.hard_example_power
         self._hard = HardExamples(images, settings.seed, power) if power else None
         self._order = self._hard or ShuffledEpochs(images, settings.seed)
         self._rasterizer = Rasterizer.of(settings)
@@ -52,20 +52,20 @@ class StageRun:
         gaussians = self.stage.gaussians_at(example.parameters)
         picture = self._drawn(gaussians, example)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
-        loss = image_loss(picture, target, ssim_weight=settings.ssim_weight)
+        loss = image_loss(picture, target, ssim_weight=settings.loss.ssim_weight)
         if self._hard is not None:
             self._hard.tell(item, float(loss.detach()))
-        if settings.deformation_penalty and self.stage.rest_at is not None:
+        if settings.loss.deformation_penalty and self.stage.rest_at is not None:
             size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
-            loss = loss + settings.deformation_penalty * size
+            loss = loss + settings.loss.deformation_penalty * size
         loss.backward()
         if len(self._pulls):
             self._pulls.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)
-        self._adam.step(settings.final_rate_factor ** (self.step / self.stage.steps))
+        self._adam.step(settings.rates.final_factor ** (self.step / self.stage.steps))
         self.step += 1
         if self.stage.relocates:
             with torch.no_grad():
-                self._peaks.mul_(settings.peak_decay)
+                self._peaks.mul_(settings.relocation.peak_decay)
                 torch.maximum(self._peaks, gaussians.opacities(), out=self._peaks)
                 if self._relocation_due():
                     self._relocate()
@@ -127,15 +127,15 @@ class StageRun:
             raise
 
     def _relocation_due(self) -> bool:
-        interval = self.settings.relocation_interval
+        interval = self.settings.relocation.interval
         return bool(
-            interval and self.step % interval == 0 and self.step <= self.settings.relocation_stop * self.stage.steps
+            interval and self.step % interval == 0 and self.step <= self.settings.relocation.stop * self.stage.steps
         )
 
     def _relocate(self) -> None:
         random = generator(self.settings.seed, "relocation", self.step)
-        wanted = self._pulls.above(self.settings.gradient_threshold) if len(self._pulls) else None
-        relocation = plan_relocation(self._peaks, self.settings.dead_opacity, random, wanted)
+        wanted = self._pulls.above(self.settings.relocation.gradient_threshold) if len(self._pulls) else None
+        relocation = plan_relocation(self._peaks, self.settings.relocation.dead_opacity, random, wanted)
         if relocation is not None:
             rows: dict[str, Any] = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())

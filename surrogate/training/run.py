@@ -92,8 +92,8 @@ def train(
 
 def new_deformation(gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> Deformation:
     """F_sim before stage 2, by `parameters` many parameters: it moves nothing yet, and never what is to be held still."""
-    deformation: Deformation = KINDS[settings.deformation].create(gaussians, parameters, settings)
-    for name in settings.held_still:
+    deformation: Deformation = KINDS[settings.designs.simulation].create(gaussians, parameters, settings)
+    for name in settings.designs.held_still:
         deformation = deformation.without(name)
     return deformation
 
@@ -143,23 +143,23 @@ class _Run:
         gaussians = self._source.initial_gaussians(data).to(device)
         if checkpoint is None or checkpoint.record["stage"] == "canonical":
             run = _resumed(canonical_stage(gaussians, settings), settings, data, checkpoint)
-            self._run(run, 0, settings.canonical_steps, interruption)
+            self._run(run, 0, settings.steps.canonical, interruption)
             checkpoint = None
         deformation = new_deformation(gaussians, len(self._source.catalog.plan.space), settings).to(device)
         degree = self._color_degree or gaussians.color_degree
         fitted = Fitted(gaussians.copy().with_color_degree(degree), deformation)
         run = _resumed(simulation_stage(*fitted, settings), settings, data, checkpoint)
         if settings.color_degree == "auto" and self._color_degree is None:
-            self._run(run, settings.canonical_steps, round(ASKED_AFTER * settings.deformation_steps), interruption)
+            self._run(run, settings.steps.canonical, round(ASKED_AFTER * settings.steps.deformation), interruption)
             fitted, run = self._ask_color_degree(fitted, run, data)
-        self._run(run, settings.canonical_steps, settings.deformation_steps, interruption)
+        self._run(run, settings.steps.canonical, settings.steps.deformation, interruption)
         return fitted.copy()
 
     def _ask_color_degree(self, fitted: Fitted, run: StageRun, data: TrainingData) -> tuple[Fitted, StageRun]:
         """What stage 2 goes on with."""
         self._color_degree = 0
         if data.validation:
-            self._announce(COLOR_DEGREE, self._settings.canonical_steps + run.step)
+            self._announce(COLOR_DEGREE, self._settings.steps.canonical + run.step)
             self._color_degree, choice = choose_color_degree(fitted.copy(), self._bench(data))
             self._choices.append(choice.to_json())
         if self._color_degree == fitted.gaussians.color_degree:
@@ -180,7 +180,7 @@ class _Run:
         choices: Sequence[Need] = NEEDS,
     ) -> Needs:
         """What follows stage 2; a checkpoint after each choice, which is made again where it was interrupted."""
-        if not (self._settings.fit_to_need and data.validation):
+        if not (self._settings.compression.enabled and data.validation):
             return needs
         bench = self._bench(data)
         while needs.done < len(choices):
@@ -197,7 +197,7 @@ class _Run:
     ) -> tuple[Visualization, ...]:
         """Stage 3: every variation of the appearance, one after the other."""
         settings, state = self._settings, Varying.restored(checkpoint)
-        before = settings.canonical_steps + settings.deformation_steps
+        before = settings.steps.canonical + settings.steps.deformation
         for number, variation in enumerate(self._source.variations):
             if number >= len(state.finished):
                 data = self._source.varied_data(variation)
@@ -208,9 +208,9 @@ class _Run:
                 stage = visualization_stage(*fitted, visualization, settings)
                 self._carry(Needs(fitted, len(VARIED_NEEDS)), state)
                 run = _resumed(stage, settings, data, checkpoint)
-                self._run(run, before, settings.visualization_steps, interruption)
+                self._run(run, before, settings.steps.visualization, interruption)
                 state, checkpoint = Varying((*state.finished, visualization.copy())), None
-            before += settings.visualization_steps
+            before += settings.steps.visualization
         return state.finished
 
     def _shown_degree(self, fitted: Fitted, variation: Variation, data: TrainingData, step: int) -> int:
@@ -226,13 +226,13 @@ class _Run:
     ) -> tuple[Needs, tuple[Visualization, ...]]:
         """The last choice, for all parts of the model."""
         found = []
-        if self._settings.fit_to_need and data.validation:
+        if self._settings.compression.enabled and data.validation:
             needs, choice = fit_to_need(needs, self._bench(data), (*VARIED_NEEDS, precision))
             self._choices.append(choice.to_json())
         for number, visualization in enumerate(learnt):
             visualization = visualization.to(torch.device("cpu"))
             bench = Bench(self._settings, self._source.varied_judges(visualization.variation))
-            if self._settings.fit_to_need and data.validation and bench.data.validation:
+            if self._settings.compression.enabled and data.validation and bench.data.validation:
                 visualization, encodings, choice = precision_of_visualization(visualization, needs.fitted, bench)
                 named = {f"visualization{number}.{name}": encoding for name, encoding in encodings.items()}
                 needs = replace(needs, encodings={**needs.encodings, **named})
@@ -259,15 +259,15 @@ class _Run:
     @property
     def _steps(self) -> int:
         """Of all stages."""
-        stage_3 = len(self._source.variations) * self._settings.visualization_steps
-        return self._settings.canonical_steps + self._settings.deformation_steps + stage_3
+        stage_3 = len(self._source.variations) * self._settings.steps.visualization
+        return self._settings.steps.canonical + self._settings.steps.deformation + stage_3
 
     def _run(self, run: StageRun, before: int, until: int, interruption: Interruption) -> None:
         """Take a stage up to its step `until`; `before` is how many steps the stages before it had."""
         while run.step < until:
             self._losses.append(run.advance())
             done = before + run.step
-            interval = self._settings.validation_interval
+            interval = self._settings.validation.interval
             if run.step == run.stage.steps or (interval and run.step % interval == 0):
                 self._add_point(run, done)
             self._tell(run, done)

@@ -50,14 +50,14 @@ class Source:
         object.__setattr__(self, "normalization", normalization)
         for shown in ([appearance], *(_shown_by(variation) for variation in self.variations)):
             training_rows(self.catalog, shown)  # says at once where there are none
-        if self.settings.initialization == "in-situ":
+        if self.settings.start.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
 
     def data(self) -> TrainingData:
         """All images that training needs, decoded."""
         shown = [self.appearance]
         learn = training_rows(self.catalog, shown)
-        watch = validation_rows(self.catalog, shown, self.settings.validation_images)
+        watch = validation_rows(self.catalog, shown, self.settings.validation.images)
         return TrainingData(
             load_examples(self.catalog, learn, self.normalization),
             load_examples(self.catalog, watch, self.normalization),
@@ -67,14 +67,14 @@ class Source:
     @property
     def variations(self) -> tuple[Variation, ...]:
         """Those of the appearance that is learnt, where they are learnt too."""
-        kept = self.catalog.plan.variations if self.settings.visualization_steps else ()
+        kept = self.catalog.plan.variations if self.settings.steps.visualization else ()
         return tuple(v for v in kept if v.base == self.appearance)
 
     def varied_data(self, variation: Variation) -> TrainingData:
         """All images of a variation that training needs, the base left out, decoded."""
         shown = _shown_by(variation)
         learn = training_rows(self.catalog, shown)
-        watch = validation_rows(self.catalog, shown, self.settings.validation_images)
+        watch = validation_rows(self.catalog, shown, self.settings.validation.images)
         return TrainingData(
             load_examples(self.catalog, learn, self.normalization, variation),
             load_examples(self.catalog, watch, self.normalization, variation),
@@ -83,7 +83,7 @@ class Source:
 
     def varied_judges(self, variation: Variation) -> TrainingData:
         """The validation images that choices about a variation are made on; none where the settings want none."""
-        watch = validation_rows(self.catalog, _shown_by(variation), JUDGES if self.settings.validation_images else 0)
+        watch = validation_rows(self.catalog, _shown_by(variation), JUDGES if self.settings.validation.images else 0)
         return TrainingData(
             [], load_examples(self.catalog, watch, self.normalization, variation), self.catalog.plan.background
         )

@@ -46,20 +46,14 @@ class Stage:
 
 def canonical_rates(settings: TrainingSettings) -> dict[str, float]:
     """Adam's rates for the tensors of `Gaussians`."""
-    return {
-        "means": settings.mean_rate,
-        "log_scales": settings.log_scale_rate,
-        "quats": settings.quat_rate,
-        "opacity_logits": settings.opacity_rate,
-        "colors": settings.color_rate,
-    }
+    return {name: getattr(settings.rates, name) for name in NAMES}
 
 
 def canonical_stage(gaussians: Gaussians, settings: TrainingSettings) -> Stage:
     """Optimize `gaussians` in place; every member looks the same."""
     return Stage(
         name="canonical",
-        steps=settings.canonical_steps,
+        steps=settings.steps.canonical,
         tensors={name: tensor.requires_grad_() for name, tensor in gaussians.tensors().items()},
         rates=canonical_rates(settings),
         per_gaussian=frozenset(NAMES),
@@ -69,11 +63,11 @@ def canonical_stage(gaussians: Gaussians, settings: TrainingSettings) -> Stage:
 
 def simulation_stage(gaussians: Gaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:
     """Optimize `gaussians` (at a reduced rate) and `deformation` in place."""
-    canonical = {name: rate * settings.canonical_rate_factor for name, rate in canonical_rates(settings).items()}
+    canonical = {name: rate * settings.rates.canonical_factor for name, rate in canonical_rates(settings).items()}
     tensors = gaussians.tensors() | {PREFIX + name: tensor for name, tensor in deformation.tensors().items()}
     return Stage(
         name="deformation",
-        steps=settings.deformation_steps,
+        steps=settings.steps.deformation,
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
         per_gaussian=frozenset(NAMES) | {PREFIX + name for name in deformation.per_gaussian},

@@ -25,7 +25,7 @@ VISUALIZATION, SIMULATION = "visualization.", "simulation."
 
 def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
     """Which F_vis a variation gets; raises ValueError where what was asked for can't be had."""
-    asked, edits = settings.visualization_deformation, variation.edits_base
+    asked, edits = settings.designs.visualization, variation.edits_base
     if asked == "auto":
         return "values" if edits else "bilinear"
     if asked == "values" and not edits:
@@ -59,14 +59,14 @@ def new_visualization(
     deformation = KINDS[kind].create(
         wide,
         len(source.catalog.plan.space) + len(variation.space),
-        settings.for_visualization(),
+        settings,
         anchored=len(variation.space) if edits else 0,
         color_columns=wide.colors.shape[1],
-        lighter=True,
+        for_visualization=True,
     )
     for attribute in FROZEN_BY_TRANSFER_FUNCTIONS if edits else ():
         deformation = deformation.without(attribute)
-    tuned = None if edits or not settings.simulation_rate_factor else simulation.copy()
+    tuned = None if edits or not settings.rates.simulation_factor else simulation.copy()
     return Visualization(variation, deformation.to(gaussians.means.device), tuned, degree)
 
 
@@ -76,7 +76,7 @@ def _applied_functions(gaussians: Gaussians, variation: Variation, source: Sourc
     if not isinstance(base, VolumeRendering):
         raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
     steps, function = [parameter.high for parameter in variation.space.parameters], base.transfer_function
-    values = placed_values(source.settings.value_bins, function.bounds, *source.histogram)
+    values = placed_values(source.settings.designs.value_bins, function.bounds, *source.histogram)
     return ValuesDeformation.create(gaussians, function, values, steps)
 
 
@@ -84,14 +84,13 @@ def visualization_stage(
     gaussians: Gaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
     """Optimize `visualization` in place: F_vis and, at a reduced rate, its own copy of F_sim where it has one."""
-    adjusted = settings.for_visualization()
     of_vis, tuned = visualization.deformation, visualization.simulation
     tensors = {VISUALIZATION + name: t for name, t in of_vis.tensors().items()}
-    rates = {VISUALIZATION + name: rate for name, rate in of_vis.rates(adjusted).items()}
+    rates = {VISUALIZATION + name: rate for name, rate in of_vis.rates(settings).items()}
     if tuned is not None:
         tensors |= {SIMULATION + name: t for name, t in tuned.tensors().items()}
         rates |= {
-            SIMULATION + name: settings.simulation_rate_factor * rate for name, rate in tuned.rates(settings).items()
+            SIMULATION + name: settings.rates.simulation_factor * rate for name, rate in tuned.rates(settings).items()
         }
     applied = isinstance(of_vis, ValuesDeformation)  # its offsets are as large as the transfer functions say
     known: dict[tuple[float, ...], Gaussians] = {}
@@ -112,7 +111,7 @@ def visualization_stage(
 
     return Stage(
         name=visualization.variation.kind,
-        steps=settings.visualization_steps,
+        steps=settings.steps.visualization,
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=rates,
         per_gaussian=frozenset(NAMES),

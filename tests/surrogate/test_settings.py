@@ -2,20 +2,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surrogate.settings import TrainingSettings
+from surrogate.settings import DeformationSize, TrainingSettings
 
 
 def test_an_empty_table_means_the_defaults() -> None:
-    assert TrainingSettings.from_table({}) == TrainingSettings()
+    assert TrainingSettings() == TrainingSettings()
 
 
 def test_settings_survive_json() -> None:
     settings = TrainingSettings(gaussians=77, initialization="random", mean_rate=0.25)
-    assert TrainingSettings.from_table(settings.to_json()) == settings
+    assert TrainingSettings(**settings.to_json()) == settings
 
 
 def test_a_whole_number_will_do_for_a_float() -> None:
-    assert TrainingSettings.from_table({"dilation": 1}).dilation == 1.0
+    assert TrainingSettings(dilation=1).splatting.dilation == 1.0
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_a_whole_number_will_do_for_a_float() -> None:
 )
 def test_bad_tables_are_named(table: dict[str, object], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        TrainingSettings.from_table(table)
+        TrainingSettings(**table)
 
 
 def test_options_are_also_checked_without_a_table() -> None:
@@ -67,16 +67,16 @@ def test_options_are_also_checked_without_a_table() -> None:
     "table", [{"simulation_rate_factor": 0.0}, {"canonical_steps": 0}, {"visualization_steps": 0}, {"value_bins": 2}]
 )
 def test_zero_is_a_choice_where_it_turns_something_off(table: dict[str, object]) -> None:
-    assert TrainingSettings.from_table(table).to_json().items() >= table.items()
+    assert TrainingSettings(**table).to_json().items() >= table.items()
 
 
 def test_f_vis_has_sizes_of_its_own() -> None:
     settings = TrainingSettings(visualization_latent_size=3, visualization_hidden_width=5, seed=4)
-    adjusted = settings.for_visualization()
-    assert (adjusted.latent_size, adjusted.hidden_width, adjusted.seed) == (3, 5, 4)
+    assert settings.visualization_size == DeformationSize(3, 5)
+    assert settings.simulation_size == TrainingSettings().simulation_size
 
 
 @given(st.dictionaries(st.text(max_size=8), st.one_of(st.none(), st.lists(st.integers(), max_size=2)), min_size=1))
 def test_nonsense_never_passes(table: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="training"):
-        TrainingSettings.from_table(table)
+        TrainingSettings(**table)

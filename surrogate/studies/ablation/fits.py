@@ -135,8 +135,7 @@ class VisualizationFits:
             raise ValueError(f"catalog {catalog.path} has no validation images of its variations, {WITHOUT_JUDGES}")
         degree = max(v.color_degree for v in surrogate.visualizations)
         kinds = {kind_of(variation, settings) for variation in self._source.variations}
-        self.base = replace(
-            settings,
+        self.base = settings.changed(
             visualization_deformation=kinds.pop() if len(kinds) == 1 else "auto",
             canonical_steps=0,
             deformation_steps=0,
@@ -190,7 +189,7 @@ class VisualizationFits:
         """A new F_vis and its training."""
         device, source = chosen(settings.device), Source(settings, self._source.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
-        degree = int(settings.visualization_color_degree)
+        degree = int(settings.designs.visualization_color_degree)
         visualization = new_visualization(*fitted, learnt.variation, source, degree)
         stage = visualization_stage(*fitted, visualization, settings)
         return visualization, StageRun(stage, settings, learnt.data)
@@ -205,11 +204,10 @@ def _is_of(surrogate: Surrogate, source: Source) -> bool:
 
 def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
     """What all variants of `BaseFits` depart from."""
-    start = settings.initialization
+    start = settings.start.initialization
     if start == "auto":
         start = "random" if Source(settings, catalog).points is None else "in-situ"
-    return replace(
-        settings,
+    return settings.changed(
         initialization=start,
         color_degree=0 if settings.color_degree == "auto" else settings.color_degree,
         visualization_steps=0,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from catalogs.catalog import Catalog
@@ -49,7 +48,7 @@ class Pace(NamedTuple):
 
 def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
     """Of the three stages."""
-    return settings.canonical_steps, settings.deformation_steps, settings.visualization_steps
+    return settings.steps.canonical, settings.steps.deformation, settings.steps.visualization
 
 
 @one_torch_thread()
@@ -107,7 +106,7 @@ def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
     before, total = steps_of(settings), max(steps, FEWEST_STEPS)
     shares = [max(round(part * total / sum(before)), 1) if part else 0 for part in before]
     shares[before.index(max(before))] += total - sum(shares)
-    return replace(settings, canonical_steps=shares[0], deformation_steps=shares[1], visualization_steps=shares[2])
+    return settings.changed(canonical_steps=shares[0], deformation_steps=shares[1], visualization_steps=shares[2])
 
 
 def _some_data(source: Source) -> tuple[TrainingData, float]:
@@ -132,9 +131,9 @@ def _timed(
     """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
     device, canonical, deformation = chosen(settings.device), 0.0, 0.0
     gaussians = gaussians.copy().to(device)
-    if settings.canonical_steps:
+    if settings.steps.canonical:
         canonical = timed(StageRun(canonical_stage(gaussians, settings), settings, data))
-    if settings.deformation_steps:
+    if settings.steps.deformation:
         gaussians, parameters = gaussians.copy(), len(data.examples[0].parameters)
         moving = new_deformation(gaussians, parameters, settings).to(device)
         deformation = timed(StageRun(simulation_stage(gaussians, moving, settings), settings, data))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +92,7 @@ class Records:
 
     def settings(self, variant: Variant, seed: int) -> TrainingSettings:
         """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""
-        return replace(variant.settings(self.fits.base), seed=self.fits.base.seed + seed)
+        return variant.settings(self.fits.base).changed(seed=self.fits.base.seed + seed)
 
     def result(self, variant: Variant, seed: int, **found: Any) -> Result:
         """A result of this study."""

@@ -214,9 +214,9 @@ class Study:
         if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
             raise ValueError(f"training diverged: PSNR {psnr} dB, SSIM {ssim}")
         return {
-            "canonical_steps": planned.canonical_steps,
-            "deformation_steps": planned.deformation_steps,
-            "visualization_steps": planned.visualization_steps,
+            "canonical_steps": planned.steps.canonical,
+            "deformation_steps": planned.steps.deformation,
+            "visualization_steps": planned.steps.visualization,
             "seconds": taken,
             "psnr": psnr,
             "ssim": ssim,

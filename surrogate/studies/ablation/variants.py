@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from surrogate.settings import TrainingSettings
@@ -37,11 +37,11 @@ class Variant:
 
     def settings(self, base: TrainingSettings) -> TrainingSettings:
         """`base` with the changes; raises ValueError for values that can't be."""
-        scaled: dict[str, Any] = {name: _scaled(getattr(base, name), factor) for name, factor in self.factors.items()}
+        scaled: dict[str, Any] = {name: _scaled(base.to_json()[name], factor) for name, factor in self.factors.items()}
         moved: dict[str, Any] = {}
         if self.changes.get("canonical_steps") == 0:  # learnt jointly, in as many steps
-            moved = {"deformation_steps": base.canonical_steps + base.deformation_steps}
-        return replace(base, **scaled, **self.changes, **moved)
+            moved = {"deformation_steps": base.steps.canonical + base.steps.deformation}
+        return base.changed(**scaled, **self.changes, **moved)
 
     @property
     def what(self) -> str:

@@ -71,7 +71,7 @@ def planned(settings: TrainingSettings, catalog: Catalog, run: Path, seeds: int)
     """What is to be trained: the settings' own seed first.  Raises ValueError for fewer than two `seeds`."""
     if seeds < 2:
         raise ValueError(f"seeds must be at least 2, or nothing could be said about their spread; got {seeds}")
-    varied = [replace(settings, seed=settings.seed + number) for number in range(seeds)]
+    varied = [settings.changed(seed=settings.seed + number) for number in range(seeds)]
     folders = [run, *(run / FOLDER / str(one.seed) for one in varied[1:])]
     return [Repeat(one, fingerprint(one, catalog), folder / MODEL) for one, folder in zip(varied, folders, strict=True)]
 

@@ -119,7 +119,7 @@ def _run(
         picture = rasterizer.draw_over(stage.gaussians_at(_at(image, dtype)), image.camera, (1.0, 1.0, 1.0))
         loss = loss_of(picture, image.pixels.to(dtype))
         loss.backward()
-        adam.step(settings.final_rate_factor ** (step / steps))
+        adam.step(settings.rates.final_factor ** (step / steps))
         losses.append(float(loss.detach()))
         if step in LOOKS or step == steps:
             with torch.no_grad():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 from torch import Tensor
 
@@ -35,7 +33,7 @@ def choose_color_degree(fitted: Fitted, bench: Bench) -> tuple[int, Choice]:
 def _judged(fitted: Fitted, degree: int, bench: Bench) -> float:
     """Mean PSNR over the validation images once the colours, of this degree, have been trained."""
     gaussians = fitted.gaussians.copy().with_color_degree(degree)
-    settings, steps = replace(bench.settings, relocation_interval=0), bench.steps(PROBE)
+    settings, steps = bench.settings.changed(relocation_interval=0), bench.steps(PROBE)
 
     def gaussians_at(parameters: Tensor) -> Gaussians:
         return fitted.deformation.deformed(gaussians, parameters)

@@ -76,16 +76,16 @@ class Bench:
     @property
     def tolerance(self) -> float:
         """What a choice may cost, in dB."""
-        return self.settings.need_tolerance
+        return self.settings.compression.tolerance
 
     @property
     def recovery_steps(self) -> int:
         """How many steps a model is given after it lost something."""
-        return self.steps(self.settings.recovery_fraction)
+        return self.steps(self.settings.compression.recovery_fraction)
 
     def steps(self, fraction: float) -> int:
         """A part of the steps of the whole training, at least one."""
-        return max(1, round(fraction * (self.settings.canonical_steps + self.settings.deformation_steps)))
+        return max(1, round(fraction * (self.settings.steps.canonical + self.settings.steps.deformation)))
 
     def psnr(self, fitted: Fitted) -> float:
         """Mean over the validation images, in dB."""
@@ -113,16 +113,15 @@ class Bench:
 
     def recovered(self, fitted: Fitted, turn: int) -> Fitted:
         """A copy that was trained for a few more steps at the low rates of stage 2's end; `turn` decides on which images."""
-        start = self.settings.final_rate_factor
+        start = self.settings.rates.final_factor
         return self._trained(fitted, self.recovery_steps, turn, start, RECOVERY_DECAY)
 
     def settled(self, fitted: Fitted, steps: int) -> Fitted:
         """A copy whose training was brought to an early end: in so many steps its rates decay as stage 2 lets them."""
-        return self._trained(fitted, steps, 0, 1.0, self.settings.final_rate_factor)
+        return self._trained(fitted, steps, 0, 1.0, self.settings.rates.final_factor)
 
     def _trained(self, fitted: Fitted, steps: int, turn: int, start: float, decay: float) -> Fitted:
-        settings = replace(
-            self.settings,
+        settings = self.settings.changed(
             seed=self.settings.seed + 1 + turn,
             deformation_steps=steps,
             relocation_interval=0,

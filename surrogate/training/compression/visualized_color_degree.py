@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from catalogs.variations import Variation
 from surrogate.evaluation.metrics import WHITE
 from surrogate.rasterizer import Rasterizer
@@ -28,7 +26,7 @@ def choose_visualized_color_degree(
     Nothing is asked, and the choice None, where the settings say it, where transfer functions are varied (they do not light),
     where the base's colours depend on the direction already, or without validation images.
     """
-    asked, least = source.settings.visualization_color_degree, fitted.gaussians.color_degree
+    asked, least = source.settings.designs.visualization_color_degree, fitted.gaussians.color_degree
     if asked != "auto":
         return max(int(asked), least), None
     if variation.edits_base or least == 1 or not data.validation:
@@ -41,8 +39,8 @@ def choose_visualized_color_degree(
 def _probed(fitted: Fitted, variation: Variation, source: Source, data: TrainingData, degree: int) -> float:
     """Mean PSNR over the validation images after a short stage 3 of its own."""
     settings = source.settings
-    steps = max(1, round(PROBE * settings.visualization_steps))
-    short = replace(settings, visualization_steps=steps)
+    steps = max(1, round(PROBE * settings.steps.visualization))
+    short = settings.changed(visualization_steps=steps)
     visualization = new_visualization(*fitted, variation, source, degree)
     stage = visualization_stage(*fitted, visualization, short)
     run = StageRun(stage, short, data)

@@ -48,8 +48,8 @@ def test_offsets_are_each_latent_times_the_embedding_in_their_units() -> None:
     p = torch.tensor([0.3, -0.8], dtype=torch.float64)
     offsets = flat(deformation.offsets(gaussians, p))
     settings, latent, columns = TrainingSettings(), 5, 14
-    units = [settings.mean_offset, settings.log_scale_offset, settings.quat_offset, settings.opacity_offset]
-    column_units = [units[0]] * 3 + [units[1]] * 3 + [units[2]] * 4 + [units[3]] + [settings.color_offset] * 3
+    units = [settings.units.means, settings.units.log_scales, settings.units.quats, settings.units.opacity_logits]
+    column_units = [units[0]] * 3 + [units[1]] * 3 + [units[2]] * 4 + [units[3]] + [settings.units.colors] * 3
     for i in range(6):
         for c in range(columns):
             expected = 0.0

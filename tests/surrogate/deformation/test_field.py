@@ -24,11 +24,11 @@ APPEARANCE = ("opacity_logits", "colors")
 COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "colors": 3}
 SETTINGS = TrainingSettings()
 UNITS = {
-    "means": SETTINGS.mean_offset,
-    "log_scales": SETTINGS.log_scale_offset,
-    "quats": SETTINGS.quat_offset,
-    "opacity_logits": SETTINGS.opacity_offset,
-    "colors": SETTINGS.color_offset,
+    "means": SETTINGS.units.means,
+    "log_scales": SETTINGS.units.log_scales,
+    "quats": SETTINGS.units.quats,
+    "opacity_logits": SETTINGS.units.opacity_logits,
+    "colors": SETTINGS.units.colors,
 }
 
 
@@ -173,10 +173,10 @@ def test_the_encoding_is_as_exact_as_float32_at_its_highest_frequency() -> None:
 
 
 @pytest.mark.parametrize("parameters", [0, 1, 3])
-@pytest.mark.parametrize("options", [{}, {"lighter": True, "heads": APPEARANCE}])
+@pytest.mark.parametrize("options", [{}, {"for_visualization": True, "heads": APPEARANCE}])
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, options: dict[str, Any], precision: Any) -> None:
-    gaussians, settings = canonical(11, color_columns=12), replace(SETTINGS, field_precision=precision)
+    gaussians, settings = canonical(11, color_columns=12), SETTINGS.changed(field_precision=precision)
     field = FieldDeformation.create(gaussians, parameters, settings, **options)
     assert field.architecture.bfloat16 == (precision == "bfloat16")
     for tensor in field.tensors().values():
@@ -194,7 +194,7 @@ def test_it_starts_by_moving_nothing_yet_can_learn(parameters: int, options: dic
 
 def test_initial_sizes_are_those_of_torch_and_follow_the_seed() -> None:
     field, same = (FieldDeformation.create(canonical(1), 2, SETTINGS) for _ in range(2))
-    other = FieldDeformation.create(canonical(1), 2, replace(SETTINGS, seed=1))
+    other = FieldDeformation.create(canonical(1), 2, SETTINGS.changed(seed=1))
     assert all(torch.equal(tensor, same.networks[name]) for name, tensor in field.networks.items())
     assert not torch.equal(field.networks["position.weights"], other.networks["position.weights"])
     for name, columns in {"position": 63, "adapter_position": 256, "adapter_parameters": 256, "quats_in": 512}.items():
@@ -234,7 +234,7 @@ def test_it_learns_offsets_that_depend_on_position_and_parameters() -> None:
     gaussians = canonical(40)
     architecture = Architecture(1, feature_width=32, backbone_width=32, head_width=32, position_frequencies=3)
     field = FieldDeformation(architecture.initial(generator(0, "latents")), architecture, UNITS)
-    stage = simulation_stage(gaussians, field, replace(SETTINGS, canonical_rate_factor=1e-12))
+    stage = simulation_stage(gaussians, field, SETTINGS.changed(canonical_rate_factor=1e-12))
     adam = Adam(stage.tensors, stage.rates)
 
     def error(p: float) -> Tensor:
@@ -354,8 +354,8 @@ def test_opacities_change_by_less_than_one_unit() -> None:
     gaussians, field = canonical(50), random_field(small(1))
     louder = {n: 100.0 * t if n == "opacity_logits_out.weights" else t for n, t in field.networks.items()}
     found = replace(field, networks=louder).offsets(gaussians, torch.tensor([0.5])).opacity_logits
-    assert float(found.abs().max()) == pytest.approx(SETTINGS.opacity_offset, rel=1e-3)
-    assert float(found.abs().max()) <= SETTINGS.opacity_offset
+    assert float(found.abs().max()) == pytest.approx(SETTINGS.units.opacity_logits, rel=1e-3)
+    assert float(found.abs().max()) <= SETTINGS.units.opacity_logits
 
 
 @pytest.mark.parametrize("anchored", [1, 2])

@@ -98,7 +98,7 @@ def test_random_ignores_points(tmp_path: Path) -> None:
 def test_a_catalog_without_points(make_catalog, kind: str, raises: bool) -> None:
     catalog = make_catalog()
     settings, normalization = (
-        TrainingSettings.from_table({"initialization": kind}),
+        TrainingSettings(initialization=kind),
         Normalization.of_box(catalog.plan.bounds),
     )
     if not raises:

@@ -39,7 +39,7 @@ def by_appearance(entries: list[dict]) -> dict[str, dict]:
 def test_one_member_alone_is_learnt_well(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("train", 1.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
     seen: list[TrainingProgress] = []
-    settings = replace(SCENE, gaussians=80, canonical_steps=200, deformation_steps=400)
+    settings = SCENE.changed(gaussians=80, canonical_steps=200, deformation_steps=400)
     entries = measure_ceiling(settings, catalog, tmp_path, progress=seen.append)
     (entry,) = entries
     assert (entry["member"], entry["appearance"], entry["steps"]) == ("member-2", "drawn", 600)
@@ -68,7 +68,7 @@ def test_the_base_and_the_middle_unseen_setting_of_every_variation_are_fitted(
 def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
     varied: Catalog, surrogate: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, settings = tmp_path, replace(SCENE, color_degree=0, visualization_color_degree=0)
+    path, settings = tmp_path, SCENE.changed(color_degree=0, visualization_color_degree=0)
     alone = by_appearance(measure_ceiling(settings, varied, path))
     assert all(entry["surrogate"] is None for entry in alone.values())
     monkeypatch.setattr(module, "_fitted_alone", None)
@@ -82,7 +82,7 @@ def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
 def test_other_settings_are_fitted_anew(make_catalog, tmp_path: Path, change: dict) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
     (before,) = measure_ceiling(SCENE, catalog, tmp_path)
-    (after,) = measure_ceiling(replace(SCENE, **change), catalog, tmp_path)
+    (after,) = measure_ceiling(SCENE.changed(**change), catalog, tmp_path)
     assert before["mark"] != after["mark"]
     assert before["psnr"] != after["psnr"]
 
@@ -116,7 +116,7 @@ def test_colours_are_of_the_surrogates_degree_or_of_the_highest_it_may_choose(
     assert module._color_degree(SCENE, iso, lit) == 1
     assert module._color_degree(SCENE, iso, surrogate) == 0
     assert module._color_degree(SCENE, base, None) == 1
-    flat = replace(SCENE, color_degree=0)
+    flat = SCENE.changed(color_degree=0)
     assert module._color_degree(flat, base, None) == 0
     assert module._color_degree(flat, iso, None) == 1
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,7 +53,7 @@ def test_scales_may_be_infinite_where_their_logarithms_are_not() -> None:
 def test_it_says_where_and_what_helps(
     make_catalog, tmp_path: Path, changes: dict, stage: str, steps: int, what: str
 ) -> None:
-    catalog, settings = make_catalog(SMALL, view_splits=("train",) * 3), replace(QUICK, **changes)
+    catalog, settings = make_catalog(SMALL, view_splits=("train",) * 3), QUICK.changed(**changes)
     for _ in range(2):  # from the last checkpoint too
         with pytest.raises(ValueError, match=complaint(stage, steps, what)):
             train(settings, catalog, tmp_path / "surrogate")
@@ -95,7 +94,7 @@ def test_what_diverges_in_the_last_step_is_no_model(
         return loss
 
     monkeypatch.setattr(StageRun, "advance", spoilt)
-    settings = replace(QUICK, validation_images=0, checkpoint_seconds=1e9)
+    settings = QUICK.changed(validation_images=0, checkpoint_seconds=1e9)
     with pytest.raises(ValueError, match=complaint("deformation", 20, r"deformation.latents\[0, 0\]")):
         train(settings, catalog, tmp_path / "surrogate")
     assert not list((tmp_path / "surrogate").glob("*.safetensors"))
@@ -104,4 +103,4 @@ def test_what_diverges_in_the_last_step_is_no_model(
 def test_an_error_of_another_kind_is_told_as_it_is(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, view_splits=("train",) * 3)
     with pytest.raises(ValueError, match="backend must be one of"):
-        train(replace(QUICK, backend="nonsense"), catalog, tmp_path / "surrogate")
+        train(QUICK.changed(backend="nonsense"), catalog, tmp_path / "surrogate")

@@ -121,12 +121,12 @@ def test_a_field_is_learnt_from_all_training_members(catalog: Catalog) -> None:
     judges = source.varied_judges(FIELDS).validation
     assert [e.parameters[0].item() for e in judges] == pytest.approx([-0.2] * 2), "the validation member's"
     assert len(judges) == 2
-    assert Source(replace(QUICK, appearance="speed-dvr"), catalog).variations == ()
+    assert Source(QUICK.changed(appearance="speed-dvr"), catalog).variations == ()
 
 
 @pytest.mark.parametrize("kind", ["auto", "bilinear", "paper"])
 def test_f_vis_moves_everything_and_leaves_the_base_as_it_is_bit_for_bit(catalog: Catalog, kind: str) -> None:
-    settings = replace(QUICK, visualization_deformation=kind)
+    settings = QUICK.changed(visualization_deformation=kind)
     source, fitted = Source(settings, catalog), base()
     before = [t.detach().numpy().tobytes() for t in fitted.tensors().values()]
     visual = new_visualization(*fitted, FIELDS, source)
@@ -142,7 +142,7 @@ def test_f_vis_moves_everything_and_leaves_the_base_as_it_is_bit_for_bit(catalog
     place = torch.tensor([0.3, *FIELDS.normalize(None)], dtype=torch.float32)
     assert same(visual.gaussians_at(*fitted, place), fitted.at(place[:1]))
     with pytest.raises(ValueError, match="this catalog varies the field of dvr"):
-        kind_of(FIELDS, replace(settings, visualization_deformation="values"))
+        kind_of(FIELDS, settings.changed(visualization_deformation="values"))
 
 
 def test_a_surrogate_shows_each_appearance_by_its_name(run: Path) -> None:
@@ -303,7 +303,7 @@ def test_fields_and_transfer_functions_are_learnt_side_by_side(tmp_path: Path) -
         shown=["dvr", "speed-dvr", "surface", "dvr-train-01", "dvr-validation-01", "dvr-test-01"],
         variations=(family.variation, FIELDS),
     )
-    surrogate = train(replace(QUICK, value_bins=6), catalog, tmp_path / "surrogate")
+    surrogate = train(QUICK.changed(value_bins=6), catalog, tmp_path / "surrogate")
     assert surrogate.visualization_names == (*family.variation.space.names, "appearance")
     for asked in ({"appearance": "surface"}, {"c1_value": 0.1}, {}):
         assert np.isfinite(surrogate.at(p=0.3, **asked).render(BLOBS.cameras()[0])).all()

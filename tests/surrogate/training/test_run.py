@@ -149,7 +149,7 @@ def test_a_world_far_from_the_origin_is_learnt_alike(make_catalog, tmp_path: Pat
 )
 def test_what_the_catalog_lacks_is_named(make_catalog, tmp_path: Path, settings: dict, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        train(TrainingSettings.from_table(settings), make_catalog(), tmp_path / "surrogate")
+        train(TrainingSettings(**settings), make_catalog(), tmp_path / "surrogate")
 
 
 def test_a_catalog_without_training_images_changes_nothing(make_catalog, tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ def test_nothing_is_chosen_without_validation_images_or_where_it_is_not_wanted(m
         assert surrogate.training["choices"] == []
         assert not surrogate.encodings
         assert len(surrogate.gaussians) == QUICK.gaussians
-        assert surrogate.deformation.latent_size == QUICK.latent_size
+        assert surrogate.deformation.latent_size == QUICK.simulation_size.latent
 
 
 def test_what_was_chosen_is_stored_and_read_again(make_catalog, tmp_path: Path) -> None:
@@ -273,7 +273,7 @@ def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> subproc
         "def tell(progress):\n"
         "    if progress.stage != 'loading' and not said:\n"
         "        said.append(print('training', flush=True))\n"
-        "settings = TrainingSettings.from_table(json.loads(sys.argv[1]))\n"
+        "settings = TrainingSettings(**json.loads(sys.argv[1]))\n"
         "train(settings, Catalog.open(sys.argv[2]), sys.argv[3], progress=tell)\n"
     )
     arguments = [json.dumps(settings.to_json()), str(catalog.path), str(folder)]

@@ -52,7 +52,7 @@ MOMENTS: dict[str, Callable[[TrainingProgress], bool]] = {
 
 
 def with_settings(**settings: Any) -> TrainingSettings:
-    return replace(QUICK, **settings)
+    return QUICK.changed(**settings)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_every_way_to_train_goes_on_after_interruptions(catalog: Catalog, tmp_pa
     assert outcome(tmp_path / "resumed") == outcome(tmp_path / "undisturbed")
     picture = resumed.at(p=0.3, isovalue=0.2).render(BLOBS.cameras()[0])
     assert np.isfinite(picture).all()
-    if not chosen.fit_to_need or not chosen.validation_images:
+    if not chosen.compression.enabled or not chosen.validation.images:
         assert resumed.training["choices"] == []
         assert not resumed.encodings
 
@@ -152,7 +152,7 @@ def test_ctrl_c_during_the_last_choices_acts_once_they_are_kept(
 
 def test_stage_3_changes_nothing_of_the_base_bit_for_bit(catalog: Catalog, tmp_path: Path) -> None:
     plain = with_settings(fit_to_need=False, color_degree=0)
-    without = train(replace(plain, visualization_steps=0), catalog, tmp_path / "without")
+    without = train(plain.changed(visualization_steps=0), catalog, tmp_path / "without")
     varied = train(plain, catalog, tmp_path / "with")
     assert same(varied.gaussians, without.gaussians)
     expected = without.deformation.tensors()

@@ -53,12 +53,12 @@ def bits(fitted: Fitted) -> list[bytes]:
     ],
 )
 def test_the_kind_that_is_asked_for_or_fits(variation: Variation, asked: str, kind: str) -> None:
-    assert kind_of(variation, replace(SETTINGS, visualization_deformation=asked)) == kind
+    assert kind_of(variation, SETTINGS.changed(visualization_deformation=asked)) == kind
 
 
 def test_values_of_isovalues_are_refused() -> None:
     with pytest.raises(ValueError, match="applies transfer functions, but this catalog varies the isovalue of dvr"):
-        kind_of(ISOVALUE, replace(SETTINGS, visualization_deformation="values"))
+        kind_of(ISOVALUE, SETTINGS.changed(visualization_deformation="values"))
 
 
 @pytest.mark.parametrize("kind", ["auto", "bilinear", "paper"])

@@ -73,8 +73,8 @@ def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
 def test_training_starts_from_the_base_and_gets_better(
     fits: VisualizationFits, surrogate: Surrogate, tmp_path: Path
 ) -> None:
-    brief = fits.trained(replace(fits.base, visualization_steps=1), tmp_path, lambda _: None)
-    longer = fits.trained(replace(fits.base, visualization_steps=150), tmp_path, lambda _: None)
+    brief = fits.trained(fits.base.changed(visualization_steps=1), tmp_path, lambda _: None)
+    longer = fits.trained(fits.base.changed(visualization_steps=150), tmp_path, lambda _: None)
     before, after = mean(fits.score(brief), "psnr"), mean(fits.score(longer), "psnr")
     assert before is not None
     assert after is not None
@@ -89,7 +89,7 @@ def test_training_starts_from_the_base_and_gets_better(
 
 
 def test_a_seed_gives_the_same_again(fits: VisualizationFits, tmp_path: Path) -> None:
-    settings = replace(fits.base, visualization_steps=20)
+    settings = fits.base.changed(visualization_steps=20)
     first, second = (fits.score(fits.trained(settings, tmp_path, lambda _: None)) for _ in range(2))
     assert [s.score for s in first] == [s.score for s in second]
 
@@ -107,12 +107,12 @@ def test_what_diverges_in_its_last_step_is_said(
 
     monkeypatch.setattr(StageRun, "advance", spoilt)
     with pytest.raises(ValueError, match="training diverged in stage isovalue at step 1 of 1, where visualization"):
-        fits.trained(replace(fits.base, visualization_steps=1), tmp_path, lambda _: None)
+        fits.trained(fits.base.changed(visualization_steps=1), tmp_path, lambda _: None)
 
 
 def test_variants_are_what_they_are_called(fits: VisualizationFits, tmp_path: Path) -> None:
-    short = replace(fits.base, visualization_steps=2)
-    paper = fits.trained(replace(short, visualization_deformation="paper"), tmp_path, lambda _: None)
+    short = fits.base.changed(visualization_steps=2)
+    paper = fits.trained(short.changed(visualization_deformation="paper"), tmp_path, lambda _: None)
     assert all(isinstance(v.deformation, FieldDeformation) for v in paper.visualizations)
     assert all(
         not v.deformation.architecture.backbone_width
@@ -132,7 +132,7 @@ def test_what_a_study_needs_is_said(surrogate: Surrogate, catalog: Catalog, monk
         with pytest.raises(ValueError, match=r"other parameters or another box than catalog .*train the scene again"):
             VisualizationFits(SCENE, catalog, other)
     with pytest.raises(ValueError, match="there is no F_vis"):
-        VisualizationFits(replace(SCENE, visualization_steps=0), catalog, surrogate)
+        VisualizationFits(SCENE.changed(visualization_steps=0), catalog, surrogate)
     monkeypatch.setattr("surrogate.studies.ablation.fits.validation_rows", lambda *_: [])
     with pytest.raises(ValueError, match="must not be judged on test images"):
         VisualizationFits(SCENE, catalog, surrogate)

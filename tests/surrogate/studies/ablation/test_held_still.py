@@ -1,6 +1,5 @@
 """Attributes that the simulation's parameters do not move, in training."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,7 +19,7 @@ def test_what_is_held_still_does_not_follow_the_parameters(
     make_catalog, tmp_path: Path, kind: str, still: tuple[str, ...]
 ) -> None:
     catalog = make_catalog(Blobs(count=4, size=16), view_splits=("train",) * 3)
-    settings = replace(QUICK, held_still=still, deformation=kind)
+    settings = QUICK.changed(held_still=still, deformation=kind)
     surrogate = train(settings, catalog, tmp_path / "surrogate")
     low, high = (surrogate.at(p=p).gaussians for p in (0.0, 1.0))
     for name in NAMES:
@@ -30,9 +29,9 @@ def test_what_is_held_still_does_not_follow_the_parameters(
 
 
 def test_settings_survive_json_and_runs_from_before_are_still_recognized() -> None:
-    settings = TrainingSettings.from_table({"held_still": ["means", "colors"]})
-    assert settings.held_still == ("means", "colors")
-    assert TrainingSettings.from_table(settings.to_json()) == settings
+    settings = TrainingSettings(held_still=["means", "colors"])
+    assert settings.designs.held_still == ("means", "colors")
+    assert TrainingSettings(**settings.to_json()) == settings
     assert "held_still" not in TrainingSettings().to_json()
 
 
@@ -46,4 +45,4 @@ def test_settings_survive_json_and_runs_from_before_are_still_recognized() -> No
 )
 def test_nonsense_is_named(value: object, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        TrainingSettings.from_table({"held_still": value})
+        TrainingSettings(held_still=value)

@@ -1,5 +1,4 @@
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,11 +24,11 @@ SCENE = TrainingSettings(
 def test_steps_fill_the_time_and_are_shared_out_as_before() -> None:
     pace = Pace(2.0, 0.01, 0.03)
     planned = scheduled(SCENE, 12.0, pace)
-    assert (planned.canonical_steps, planned.deformation_steps) == (100, 300)
+    assert (planned.steps.canonical, planned.steps.deformation) == (100, 300)
     assert pace.seconds(planned) == pytest.approx(12.0)
     twice = scheduled(SCENE, 22.0, pace)
-    assert (twice.canonical_steps, twice.deformation_steps) == (200, 600)
-    assert replace(twice, canonical_steps=100, deformation_steps=300) == SCENE
+    assert (twice.steps.canonical, twice.steps.deformation) == (200, 600)
+    assert twice.changed(canonical_steps=100, deformation_steps=300) == SCENE
 
 
 @pytest.mark.parametrize(
@@ -38,7 +37,7 @@ def test_steps_fill_the_time_and_are_shared_out_as_before() -> None:
 @pytest.mark.parametrize("steps", [0, 5, 1000])
 def test_a_stage_that_is_there_stays_and_no_other_appears(stages: tuple[int, int, int], steps: int) -> None:
     names = ("canonical_steps", "deformation_steps", "visualization_steps")
-    planned = with_steps(replace(SCENE, **dict(zip(names, stages, strict=True))), steps)
+    planned = with_steps(SCENE.changed(**dict(zip(names, stages, strict=True))), steps)
     assert sum(steps_of(planned)) == max(steps, FEWEST_STEPS)
     assert [bool(count) for count in steps_of(planned)] == [bool(count) for count in stages]
     if steps > 5:
@@ -64,6 +63,6 @@ def test_training_takes_about_as_long_as_its_pace_says(make_catalog, tmp_path: P
 
 
 def test_a_stage_that_is_not_there_takes_no_time(make_catalog) -> None:
-    pace = measured(replace(SCENE, canonical_steps=0), make_catalog(SMALL, view_splits=VIEW_SPLITS), 0.1)
+    pace = measured(SCENE.changed(canonical_steps=0), make_catalog(SMALL, view_splits=VIEW_SPLITS), 0.1)
     assert pace.canonical == 0.0
     assert pace.deformation > 0.0

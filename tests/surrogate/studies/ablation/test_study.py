@@ -93,8 +93,7 @@ def test_every_variant_is_fitted_once_per_seed_and_kept(conduct, tmp_path: Path)
 
 def test_scores_are_those_of_the_model_on_validation_images(conduct, catalog: Catalog, tmp_path: Path) -> None:
     (fitted,) = conduct(only=["default"])
-    settings = replace(
-        base_settings(SCENE, catalog),
+    settings = base_settings(SCENE, catalog).changed(
         canonical_steps=fitted.canonical_steps,
         deformation_steps=fitted.deformation_steps,
     )
@@ -120,11 +119,11 @@ def test_a_finished_study_has_nothing_to_do_and_a_wider_one_only_what_is_missing
 
 def test_results_of_other_settings_budgets_or_data_are_not_taken(conduct, make_catalog, at_once) -> None:
     conduct(only=["default"])
-    assert names(conduct(replace(SCENE, gaussians=41), only=["default"])) == [("default", 0)]
-    assert names(conduct(replace(SCENE, gaussians=41), only=["default"], seconds=0.3)) == [("default", 0)]
+    assert names(conduct(SCENE.changed(gaussians=41), only=["default"])) == [("default", 0)]
+    assert names(conduct(SCENE.changed(gaussians=41), only=["default"], seconds=0.3)) == [("default", 0)]
     other = make_catalog(SMALL, members=(("train", 0.1), *MEMBERS[1:]), view_splits=VIEW_SPLITS, name="other.cdb")
-    assert names(conduct(replace(SCENE, gaussians=41), data=other, only=["default"], seconds=0.3)) == [("default", 0)]
-    assert conduct(replace(SCENE, gaussians=41), data=other, only=["default"], seconds=0.3) == []
+    assert names(conduct(SCENE.changed(gaussians=41), data=other, only=["default"], seconds=0.3)) == [("default", 0)]
+    assert conduct(SCENE.changed(gaussians=41), data=other, only=["default"], seconds=0.3) == []
 
 
 def test_what_took_another_time_is_repeated_only_when_that_is_asked_for(conduct, at_once, tmp_path: Path) -> None:
@@ -361,9 +360,9 @@ def test_the_time_of_a_fit_is_its_own() -> None:
 
 def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
     base = base_settings(SCENE, catalog)
-    assert (base.initialization, base.color_degree, base.fit_to_need) == ("random", 0, False)
-    assert (base.validation_images, base.visualization_steps) == (0, 0)
-    assert base_settings(replace(SCENE, color_degree=1), catalog).color_degree == 1
+    assert (base.start.initialization, base.color_degree, base.compression.enabled) == ("random", 0, False)
+    assert (base.validation.images, base.steps.visualization) == (0, 0)
+    assert base_settings(SCENE.changed(color_degree=1), catalog).color_degree == 1
 
 
 @pytest.mark.parametrize(

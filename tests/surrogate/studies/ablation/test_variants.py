@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import pytest
 
 from surrogate.settings import TrainingSettings
@@ -43,7 +41,7 @@ def test_steps_are_taken_of_variants_that_stand_before() -> None:
     ],
 )
 def test_a_variant_changes_what_its_name_says_and_nothing_else(name: str, changed: dict) -> None:
-    assert variant(name).settings(SCENE) == replace(SCENE, **changed)
+    assert variant(name).settings(SCENE) == SCENE.changed(**changed)
 
 
 def test_a_selection_holds_what_it_is_compared_with() -> None:

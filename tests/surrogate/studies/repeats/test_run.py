@@ -3,7 +3,7 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +135,7 @@ def test_other_settings_are_refused_before_anything_is_trained(catalog: Catalog,
     (tmp_path / "run/surrogate").rename(tmp_path / "run/earlier")
     before = contents(tmp_path / "run")
     with pytest.raises(ValueError, match=r"seeds/5/surrogate hold.*delete or rename"):
-        repeat(replace(SCENE, gaussians=31), catalog, tmp_path / "run", seeds=2)
+        repeat(SCENE.changed(gaussians=31), catalog, tmp_path / "run", seeds=2)
     assert contents(tmp_path / "run") == before
 
 
@@ -154,7 +154,7 @@ def test_scores_of_other_settings_are_not_taken(catalog: Catalog, tmp_path: Path
     old = repeat(SCENE, catalog, tmp_path / "run", seeds=3)
     for folder in ("surrogate", "seeds/5/surrogate"):
         (tmp_path / "run" / folder).rename(tmp_path / folder.replace("/", "-"))
-    new = repeat(replace(SCENE, gaussians=31), catalog, tmp_path / "run", seeds=2)
+    new = repeat(SCENE.changed(gaussians=31), catalog, tmp_path / "run", seeds=2)
     assert [scores.seed for scores in new] == [4, 5]  # what is there of seed 6 is of other settings
     assert not {scores.fingerprint for scores in new} & {scores.fingerprint for scores in old}
     assert load(tmp_path / "run", 6) == old[2]
@@ -212,7 +212,7 @@ def test_a_killed_run_goes_on_and_ends_as_an_undisturbed_one(catalog: Catalog, t
         "        os.kill(os.getpid(), signal.SIGKILL)\n"
         "Checkpoint.save = save_and_die\n"
         "from dataclasses import replace\n"
-        "repeat(replace(SCENE, checkpoint_seconds=1e-9), Catalog.open(sys.argv[1]), Path(sys.argv[2]), seeds=2)\n"
+        "repeat(SCENE.changed(checkpoint_seconds=1e-9), Catalog.open(sys.argv[1]), Path(sys.argv[2]), seeds=2)\n"
     )
     arguments = [sys.executable, "-c", program, str(catalog.path), str(tmp_path / "run")]
     killed = subprocess.run(arguments, cwd=PROJECT, capture_output=True, text=True, timeout=120)

@@ -66,7 +66,7 @@ def test_precision_costs_no_more_than_the_tolerance_and_saves_most_bytes(make_kn
 
 def test_without_any_tolerance_precision_never_costs_anything(make_known: MakeKnown) -> None:
     known = make_known()
-    strict = Bench(replace(known.bench.settings, need_tolerance=0.0), known.bench.data)
+    strict = Bench(known.bench.settings.changed(need_tolerance=0.0), known.bench.data)
     _, _, choice = choose_precision(known.fitted, strict)
     assert choice.before is not None
     assert choice.after is not None
@@ -78,7 +78,7 @@ def test_what_half_precision_can_not_hold_stays_as_it_is(make_known: MakeKnown) 
     known = make_known(useless=1)
     lost = int(known.fitted.gaussians.opacity_logits.argmin())
     known.fitted.gaussians.means[lost] = 1e6
-    strict = Bench(replace(known.bench.settings, need_tolerance=0.0), known.bench.data)
+    strict = Bench(known.bench.settings.changed(need_tolerance=0.0), known.bench.data)
     fitted, encodings, _ = choose_precision(known.fitted, strict)
     assert "gaussians.means" not in encodings
     assert all(torch.isfinite(tensor).all() for tensor in fitted.tensors().values())
@@ -88,7 +88,7 @@ def test_no_format_takes_more_bytes_than_another_that_would_do(make_known: MakeK
     """Levels come with two numbers per column: of a few rows they take more than half precision, of one more than float32."""
     known = make_known(("opacity_logits",))
     assert known.fitted.deformation.stored()["weights_out"].shape == (6, 8)
-    anything = Bench(replace(known.bench.settings, need_tolerance=100.0), known.bench.data)
+    anything = Bench(known.bench.settings.changed(need_tolerance=100.0), known.bench.data)
     _, encodings, choice = choose_precision(known.fitted, anything)
     stored = known.fitted.tensors()
     assert set(encodings) == set(stored)
@@ -101,7 +101,7 @@ def test_no_format_takes_more_bytes_than_another_that_would_do(make_known: MakeK
 
 def test_precision_is_judged_in_main_memory_however_training_draws(make_known: MakeKnown) -> None:
     known = make_known()
-    on_a_gpu = Bench(replace(known.bench.settings, backend="cuda"), known.bench.data)
+    on_a_gpu = Bench(known.bench.settings.changed(backend="cuda"), known.bench.data)
     _, encodings, _ = choose_precision(known.fitted, on_a_gpu)
     _, expected, _ = choose_precision(known.fitted, known.bench)
     assert {name: e.form for name, e in encodings.items()} == {name: e.form for name, e in expected.items()}

@@ -48,7 +48,7 @@ def lit(directional: float) -> TrainingData:
 def asked(
     catalog: Catalog, variation: Variation, model: Fitted, data: TrainingData | None = None, degree: object = "auto"
 ):
-    source = Source(replace(SETTINGS, visualization_color_degree=degree), catalog)
+    source = Source(SETTINGS.changed(visualization_color_degree=degree), catalog)
     return choose_visualized_color_degree(model, variation, source, data or source.varied_data(variation))
 
 
