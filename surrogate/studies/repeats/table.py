@@ -65,6 +65,7 @@ def write_page(run: Path, scene: str, scores: Sequence[Scores]) -> Path | None:
     if record is None:
         return None
     lines = [f"# {scene}", "", *repeats_section(record, scene), *_seed_table(scores), ""]
+    durable.make_folder(run / FOLDER)
     durable.replace(run / FOLDER / PAGE, "\n".join(lines).encode())
     return run / FOLDER / PAGE
 

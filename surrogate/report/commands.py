@@ -1,0 +1,78 @@
+"""`surrogate evaluate`."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from catalogs.progress import ProgressLine
+from surrogate.command_line import RECORDS, RUNS, SCENE, OpenScene, load_surrogate, one_line_errors
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
+    """Write the report of SCENE's surrogate: tables, pictures, report.json."""
+    opened = OpenScene.open(scene, runs, records)
+    from surrogate.model import Surrogate
+    from surrogate.report import records as kept
+    from surrogate.report.report import is_current, write_report
+
+    page = opened.folder / "report" / "report.md"
+    known = kept.load_report(opened.records, opened.settings.seed)
+    if not Surrogate.exists(opened.model) and kept.answers(known, opened.settings, opened.catalog):
+        click.echo(f"{kept.report_path(opened.records, opened.settings.seed)}: nothing to do")
+        return
+    surrogate = load_surrogate(opened.model)
+    if is_current(page.parent, surrogate, opened.records) and kept.is_of(known, surrogate):
+        click.echo(f"{page}: nothing to do")
+        return
+    from surrogate.evaluation.evaluate import evaluate as run
+
+    started, begun = time.perf_counter(), time.process_time()
+    with one_line_errors():
+        with ProgressLine() as line:
+            evaluation = run(surrogate, opened.catalog, progress=line.count)
+        seconds = _dataset_seconds(opened.folder)
+        report = write_report(
+            page.parent,
+            opened.name,
+            surrogate,
+            opened.catalog,
+            evaluation,
+            dataset_seconds=seconds,
+            records=opened.records,
+        )
+        kept.save_report(opened.records, surrogate, opened.settings, report, time.process_time() - begun)
+    for text in _summary(report):
+        click.echo(f"  {text}")
+    click.echo(f"{page} ({time.perf_counter() - started:.0f} s)")
+
+
+def _dataset_seconds(folder: Path) -> float | None:
+    try:
+        return float(json.loads((folder / "dataset.json").read_text())["seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _summary(report: Mapping[str, Any]) -> Iterator[str]:
+    from surrogate.report.variations import variation_line
+
+    for views in ("seen_views", "unseen_views"):
+        for parameters in ("seen_parameters", "unseen_parameters"):
+            values = [report[metric][views][parameters] for metric in ("psnr", "ssim")]
+            if None not in values:
+                yield f"{f'{views}, {parameters}'.replace('_', ' '):<38} {values[0]:6.2f} dB   SSIM {values[1]:.4f}"
+    for entry in report["trivial_predictors"]:
+        value = entry["psnr"]["unseen_views"]["unseen_parameters"]
+        if value is not None:
+            yield f"{entry['name']:<38.38} {value:6.2f} dB   (unseen views, unseen parameters)"
+    yield from map(variation_line, report["variations"])

@@ -1,0 +1,54 @@
+"""The figures of a report, kept as a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from catalogs.catalog import Catalog
+from surrogate.evaluation.evaluate import VERSION
+from surrogate.model import Surrogate
+from surrogate.provenance import code
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.records import Provenance, Record
+
+KIND, FOLDER = "evaluation", "evaluation"  # of a scene's records
+NO_FIGURES = ("settings", "curve", "definitions")
+
+
+def report_path(records: Path, seed: int) -> Path:
+    """Where the figures are kept in the folder of a scene's records."""
+    return records / FOLDER / f"{seed}.json"
+
+
+def save_report(
+    records: Path, surrogate: Surrogate, settings: TrainingSettings, report: Mapping[str, Any], processor_seconds: float
+) -> None:
+    """Keep the figures of `report`, the contents of `report.json` about the surrogate of these settings of a scene."""
+    key = {"mark": surrogate.training["fingerprint"], "seed": settings.seed, "settings": settings.to_json()}
+    figures = {name: value for name, value in report.items() if name not in NO_FIGURES}
+    provenance = replace(Provenance.now(processor_seconds), code=surrogate.training.get("code_version", ""))
+    Record(KIND, VERSION, key, figures, provenance).save(report_path(records, settings.seed))
+
+
+def load_report(records: Path, seed: int) -> Record | None:
+    """What is kept of a seed, whose values are the figures; None without any of this version of the evaluation."""
+    return Record.load(report_path(records, seed), KIND, VERSION, {"seed": seed})
+
+
+def is_of(known: Record | None, surrogate: Surrogate) -> bool:
+    """Whether the figures are those of this surrogate."""
+    mark, trained_by = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
+    return known is not None and known.agrees({"mark": mark}) and known.provenance.code == trained_by
+
+
+def answers(known: Record | None, settings: TrainingSettings, catalog: Catalog) -> bool:
+    """Whether the figures are those that these settings would give with this data and the present code."""
+    return (
+        known is not None
+        and known.provenance.code == code()
+        and known.agrees({"mark": fingerprint(settings, catalog), "settings": settings.to_json()})
+    )

@@ -1,0 +1,159 @@
+"""`surrogate repeat`, `ablate`, `ceiling` and `stress`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from catalogs.progress import ProgressLine
+from surrogate.command_line import RECORDS, RUNS, SCENE, OpenScene, load_surrogate, one_line_errors
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+@click.option("--seeds", default=3, show_default=True, help="How many seeds, the scene's own the first of them.")
+def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
+    """Train SCENE with several seeds, and say how much its figures vary; goes on where it was interrupted.
+
+    The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
+    """
+    opened, line = OpenScene.open(scene, runs, records), ProgressLine()
+    from surrogate.studies.repeats.records import Scores
+    from surrogate.studies.repeats.run import repeat as run
+    from surrogate.studies.repeats.spread import summarize_repeats
+    from surrogate.studies.repeats.table import terminal_lines, write_page
+
+    def tell(scores: Scores) -> None:
+        line.close()
+        psnr = scores.cells["psnr"]["unseen_views"]["unseen_parameters"]
+        reached = "" if psnr is None else f"{psnr:.2f} dB at unseen views and parameters, "
+        click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
+
+    kept = "what is trained and scored is kept, and the same command goes on"
+    with one_line_errors(RuntimeError, interrupted=kept), line:
+        found = run(
+            opened.settings,
+            opened.catalog,
+            opened.folder,
+            records=opened.records,
+            seeds=seeds,
+            progress=line,
+            tell=tell,
+        )
+    summary = summarize_repeats(found)
+    if summary is not None:
+        click.echo(f"mean ± standard deviation over {len(found)} seeds")
+        for text in terminal_lines(summary):
+            click.echo(f"  {text}")
+    click.echo(write_page(opened.folder, opened.name, found))
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+@click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
+@click.option("--seeds", default=3, show_default=True, help="Fits of each variant.")
+@click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
+@click.option(
+    "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"
+)
+@click.option("--again", is_flag=True, help="Repeat fits that took 15 % more or less than --seconds.")
+@click.option("--visualization", is_flag=True, help="Train F_vis alone, on the scene's finished surrogate.")
+def ablate(
+    scene: Path, runs: Path, records: Path | None, only: tuple[str, ...], visualization: bool, **options: Any
+) -> None:
+    """Train SCENE in many ways for the same time each and compare them on validation images; goes on where it was interrupted.
+
+    Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
+    """
+    opened, line = OpenScene.open(scene, runs, records), ProgressLine()
+    from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
+    from surrogate.studies.ablation.records import Result
+    from surrogate.studies.ablation.run import ablate as run
+    from surrogate.studies.ablation.table import PAGE, verdict
+
+    study = VISUALIZATION_FOLDER if visualization else BASE_FOLDER
+    names = [name.strip() for given in only for name in given.split(",")]
+
+    def tell(result: Result) -> None:
+        line.close()
+        done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
+        click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
+
+    kept = "finished fits are kept, and the same command goes on with the others"
+    with one_line_errors(RuntimeError, interrupted=kept):
+        fits: Fits = (
+            VisualizationFits(opened.settings, opened.catalog, load_surrogate(opened.model))
+            if visualization
+            else BaseFits(opened.settings, opened.catalog)
+        )
+        options |= {"only": names, "records": opened.records / study}
+        with line:
+            rows = run(opened.name, fits, opened.folder / study, progress=line, tell=tell, **options)
+    click.echo(verdict(rows))
+    click.echo(opened.folder / study / PAGE)
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
+    """Fit SCENE's Gaussians to one unseen member alone: what they could reach at all, beside what the surrogate reaches."""
+    opened = OpenScene.open(scene, runs, records)
+    from surrogate.model import Surrogate
+    from surrogate.studies.ceiling import FOLDER, line, measure_ceiling
+
+    surrogate = load_surrogate(opened.model) if Surrogate.exists(opened.model) else None
+    with one_line_errors(), ProgressLine() as shown:
+        entries = measure_ceiling(opened.settings, opened.catalog, opened.records, surrogate, progress=shown)
+    for entry in entries:
+        click.echo(line(entry))
+    click.echo(opened.records / FOLDER)
+
+
+@click.command()
+@click.option("--backend", default="cpu", show_default=True, help="Of surrogate.splatting.render.")
+@click.option(
+    "--drift/--no-drift", default=True, show_default=True, help="Whether training is tried in both precisions."
+)
+@click.option(
+    "-o", "--output", default="stress", show_default=True, help="Folder of the page.", type=click.Path(path_type=Path)
+)
+def stress(backend: str, drift: bool, output: Path) -> None:
+    """Hold the splatting engine to a table of hard cases; writes stress.md and stress.png, and fails where a row does."""
+    import native
+    from surrogate.splatting import BACKENDS
+    from surrogate.splatting.threads import one_torch_thread
+    from surrogate.studies.stress.check import Outcome
+    from surrogate.studies.stress.drift import measure_drift
+    from surrogate.studies.stress.report import PAGE, write
+    from surrogate.studies.stress.table import table
+
+    if backend not in BACKENDS:
+        raise click.ClickException(f"--backend must be one of {sorted(BACKENDS)}, got {backend!r}")
+    sets = native.instruction_sets() if backend == "cpu" else [""]
+    options = {
+        f"{backend} {name}".strip(): {"backend": backend} | ({"instruction_set": name} if name else {}) for name in sets
+    }
+
+    def tell(name: str, outcome: Outcome) -> None:
+        click.echo(
+            f"{'holds ' if outcome.passed else 'MISSED'}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}"
+        )
+
+    with one_torch_thread():
+        tables = {name: table(chosen, lambda o, n=name: tell(n, o)) for name, chosen in options.items()}  # type: ignore[misc]
+        drifted = measure_drift(backend) if drift else None
+    write(output, tables, drifted)
+    missed = [o.case.name for rows in tables.values() for o in rows if not o.passed] + list(
+        drifted.complaints if drifted else ()
+    )
+    click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")
+    if missed:
+        raise click.ClickException("; ".join(missed))
