@@ -28,6 +28,7 @@ from catalogs import cinema, durable
 from catalogs.cameras import Camera
 from catalogs.images import ImageError, read_image, write_image
 from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
+from catalogs.notebook.html import catalog_html
 from catalogs.parameters import SPLITS, Outside
 from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json, shortened
 from catalogs.summary import FieldSummary, save_summaries
@@ -167,9 +168,7 @@ class Catalog:
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a few pictures."""
-        from catalogs.html import catalog_html
-
-        return catalog_html(self)
+        return catalog_html(self.path, self.plan, self.member_paths)
 
     @property
     def appearance_names(self) -> list[str]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs import cinema
-from catalogs.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.catalog import TABLE, Catalog, CatalogError
 from catalogs.members import Member
-from catalogs.parameters import SPLITS
-from catalogs.plan import CatalogPlan, shortened
+from catalogs.notebook.facts import facts
 from catalogs.summary import FieldSummary
-from catalogs.variations import Variation
 
 UNKNOWN = "-"
 
@@ -30,7 +26,7 @@ def describe(path: Path) -> str:
 
 def _describe_catalog(catalog: Catalog) -> str:
     members = catalog.members
-    stored = [*facts(catalog, members), ("on disk", _megabytes(catalog.path))]
+    stored = [*facts(catalog.plan, members), ("on disk", _megabytes(catalog.path))]
     unfinished = catalog.unfinished()
     if unfinished:
         names = ", ".join(path.name[1:].split("~")[0] for path in unfinished)
@@ -41,82 +37,9 @@ def _describe_catalog(catalog: Catalog) -> str:
     return "\n".join([*lines, "", *_member_table(catalog, members)] if members else lines)
 
 
-def facts(catalog: Catalog, members: Sequence[Member]) -> list[tuple[str, str]]:
-    """What the plan and these members say, as (what, in words); no image and no summary is opened."""
-    plan = catalog.plan
-    counts = Counter(member.split for member in members)
-    low, high = plan.bounds
-    return [
-        ("members", f"{len(members)} ({_splits(counts)})" if members else "none yet"),
-        *(("parameter", _parameter(plan, members, name)) for name in plan.space.names),
-        *(("appearance", _appearance(appearance)) for appearance in plan.plain_appearances),
-        *(("variation", _variation(variation)) for variation in plan.variations),
-        *(("views", line) for line in _views(plan, members)),
-        ("images", _images(plan, members)),
-        ("box", f"{_numbers(low)} to {_numbers(high)}"),
-    ]
-
-
-def _splits(counts: Counter[str]) -> str:
-    return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
-
-
-def _parameter(plan: CatalogPlan, members: Sequence[Member], name: str) -> str:
-    parameter = next(p for p in plan.space.parameters if p.name == name)
-    unit = f" {parameter.unit}" if parameter.unit else ""
-    text = f"{name} in [{parameter.low:g}, {parameter.high:g}]{unit}"
-    if not members:
-        return text
-    values = [member.parameters[name] for member in members]
-    return f"{text}; members from {min(values):g} to {max(values):g}, {len(set(values))} values"
-
-
-def _appearance(appearance: Appearance) -> str:
-    of = f" of {field_of(appearance)}" if field_of(appearance) else ""
-    if isinstance(appearance, VolumeRendering):
-        low, high = appearance.transfer_function.bounds
-        shading = "shaded" if appearance.shaded else "unshaded"
-        return f"{appearance.name}: volume rendering{of} over [{low:g}, {high:g}], {shading}"
-    if isinstance(appearance, Isosurface):
-        return f"{appearance.name}: isosurface{of} at {appearance.isovalue:g}"
-    return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
-
-
-def _variation(variation: Variation) -> str:
-    if not variation.continuous:
-        return f"field: {variation.base}, or {shortened([s.appearance for s in variation.settings])}"
-    counts = Counter(setting.split for setting in variation.settings)
-    ranges = ", ".join(f"{p.name} in [{p.low:g}, {p.high:g}] {p.unit}".strip() for p in variation.space.parameters)
-    return f"{variation.kind} of {variation.base}: {len(variation.settings)} settings ({_splits(counts)}), {ranges}"
-
-
-def _views(plan: CatalogPlan, members: Sequence[Member]) -> list[str]:
-    if plan.cameras:
-        return [f"{len(plan.cameras)} shared by all members ({_splits(Counter(plan.view_splits))})"]
-    numbers = sorted(len(member.cameras) for member in members) or [0]
-    total: Counter[str] = Counter()
-    for member in members:
-        total.update(member.view_splits)
-    return [f"every member its own, {numbers[0]} to {numbers[-1]} ({_splits(total)} in all)"]
-
-
-def _images(plan: CatalogPlan, members: Sequence[Member]) -> str:
-    cameras = [camera for member in members for camera in member.cameras] or list(plan.cameras)
-    count = sum(len(member.cameras) * len(member.appearances) for member in members)
-    sizes = sorted({(camera.width, camera.height) for camera in cameras})
-    size = ", ".join(f"{width}x{height}" for width, height in sizes[:4]) + (", ..." if len(sizes) > 4 else "")
-    kind = "8-bit PNG" if plan.image_format == "png" else "float32 EXR"
-    ground = "with alpha" if plan.background is None else f"opaque on the background {_numbers(plan.background)}"
-    return f"{count:,} of {size or 'no size yet'}, {kind}, {ground}"
-
-
 def _megabytes(path: Path) -> str:
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     return f"{size / 1e6:,.1f} MB"
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return f"({', '.join(f'{value:g}' for value in values)})"
 
 
 def _member_table(catalog: Catalog, members: Sequence[Member]) -> list[str]:

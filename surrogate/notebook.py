@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.cameras import OBLIQUE, Camera
-from catalogs.cards import WHITE, Picture, card, never_failing, on_background
-from catalogs.html import CAPTIONED
+from catalogs.notebook.cards import WHITE, Picture, card, never_failing, on_background
+from catalogs.notebook.html import CAPTIONED
 from catalogs.parameters import ParameterSpace
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.deformation.visualization import Visualization

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.cards import on_background
 from catalogs.images import read_image
+from catalogs.notebook.cards import on_background
 from catalogs.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.model import DeformedGaussians

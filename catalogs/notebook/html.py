@@ -5,63 +5,63 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.cameras import OBLIQUE, Camera
-from catalogs.cards import WHITE, Picture, card, never_failing, on_background
-from catalogs.catalog import Catalog, CatalogError
+from catalogs.images import read_image
 from catalogs.members import Member, read_record
-from catalogs.show import facts
+from catalogs.notebook.cards import WHITE, Picture, card, never_failing, on_background
+from catalogs.notebook.facts import facts
+from catalogs.plan import CatalogError, CatalogPlan
 
 PICTURES = 6  # on a contact sheet
-READING_SECONDS, COUNTING_SECONDS = (
-    0.15,
-    0.05,
-)  # for pictures and sizes of files; what is left then is left out or estimated
+READING_SECONDS = 0.15  # for pictures; the rest is left out
+COUNTING_SECONDS = 0.05  # for sizes of files; the rest is estimated
 CAPTIONED = 3  # parameters that have room below a picture; of more, only the name of the member
 
 
-def catalog_html(catalog: Catalog) -> str:
-    """The card of a catalog: its facts and a contact sheet; never raises."""
-    return never_failing(f"Catalog {catalog.path}", lambda: _catalog_card(catalog))
+def catalog_html(path: Path, plan: CatalogPlan, folders: Callable[[], Sequence[Path]]) -> str:
+    """The card of the catalog at `path`, whose members are `folders()`: its facts and a contact sheet; never raises."""
+    heading = f"Catalog {path}"
+    return never_failing(heading, lambda: _catalog_card(heading, plan, folders()))
 
 
-def _catalog_card(catalog: Catalog) -> str:
-    members, problems = _readable(catalog)
+def _catalog_card(heading: str, plan: CatalogPlan, folders: Sequence[Path]) -> str:
+    members, problems = _readable(plan, folders)
     known = members or not problems  # else the plan alone would say that there are no members yet
-    rows = [*facts(catalog, members), ("on disk", _size(catalog, members))] if known else []
-    pictures, failures = _contact_sheet(catalog, members)
-    return card(f"Catalog {catalog.path}", rows, pictures, [*problems, *failures])
+    rows = [*facts(plan, members), ("on disk", _size(members))] if known else []
+    pictures, failures = _contact_sheet(plan, members)
+    return card(heading, rows, pictures, [*problems, *failures])
 
 
-def _readable(catalog: Catalog) -> tuple[list[Member], list[str]]:
-    """The members that can be read, and what is to be said of the others."""
+def _readable(plan: CatalogPlan, folders: Sequence[Path]) -> tuple[list[Member], list[str]]:
+    """The members that can be read, and a sentence about the others."""
     members, errors = list[Member](), list[Exception]()
-    for path in catalog.member_paths():
+    for folder in folders:
         try:
-            members.append(read_record(path, catalog.plan))
+            members.append(read_record(folder, plan))
         except (CatalogError, OSError) as error:
             errors.append(error)
     count = f"{len(errors)} member{'s' if len(errors) > 1 else ''}"
     return members, [f"{count} can't be read: {errors[0]}"] if errors else []
 
 
-def _contact_sheet(catalog: Catalog, members: Sequence[Member]) -> tuple[list[Picture], list[str]]:
+def _contact_sheet(plan: CatalogPlan, members: Sequence[Member]) -> tuple[list[Picture], list[str]]:
     """Members from the lowest to the highest parameters in their first appearance, all from about the same direction."""
-    inside = sorted(members, key=lambda member: tuple(member.parameters.values()))
-    pictures, failures = list[Picture](), list[str]()
-    until = math.inf
-    for member in _spread(inside, PICTURES):
+    ordered = sorted(members, key=lambda member: tuple(member.parameters.values()))
+    places = np.linspace(0, len(ordered) - 1, min(PICTURES, len(ordered))).round().astype(int)
+    pictures, failures, until = list[Picture](), list[str](), math.inf
+    for member in (ordered[place] for place in places):
         if time.perf_counter() > until:
             break
-        view = first_view(member.cameras, np.mean(catalog.plan.bounds, axis=0))
+        view = first_view(member.cameras, np.mean(plan.bounds, axis=0))
         appearance = member.appearances[0]
         try:
-            rgb = on_background(catalog.image(member, appearance, view), catalog.plan.background or WHITE)
+            rgba = read_image(member.path / plan.image_name(appearance, view))
         except (ValueError, OSError) as error:
             failures.append(str(error))
             continue
@@ -69,7 +69,7 @@ def _contact_sheet(catalog: Catalog, members: Sequence[Member]) -> tuple[list[Pi
         values = ", ".join(f"{name} {value:g}" for name, value in member.parameters.items())
         caption = values if 0 < len(member.parameters) <= CAPTIONED else member.name
         title = f"{member.name} ({member.split}), {appearance}, view {view}: {values}"
-        pictures.append(Picture(rgb, caption, title))
+        pictures.append(Picture(on_background(rgba, plan.background or WHITE), caption, title))
     return pictures, failures
 
 
@@ -80,18 +80,12 @@ def first_view(cameras: Sequence[Camera], center: NDArray[np.float64]) -> int:
     return int(np.argmax(offsets @ np.asarray(OBLIQUE) / lengths))
 
 
-def _spread(members: Sequence[Member], most: int) -> list[Member]:
-    """At most so many of them, evenly, the first and the last among them."""
-    places = np.linspace(0, len(members) - 1, min(most, len(members))).round().astype(int)
-    return [members[place] for place in places]
-
-
-def _size(catalog: Catalog, members: Sequence[Member]) -> str:
+def _size(members: Sequence[Member]) -> str:
     """How much the members take on disk, in words; estimated from some of them where there are many files."""
     until = time.perf_counter() + COUNTING_SECONDS
     sizes = list[int]()
     for place in np.random.default_rng(0).permutation(len(members)):
-        sizes.append(sum(entry.stat().st_size for entry in _files(catalog.path / "members" / members[place].name)))
+        sizes.append(sum(entry.stat().st_size for entry in _files(members[place].path)))
         if time.perf_counter() > until:
             break
     if len(sizes) < len(members):

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs import html
 from catalogs.cameras import OBLIQUE, orbit
-from catalogs.cards import MOST_BYTES
 from catalogs.catalog import Catalog
-from catalogs.html import first_view
+from catalogs.notebook import html
+from catalogs.notebook.cards import MOST_BYTES
+from catalogs.notebook.facts import facts
+from catalogs.notebook.html import first_view
 from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.show import facts
 from tests.catalogs.conftest import add_member, make_plan, picture
 from tests.support.cards import HOSTILE, Tags, images
 
-CLOVERLEAF = Path(__file__).resolve().parents[2] / "runs" / "cloverleaf" / "catalog.cdb"
+CLOVERLEAF = Path(__file__).resolve().parents[3] / "runs" / "cloverleaf" / "catalog.cdb"
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +33,7 @@ def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_catalog_says_what_it_holds(catalog: Catalog) -> None:
     shown = catalog._repr_html_()
     text = Tags(shown).text
-    assert all(fact in text for _, fact in facts(catalog, catalog.members))
+    assert all(fact in text for _, fact in facts(catalog.plan, catalog.members))
     assert "2 (1 train, 0 validation, 1 test)" in text
     assert "Re 120, Pr 1" in text
     assert "on disk0.1 MB" in text

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from catalogs.cards import LONGEST, MOST_BYTES, Picture, card, never_failing, on_background
 from catalogs.images import read_image
+from catalogs.notebook.cards import LONGEST, MOST_BYTES, Picture, card, never_failing, on_background
 from tests.support.cards import HOSTILE, Tags, images
 
 

@@ -17,8 +17,8 @@ from PIL import Image
 
 from catalogs.cameras import Camera
 from catalogs.exchange import ExchangeError
+from catalogs.exchange.transforms import read_frames, world_to_camera
 from catalogs.png import PngError, check_png
-from catalogs.transforms import read_frames, world_to_camera
 from tests.support.nerf_data import ANGLE, HEIGHT, WIDTH, DataSet, bring, opengl_pose, picture
 
 

@@ -1,4 +1,4 @@
-"""Images rendered by others, brought into a catalog: D-NeRF / Blender data sets with `params` (read by `catalogs.transforms`).
+"""D-NeRF / Blender data sets with `params`, brought into a catalog; `catalogs.exchange.transforms` reads them.
 
 What becomes of which picture.  Frames with equal `params` (to nine digits) are one member, with its own cameras.
 
@@ -25,11 +25,9 @@ import numpy as np
 from catalogs.appearance import ImportedImages
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogPlan, Member, MemberWriter
+from catalogs.exchange.transforms import FILES, ExchangeError, Frame, read_frames
 from catalogs.images import read_image
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.transforms import FILES, ExchangeError, Frame, read_frames
-
-__all__ = ["ExchangeError", "import_nerf"]
 
 APPEARANCE = "imported"
 WRITERS = 4
@@ -71,50 +69,56 @@ def import_nerf(
     catalog_path : the `.cdb` folder to write.
     bounds : world box (low, high) that holds the volume: the files don't say.
     background : RGB in [0, 1] that the opaque pictures stand on; None where they are RGBA and their alpha is to be kept.
-    space : names and bounds of `params`; without it they are called `names` (or p0, p1, ...) and range over the training
-        frames.
-    validation_members : how many members are for validation in all.  Those that the validation file lacks are drawn by `seed`
-        from the training members, first from those inside the range of every parameter, then from those at the
-        end of one, of two, ...
+    space : names and bounds of `params`; by default they are called `names` (or p0, p1, ...) and range over the training frames.
+    validation_members : how many in all.  Those that the validation file lacks are drawn by `seed` from the training members,
+        the ones at the end of the fewest parameters first.
     progress : called with pictures done and in all.
 
     Raises ExchangeError, before anything is written, where a file, a frame, a matrix or a picture is not as it should be;
     CatalogError where `catalog_path` holds another import.
     """
-    directory = Path(directory)
-    if not directory.is_dir():
-        raise ExchangeError(f"there is no folder {directory}")
-    frames = read_frames(directory)
+    frames = read_frames(Path(directory))
     _check_alpha(frames, background)
     space = _space(frames, space, names)
     members = plan_members(frames, space, validation_members, seed)
-    low, high = (tuple(map(float, corner)) for corner in bounds)
-    plan = CatalogPlan(
+    told = {"validation_members": validation_members, "seed": seed, **(provenance or {})}
+    catalog = Catalog.create(catalog_path, _plan(Path(directory), space, bounds, background, told))
+    _write_members(catalog, members, progress)
+    return catalog
+
+
+def _plan(
+    directory: Path,
+    space: ParameterSpace,
+    bounds: Sequence[Sequence[float]],
+    background: Sequence[float] | None,
+    provenance: Mapping[str, Any],
+) -> CatalogPlan:
+    name = directory.resolve().name
+    digests = {f: _digest(directory / f) for f in FILES.values() if (directory / f).is_file()}
+    return CatalogPlan(
         space=space,
-        appearances=(ImportedImages(APPEARANCE, f"pictures of {directory.resolve().name}"),),
+        appearances=(ImportedImages(APPEARANCE, f"pictures of {name}"),),
         cameras=(),
         view_splits=(),
-        bounds=(low, high),  # type: ignore[arg-type]
-        background=None if background is None else tuple(map(float, background)),  # type: ignore[arg-type]
-        provenance={
-            "source": directory.resolve().name,
-            "sha256": {name: _digest(directory / name) for name in FILES.values() if (directory / name).is_file()},
-            "validation_members": validation_members,
-            "seed": seed,
-            **(provenance or {}),
-        },
+        bounds=bounds,  # type: ignore[arg-type]
+        background=background,  # type: ignore[arg-type]
+        provenance={"source": name, "sha256": digests, **provenance},
     )
-    catalog = Catalog.create(catalog_path, plan)
-    done, total = 0, len(frames)
+
+
+def _write_members(catalog: Catalog, members: Sequence[ImportedMember], progress: Progress) -> None:
+    """Store the members that the catalog lacks; raises ExchangeError where it has one of other frames."""
+    names, done, total = catalog.plan.space.names, 0, sum(len(member.frames) for member in members)
     for member in members:
         if member.name in catalog:
-            _check_same(catalog.member(member.name), member, space)
+            _check_same(catalog.member(member.name), member, names)
             done += len(member.frames)
             progress(done, total)
             continue
         with catalog.begin_member(
             member.name,
-            dict(zip(space.names, member.parameters, strict=True)),
+            dict(zip(names, member.parameters, strict=True)),
             split=member.split,
             cameras=[frame.camera for frame in member.frames],
             view_splits=member.view_splits,
@@ -124,7 +128,6 @@ def import_nerf(
                 done += 1
                 progress(done, total)
     catalog.rebuild_table()
-    return catalog
 
 
 def _write(writer: MemberWriter, member: ImportedMember) -> Iterator[None]:
@@ -232,9 +235,9 @@ def _pictures(member: ImportedMember) -> list[str]:
     return [f"{frame.path.parent.name}/{frame.path.name}" for frame in member.frames]
 
 
-def _check_same(stored: Member, member: ImportedMember, space: ParameterSpace) -> None:
+def _check_same(stored: Member, member: ImportedMember, names: Sequence[str]) -> None:
     same = (
-        tuple(stored.parameters[name] for name in space.names) == member.parameters
+        tuple(stored.parameters[name] for name in names) == member.parameters
         and stored.view_splits == member.view_splits
         and stored.provenance.get("pictures") == _pictures(member)
     )

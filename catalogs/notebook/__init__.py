@@ -1,0 +1,1 @@
+"""What notebooks show: cards of facts and small pictures, as HTML."""
