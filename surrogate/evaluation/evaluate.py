@@ -3,62 +3,86 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.catalog import Catalog, Member
-from surrogate.evaluation.perceptual import PerceptualMetrics
-from surrogate.evaluation.scoring import (
-    METRICS,
-    PARAMETERS,
-    PERCEPTUAL_METRICS,
+from catalogs.catalog import Catalog
+from catalogs.variations import Variation
+from surrogate.deformation.visualization import Visualization
+from surrogate.evaluation.cases import (
+    VALIDATION,
     VIEWS,
     Case,
-    Report,
-    Scored,
-    Scorer,
-    cases_of,
-    compare,
-    mean,
+    CaseCells,
+    all_cases,
+    base_cells,
+    base_validation,
+    drawn,
+    variation_cells,
+    variation_validation,
 )
+from surrogate.evaluation.perceptual import PerceptualMetrics
+from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
+from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, mean, score_cases, spread
 from surrogate.evaluation.timing import Milliseconds, measure
-from surrogate.evaluation.trivial.interpolation import Predictor, fixed_predictors, tuned_predictors
-from surrogate.evaluation.trivial.pictures import SAME_VIEW_DEGREES, predictions
-from surrogate.evaluation.varied import VariedEvaluation, evaluate_variation
+from surrogate.evaluation.trivial.interpolation import Rule, fixed_rules, tuned_rules
+from surrogate.evaluation.trivial.pictures import MemberMixtures
+from surrogate.evaluation.trivial.settings import SettingMixtures, Trained, place_of
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
-__all__ = [
-    "METRICS",
-    "PARAMETERS",
-    "PERCEPTUAL_METRICS",
-    "VERSION",
-    "VIEWS",
-    "BaselineResult",
-    "Evaluation",
-    "evaluate",
-    "images_of_cells",
-    "mean",
-    "targets_of",
-]
-
 VERSION = 3
-MOST_IMAGES = 400  # per cell of seen parameters, drawn by seed; unseen parameters are evaluated whole
 MOST_PERCEPTUAL = 40  # images of a cell: six cells at 110 ms an image (256 x 256) take 26 s
-TUNING_IMAGES = 60  # validation images that choose a predictor's constants
-TIMED = 30
+TUNING_IMAGES = 60  # validation images that choose a rule's constants
+AT_NEAREST = "the surrogate at the nearest trained setting"
+
+DEFINITIONS = {"covered": "share of an image's pixels that are foreground in the truth, as above; mean over images"}
 
 
 @dataclass(frozen=True, eq=False)
-class BaselineResult:
-    """A trivial predictor's scores per row of views at unseen parameters, and on "validation" members."""
+class Baseline:
+    """What the surrogate is compared with.
+
+    Attributes
+    ----------
+    scores : of the images that it can predict: at unseen parameters by row of `VIEWS`, or under unseen settings by column of
+        `PARAMETERS`; and "validation".
+    degrees : between a wanted view and the stored one that stands in for it, at worst.
+    shown : per column, the fewest and the most trained settings that a predicted member shows.
+    """
 
     name: str
     scores: Mapping[str, Sequence[Scored]]
-    degrees: float  # between the wanted view and the borrowed one, at worst
+    degrees: float = 0.0
+    shown: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class VariedEvaluation:
+    """How well a surrogate follows one variation.
+
+    Attributes
+    ----------
+    deformation : the kind of F_vis.
+    cells : scored images, of unseen views, by row of `SETTINGS` and column of `PARAMETERS`.
+    validation : of validation members under validation settings, at any view but those that test.
+    milliseconds : of a "visualization_change" and of a "view_change" after it.
+    """
+
+    variation: Variation
+    deformation: str
+    cells: Cells
+    validation: Sequence[Scored]
+    baselines: Sequence[Baseline]
+    milliseconds: Mapping[str, Milliseconds]
+
+    @property
+    def scored(self) -> list[Scored]:
+        """All images of all cells."""
+        return [s for row in self.cells.values() for group in row.values() for s in group]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +91,7 @@ class Evaluation:
 
     Attributes
     ----------
-    cells : scored images by row of views and column of parameters, as in `VIEWS` and `PARAMETERS`.
+    cells : scored images of the base appearance, by row of `VIEWS` and column of `PARAMETERS`.
     validation : of validation members (else validation views): what choices are made on.
     baselines : trivial predictors at unseen parameters.
     milliseconds : of a "parameter_change" and a "view_change".
@@ -75,9 +99,9 @@ class Evaluation:
     unavailable : why a perceptual metric can't be had on this machine, by its name.
     """
 
-    cells: Mapping[str, Mapping[str, Sequence[Scored]]]
+    cells: Cells
     validation: Sequence[Scored]
-    baselines: Sequence[BaselineResult]
+    baselines: Sequence[Baseline]
     milliseconds: Mapping[str, Milliseconds]
     variations: Sequence[VariedEvaluation] = ()
     unavailable: Mapping[str, str] = field(default_factory=dict)
@@ -87,126 +111,130 @@ class Evaluation:
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the images of `catalog` that it was made for."""
     appearance, perceptual = str(surrogate.training["appearance"]), PerceptualMetrics.load()
-    chosen = images_of_cells(catalog, appearance)
-    watched = targets_of(catalog, appearance, ("validation",), ("train", "validation"))
-    watched = watched or targets_of(catalog, appearance, ("train",), ("validation",))
-    judged = _some(watched, MOST_IMAGES)
-    total = sum(len(chosen[v][p]) for v in VIEWS for p in PARAMETERS) + len(judged)
-    scorer = Scorer(surrogate, catalog, lambda done: progress("surrogate", done, total))
-    looked_at = {"seen_parameters": 0, "unseen_parameters": MOST_PERCEPTUAL}
-    cells = {
-        v: {p: scorer.score(chosen[v][p], perceptual, most_perceptual=looked_at[p]) for p in PARAMETERS} for v in VIEWS
-    }
-    validation = scorer.score(judged)
-    rows = {v: chosen[v]["unseen_parameters"] for v in VIEWS}
-    rows["validation"] = [target for target in judged if target.member.split == "validation"]
-    return Evaluation(
+    cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
+    judged = drawn(watched)
+    scored = _score_cells(
+        SurrogatePredictor(surrogate.at, catalog.plan.background),
+        catalog,
         cells,
-        validation,
-        score_baselines(catalog, appearance, rows, watched, progress),
-        measure_times(surrogate, catalog),
-        [
-            evaluate_variation(surrogate, v, catalog, perceptual, most_perceptual=MOST_PERCEPTUAL, progress=progress)
-            for v in surrogate.visualizations
-        ],
+        judged,
+        perceptual,
+        [row["unseen_parameters"] for row in cells.values()],
+        partial(progress, "surrogate"),
+    )
+    groups = {row: cells[row]["unseen_parameters"] for row in VIEWS}
+    groups[VALIDATION] = [case for case in judged if case.member.split == VALIDATION]
+    change, view = measure(surrogate, catalog.members)
+    return Evaluation(
+        *scored,
+        _member_baselines(catalog, appearance, groups, watched, partial(progress, "trivial predictors")),
+        {"parameter_change": change, "view_change": view},
+        [_evaluate_variation(surrogate, v, catalog, perceptual, progress) for v in surrogate.visualizations],
         perceptual.unavailable,
     )
 
 
-def images_of_cells(catalog: Catalog, appearance: str) -> dict[str, dict[str, list[Case]]]:
-    """The images that a surrogate is judged by, by row of `VIEWS` and column of `PARAMETERS`; no choice may be made on them."""
-    most = {"seen_parameters": MOST_IMAGES}
-    found = {
-        views: {
-            parameters: targets_of(catalog, appearance, PARAMETERS[parameters], VIEWS[views])
-            for parameters in PARAMETERS
-        }
-        for views in VIEWS
-    }
-    return {v: {p: _some(cases, most.get(p, len(cases))) for p, cases in row.items()} for v, row in found.items()}
-
-
-def targets_of(
-    catalog: Catalog, appearance: str, member_splits: Sequence[str], view_splits: Sequence[str]
-) -> list[Case]:
-    """Images of one appearance whose member and view belong to the given splits."""
-    return cases_of(catalog.members, {appearance: {}}, member_splits, view_splits)
-
-
-def score_baselines(
+def _evaluate_variation(
+    surrogate: Surrogate,
+    visualization: Visualization,
     catalog: Catalog,
-    appearance: str,
-    rows: Mapping[str, Sequence[Case]],
-    watched: Sequence[Case],
+    perceptual: PerceptualMetrics,
     progress: Report,
-) -> list[BaselineResult]:
-    """The trivial predictors on named `rows` of targets; their constants are chosen on `watched` validation images."""
-    members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
-    targets = [target for group in rows.values() for target in group]
-    if not members or not targets:
-        return []
-    predictors = [*fixed_predictors(len(catalog.plan.space)), *_tuned(catalog, appearance, members, watched)]
-    results = _score_predictors(catalog, appearance, members, targets, predictors, progress)
-    row_of = {id(target): row for row, group in rows.items() for target in group}
+) -> VariedEvaluation:
+    variation = visualization.variation
+    cells, judged = variation_cells(catalog, variation), variation_validation(catalog, variation)
+    scored = _score_cells(
+        SurrogatePredictor(surrogate.at, catalog.plan.background),
+        catalog,
+        cells,
+        judged,
+        perceptual,
+        [group for row in cells.values() for group in row.values()],
+        partial(progress, f"surrogate, {variation.name}"),
+    )
+    groups = {**cells["unseen_settings"], VALIDATION: judged}
+    reported = partial(progress, "trivial predictors of settings")
+    baselines = _setting_baselines(surrogate, catalog, variation, groups, reported) if variation.continuous else []
+    change, view = measure(surrogate, catalog.members, [variation.asked(setting) for setting in variation.settings])
+    milliseconds = {"visualization_change": change, "view_change": view}
+    return VariedEvaluation(variation, visualization.deformation.kind, *scored, baselines, milliseconds)
+
+
+def _score_cells(
+    predictor: Predictor,
+    catalog: Catalog,
+    cells: CaseCells,
+    validation: Sequence[Case],
+    perceptual: PerceptualMetrics,
+    looked_into: Sequence[Sequence[Case]],
+    progress: Callable[[int, int], None],
+) -> tuple[Cells, list[Scored]]:
+    """Test images by row and column, and validation images; a few of the groups that are `looked_into` by perceptual metrics."""
+    cases = [*all_cases(cells), *validation]
+    few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
+    [found] = score_cases(predictor, catalog, cases, perceptual=perceptual, looked_at=few, progress=progress)
+    return by_cell(cells, found), [found[case] for case in validation]
+
+
+def _score_groups(
+    predictor: Predictor,
+    catalog: Catalog,
+    groups: Mapping[str, Sequence[Case]],
+    progress: Callable[[int, int], None],
+) -> list[dict[str, list[Scored]]]:
+    """For each name of a predictor its scores by group."""
+    cases = [case for group in groups.values() for case in group]
     return [
-        BaselineResult(
-            predictor.name, {row: [s for s in scored if row_of[id(s.target)] == row] for row in rows}, degrees
-        )
-        for predictor, (scored, degrees) in zip(predictors, results, strict=True)
+        {name: [found[case] for case in group if case in found] for name, group in groups.items()}
+        for found in score_cases(predictor, catalog, cases, progress=progress)
     ]
 
 
-def _tuned(catalog: Catalog, appearance: str, members: Sequence[Member], watched: Sequence[Case]) -> list[Predictor]:
-    """The best of each tuned family on validation members; none where the catalog has no such member."""
-    targets = _some([target for target in watched if target.member.split == "validation"], TUNING_IMAGES)
-    if not targets:
-        return []
-    chosen = []
-    for family in tuned_predictors().values():
-        results = _score_predictors(catalog, appearance, members, targets, family, lambda *_: None)
-        means = [mean(scored, "psnr") or -math.inf for scored, _ in results]
-        chosen.append(family[int(np.argmax(means))])
-    return chosen
-
-
-def _score_predictors(
+def _member_baselines(
     catalog: Catalog,
     appearance: str,
-    members: Sequence[Member],
-    targets: Sequence[Case],
-    predictors: Sequence[Predictor],
-    progress: Report,
-) -> list[tuple[list[Scored], float]]:
-    known, wanted = (_normalized(catalog, group) for group in (members, [t.member for t in targets]))
-    weights = [predictor.weights(known, wanted) for predictor in predictors]
-    found: list[list[Scored]] = [[] for _ in predictors]
-    worst, background, cases = 0.0, catalog.plan.background, {id(target): target for target in targets}
-    for done, prediction in enumerate(predictions(catalog, appearance, members, targets, weights), start=1):
-        truth = catalog.image(prediction.target.member, appearance, prediction.target.view)
-        worst = max(worst, prediction.degrees)
-        for scores, picture in zip(found, prediction.pictures, strict=True):
-            scores.append(compare(cases[id(prediction.target)], truth, picture, background))
-        progress("trivial predictors", done, len(targets))
-    degrees = worst if worst > SAME_VIEW_DEGREES else 0.0
-    return [(scores, degrees) for scores in found]
+    groups: Mapping[str, Sequence[Case]],
+    watched: Sequence[Case],
+    progress: Callable[[int, int], None],
+) -> list[Baseline]:
+    """Mixtures of training members at named `groups` of images; their constants are chosen on `watched` validation images."""
+    members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
+    cases = [case for group in groups.values() for case in group]
+    if not members or not cases:
+        return []
+    mixtures = partial(MemberMixtures, catalog, appearance, members)
+    tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
+    tuned = [_best(family, catalog, mixtures(family), tuning) for family in tuned_rules() if tuning]
+    predictor = mixtures([*fixed_rules(len(catalog.plan.space)), *tuned])
+    degrees = predictor.borrowed_degrees(cases)
+    scores = _score_groups(predictor, catalog, groups, progress)
+    return [Baseline(name, found, degrees) for name, found in zip(predictor.names, scores, strict=True)]
 
 
-def measure_times(surrogate: Surrogate, catalog: Catalog) -> dict[str, Milliseconds]:
-    """Of deforming at new parameters and of drawing a new view."""
-    members = catalog.members
-    cameras = [m.cameras[i * len(m.cameras) // TIMED] for i in range(TIMED) for m in [members[i % len(members)]]]
-    change, draw = measure(surrogate, [members[i % len(members)].parameters for i in range(TIMED)], cameras)
-    return {"parameter_change": change, "view_change": draw}
+def _best(family: Sequence[Rule], catalog: Catalog, mixtures: MemberMixtures, tuning: Sequence[Case]) -> Rule:
+    means = [mean(found.values(), "psnr") for found in score_cases(mixtures, catalog, tuning)]
+    return family[int(np.argmax([-math.inf if value is None else value for value in means]))]
 
 
-def _normalized(catalog: Catalog, members: Sequence[Member]) -> NDArray[np.float64]:
-    space = catalog.plan.space
-    return np.array([space.normalize([m.parameters[n] for n in space.names]) for m in members])  # [N, P]
+def _setting_baselines(
+    surrogate: Surrogate,
+    catalog: Catalog,
+    variation: Variation,
+    groups: Mapping[str, Sequence[Case]],
+    progress: Callable[[int, int], None],
+) -> list[Baseline]:
+    """What stored pictures of trained settings, and the surrogate's own, make of unseen ones."""
+    mixtures, trained = SettingMixtures(catalog, variation), Trained.of(variation)
+    scores = _score_groups(mixtures, catalog, groups, progress)
+    counts = {name: [len(mixtures.shown(s.target.member)) for s in group] for name, group in scores[0].items()}
+    shown = {name: (min(values), max(values)) for name, values in counts.items() if values}
 
+    def at_nearest(case: Case) -> dict[str, float | str]:
+        nearest = variation.setting(trained.nearest(place_of(case, variation)))
+        return {**case.member.parameters, **({} if nearest is None else variation.asked(nearest))}
 
-def _some(targets: Sequence[Case], most: int) -> list[Case]:
-    """At most `most` of the targets, drawn without replacement by a fixed seed, in order."""
-    if len(targets) <= most:
-        return list(targets)
-    drawn = np.random.default_rng(0).choice(len(targets), size=most, replace=False)
-    return [targets[i] for i in sorted(drawn)]
+    still = SurrogatePredictor(surrogate.at, catalog.plan.background, at_nearest, (AT_NEAREST,))
+    return [
+        *(Baseline(name, found, shown=shown) for name, found in zip(mixtures.names, scores, strict=True)),
+        Baseline(AT_NEAREST, _score_groups(still, catalog, {c: groups[c] for c in ["unseen_parameters"]}, progress)[0]),
+    ]

@@ -1,27 +1,26 @@
-"""Images to be predicted, how well each was, and the means over many: what evaluations are made of."""
+"""How well images were predicted, one by one, and the means over many."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalog import Catalog, Member
+from catalogs.catalog import Catalog
+from surrogate.evaluation.cases import Case, CaseCells
 from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, Score, composite, decibels, foreground, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
-from surrogate.evaluation.trivial.pictures import Target
-from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.evaluation.predictor import Draw, Predictor
 
 MEAN_ERROR = "psnr_of_mean_error"
 METRICS = ("psnr", MEAN_ERROR, "psnr_foreground", "ssim")  # of every image
 PERCEPTUAL_METRICS = ("ms_ssim", "lpips", "flip")  # of some, because they take long
-VIEWS = {"seen_views": ("train",), "unseen_views": ("test",)}
-PARAMETERS = {"seen_parameters": ("train",), "unseen_parameters": ("test",)}
 
 DEFINITIONS = {
     MEAN_ERROR: "10 log10(1 / E), E the mean over images of their mean squared errors: a few bad images weigh more than in a "
@@ -29,25 +28,6 @@ DEFINITIONS = {
 }
 
 Report = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Case(Target):
-    """An image of the data set that is to be predicted.
-
-    Attributes
-    ----------
-    appearance : which one of the member's.
-    varied : what a surrogate is asked for by name beside the simulation's parameters; empty for the base appearance.
-    """
-
-    appearance: str
-    varied: Mapping[str, float | str] = field(default_factory=dict)
-
-    @property
-    def parameters(self) -> dict[str, float | str]:
-        """All that `Surrogate.at` must be told."""
-        return {**self.member.parameters, **self.varied}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +55,9 @@ class Scored:
         return math.nan if found is None else float(found)
 
 
+Cells = Mapping[str, Mapping[str, Sequence[Scored]]]  # by row and column of a table
+
+
 def mean(scored: Iterable[Scored], metric: str) -> float | None:
     """Mean of a metric over images that have one; None without any."""
     if metric == MEAN_ERROR:
@@ -82,24 +65,6 @@ def mean(scored: Iterable[Scored], metric: str) -> float | None:
         return decibels(float(np.mean(errors))) if errors else None
     values = [value for value in (s.value(metric) for s in scored) if not math.isnan(value)]
     return float(np.mean(values)) if values else None
-
-
-def cases_of(
-    members: Sequence[Member],
-    appearances: Mapping[str, Mapping[str, float | str]],
-    member_splits: Sequence[str],
-    view_splits: Sequence[str],
-) -> list[Case]:
-    """Images of some appearances, given with their visualization parameters, whose member and view belong to the given splits."""
-    return [
-        Case(member, view, appearance, varied)
-        for member in members
-        if member.split in member_splits
-        for appearance, varied in appearances.items()
-        if appearance in member.appearances
-        for view, split in enumerate(member.view_splits)
-        if split in view_splits
-    ]
 
 
 def compare(
@@ -127,47 +92,36 @@ def _squared_error(first: NDArray[np.float32], second: NDArray[np.float32]) -> f
     return float(np.mean(difference * difference))
 
 
-class Scorer:
-    """Draws and scores images, deforming once for all views of the same parameters."""
+def score_cases(
+    predictor: Predictor,
+    catalog: Catalog,
+    cases: Sequence[Case],
+    *,
+    perceptual: PerceptualMetrics | None = None,
+    looked_at: Collection[Case] = (),
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> list[dict[Case, Scored]]:
+    """How well a predictor shows images of `catalog`: for each of its names those of `cases` that it can predict, in order.
 
-    def __init__(
-        self, surrogate: Surrogate, catalog: Catalog, progress: Callable[[int], None] = lambda _: None
-    ) -> None:
-        self._surrogate, self._catalog = surrogate, catalog
-        self._progress, self._done = progress, 0
+    Images that are `looked_at` are compared by `perceptual` metrics too.
+    """
 
-    def score(
-        self,
-        cases: Sequence[Case],
-        perceptual: PerceptualMetrics | None = None,
-        *,
-        most_perceptual: int = 0,
-        shown_at: Callable[[Case], dict[str, float | str]] = lambda case: case.parameters,
-    ) -> list[Scored]:
-        """Scores of `cases` in order, at most `most_perceptual` of them, evenly spread, by perceptual metrics too.
+    def scored(case: Case, draw: Draw) -> list[Scored]:
+        truth, background = catalog.image(case.member, case.appearance, case.view), catalog.plan.background
+        metrics = perceptual if case in looked_at else None
+        return [compare(case, truth, picture, background, metrics) for picture in draw(case)]
 
-        `shown_at` says at which parameters the surrogate is to predict an image: at its own.
-        """
-        looked_at = set(spread(len(cases), most_perceptual)) if perceptual is not None else set()
-        groups: dict[tuple[tuple[str, float | str], ...], list[int]] = {}
-        for i, case in enumerate(cases):
-            groups.setdefault(tuple(shown_at(case).items()), []).append(i)
-        found: dict[int, Scored] = {}
-        for parameters, group in groups.items():
-            deformed = self._surrogate.at(**dict(parameters))
-            with ThreadPoolExecutor(2) as pool:
-                scored = pool.map(
-                    lambda i, d=deformed: self._score_one(d, cases[i], perceptual if i in looked_at else None), group
-                )
-                found |= zip(group, scored, strict=True)
-            self._done += len(group)
-            self._progress(self._done)
-        return [found[i] for i in range(len(cases))]
+    found: dict[Case, list[Scored]] = {}
+    with ThreadPoolExecutor(2) as pool:
+        for batch, draw in predictor.batches(cases):
+            found |= zip(batch, pool.map(scored, batch, repeat(draw)), strict=True)
+            progress(len(found), len(cases))
+    return [{case: found[case][k] for case in cases if case in found} for k, _ in enumerate(predictor.names)]
 
-    def _score_one(self, deformed: DeformedGaussians, case: Case, perceptual: PerceptualMetrics | None) -> Scored:
-        background = self._catalog.plan.background
-        truth = self._catalog.image(case.member, case.appearance, case.view)
-        return compare(case, truth, deformed.render(case.camera, background=background), background, perceptual)
+
+def by_cell(cells: CaseCells, found: Mapping[Case, Scored]) -> Cells:
+    """The scores of the images of cells, all of which were `found`."""
+    return {row: {c: [found[case] for case in group] for c, group in of.items()} for row, of in cells.items()}
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS, Scored, mean
+from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS, Cells, mean
 from surrogate.evaluation.timing import Milliseconds
 
 ALL_METRICS = (*METRICS, *PERCEPTUAL_METRICS)
@@ -21,8 +21,6 @@ HEADINGS = {
 }
 DECIBELS = ("psnr", "psnr_of_mean_error", "psnr_foreground")
 NOTHING = "–"
-
-Cells = Mapping[str, Mapping[str, Sequence[Scored]]]
 
 
 def cell_means(cells: Cells, metric: str) -> dict[str, dict[str, float | None]]:

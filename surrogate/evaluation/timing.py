@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs.cameras import Camera
+from catalogs.catalog import Member
 from surrogate.model import Surrogate
+
+TIMED = 30
 
 
 @dataclass(frozen=True)
@@ -27,15 +29,16 @@ class Milliseconds:
 
 
 def measure(
-    surrogate: Surrogate, parameters: Sequence[Mapping[str, float | str]], cameras: Sequence[Camera]
+    surrogate: Surrogate, members: Sequence[Member], settings: Sequence[Mapping[str, float | str]] = ({},)
 ) -> tuple[Milliseconds, Milliseconds]:
-    """Of deforming to each of the `parameters`, and of drawing each time what the camera at the same place sees."""
+    """Of deforming to the parameters of members, one after another, under `settings` in turn, and of drawing one view then."""
     changes, views = [], []
-    for row, camera in zip(parameters, cameras, strict=True):
+    for i in range(TIMED):
+        member = members[i % len(members)]
         started = time.perf_counter()
-        deformed = surrogate.at(**row)
+        deformed = surrogate.at(**member.parameters, **settings[i % len(settings)])
         between = time.perf_counter()
-        deformed.render(camera)
+        deformed.render(member.cameras[i * len(member.cameras) // TIMED])
         views.append(time.perf_counter() - between)
         changes.append(between - started)
     return Milliseconds.of(changes), Milliseconds.of(views)

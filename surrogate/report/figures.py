@@ -12,9 +12,9 @@ import numpy as np
 
 from catalogs.catalog import Catalog
 from catalogs.variations import KINDS
+from surrogate.evaluation.cases import PARAMETERS, VIEWS
 from surrogate.evaluation.evaluate import Evaluation
-from surrogate.evaluation.scoring import PARAMETERS, VIEWS, Scored
-from surrogate.evaluation.tables import Cells
+from surrogate.evaluation.scoring import Cells, Scored
 from surrogate.model import Surrogate
 from surrogate.report.sheets import chosen_rows, draw_sheet
 

@@ -11,10 +11,11 @@ from typing import Any
 
 from catalogs import durable
 from catalogs.catalog import Catalog
-from surrogate.evaluation import metrics, perceptual, scoring, varied
+from surrogate.evaluation import evaluate, metrics, perceptual, scoring
+from surrogate.evaluation.cases import VIEWS
 from surrogate.evaluation.evaluate import VERSION, Evaluation
 from surrogate.evaluation.perceptual import PerceptualMetrics
-from surrogate.evaluation.scoring import METRICS, VIEWS, Scored, mean
+from surrogate.evaluation.scoring import METRICS, Scored, mean
 from surrogate.evaluation.tables import (
     cell_table,
     cell_tables,
@@ -154,7 +155,7 @@ def summarize(
         "definitions": metrics.DEFINITIONS
         | scoring.DEFINITIONS
         | perceptual.DEFINITIONS
-        | (varied.DEFINITIONS if evaluation.variations else {}),
+        | (evaluate.DEFINITIONS if evaluation.variations else {}),
     }
 
 

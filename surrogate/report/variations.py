@@ -9,7 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from catalogs.variations import KINDS, Setting
-from surrogate.evaluation.scoring import PARAMETERS, Scored, mean
+from surrogate.evaluation.cases import PARAMETERS, VALIDATION
+from surrogate.evaluation.evaluate import Baseline, VariedEvaluation
+from surrogate.evaluation.scoring import Scored, mean
 from surrogate.evaluation.tables import (
     METRICS,
     cell_means,
@@ -23,7 +25,6 @@ from surrogate.evaluation.tables import (
     timings,
 )
 from surrogate.evaluation.trivial.settings import Trained
-from surrogate.evaluation.varied import VALIDATION, SettingBaseline, VariedEvaluation
 
 COLUMNS = (*PARAMETERS, VALIDATION)
 
@@ -136,10 +137,10 @@ def _field_line(record: Mapping[str, Any], names: str) -> str:
     return f"{names + ', unseen parameters':<38} {seen['psnr']:6.2f} dB   SSIM {seen['ssim']:.4f}"
 
 
-def _summarize_baseline(baseline: SettingBaseline, evaluation: VariedEvaluation) -> dict[str, Any]:
-    own = {id(s.target): s for s in (*evaluation.scored, *evaluation.validation)}
+def _summarize_baseline(baseline: Baseline, evaluation: VariedEvaluation) -> dict[str, Any]:
+    own = {s.target: s for s in (*evaluation.scored, *evaluation.validation)}
     scores = {column: baseline.scores.get(column, ()) for column in COLUMNS}
-    same = {column: [own[id(s.target)] for s in scored] for column, scored in scores.items()}
+    same = {column: [own[s.target] for s in scored] for column, scored in scores.items()}
     return {
         "name": baseline.name,
         "settings_shown": {column: list(span) for column, span in baseline.shown.items()},

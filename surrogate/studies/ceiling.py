@@ -17,7 +17,9 @@ from typing import Any
 from catalogs.catalog import Catalog, Member
 from catalogs.progress import Count, Rate
 from catalogs.variations import Variation
-from surrogate.evaluation.scoring import Case, Scored, Scorer, compare, mean
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.initialization.pictures import central_member
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
@@ -217,19 +219,12 @@ def _fitted_alone(
         report(subject.appearance, run.advance())
     seconds = time.perf_counter() - started
     still = DeformedGaussians(gaussians.copy(), {}, source.normalization, Rasterizer.of(settings))
-    scored = [_compared(still, case, catalog) for case in subject.cases()]
     return {
         "train_views": len(rows),
-        "test_views": len(scored),
-        **_means(scored),
+        "test_views": len(subject.cases()),
+        **_means(lambda **_: still, catalog, subject),
         "seconds": seconds,
     }
-
-
-def _compared(still: DeformedGaussians, case: Case, catalog: Catalog) -> Scored:
-    background = catalog.plan.background
-    truth = catalog.image(case.member, case.appearance, case.view)
-    return compare(case, truth, still.render(case.camera, background=background), background)
 
 
 def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> dict[str, Any] | None:
@@ -238,16 +233,17 @@ def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> d
         return None
     if not set(subject.varied) <= set(surrogate.visualization_names):
         return None
-    scored = Scorer(surrogate, source.catalog).score(subject.cases())
     return {
         "fingerprint": surrogate.training["fingerprint"],
         "gaussians": len(surrogate.gaussians),
-        **_means(scored),
+        **_means(surrogate.at, source.catalog, subject),
     }
 
 
-def _means(scored: Sequence[Scored]) -> dict[str, float | None]:
-    return {"psnr": mean(scored, "psnr"), "ssim": mean(scored, "ssim")}
+def _means(at: Callable[..., DeformedGaussians], catalog: Catalog, subject: Subject) -> dict[str, float | None]:
+    """What Gaussians reach on the subject's images."""
+    [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, subject.cases())
+    return {metric: mean(found.values(), metric) for metric in ("psnr", "ssim")}
 
 
 class _Report:

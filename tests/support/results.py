@@ -9,9 +9,9 @@ from typing import Any
 
 from catalogs.appearance import ImportedImages
 from catalogs.catalog import Catalog, CatalogPlan
+from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION
-from surrogate.evaluation.scoring import METRICS, PARAMETERS, PERCEPTUAL_METRICS, VIEWS
-from surrogate.evaluation.varied import SETTINGS
+from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from surrogate.evaluation.scoring import METRICS, PARAMETERS, VIEWS
-from surrogate.evaluation.varied import SETTINGS
+from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
+from surrogate.evaluation.scoring import METRICS
 from surrogate.storage.records import Provenance
 from surrogate.studies.repeats.records import Scores
 

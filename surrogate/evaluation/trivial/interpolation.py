@@ -1,27 +1,31 @@
-"""Trivial predictors: a weighted sum of the training members' own pictures at the same view.
+"""Rules of interpolation: how much each known picture weighs in a trivial predictor's sum.
 
-They may use every view of the training members, also those that the surrogate never saw.  Each is linear in the
-pictures, so a predictor is no more than a matrix of weights from members to targets.
+All are linear in the pictures, so a rule is no more than a matrix of weights from known points to wanted ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, QhullError
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import QhullError
 from scipy.spatial.distance import cdist
 
 Weights = NDArray[np.float64]  # [T, M]
 RIDGES = (1e-6, 1e-4, 1e-2, 1e-1, 1.0)
+ON_HULL = (
+    1e-11  # of the way to the middle, by which targets outside are moved: those on the hull are outside by rounding
+)
 LENGTHS = (0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True)
-class Predictor:
-    """A named rule from known parameters (M, P) and wanted ones (T, P), both normalized, to weights (T, M)."""
+class Rule:
+    """A name, and a function from known parameters (M, P) and wanted ones (T, P), both normalized, to weights (T, M)."""
 
     name: str
     weights: Callable[[NDArray[np.float64], NDArray[np.float64]], Weights]
@@ -42,19 +46,19 @@ def linear(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
 
     Targets outside the convex hull take the nearest member.
     """
+    members = np.eye(len(known))
     if known.shape[1] == 1:
-        return np.stack([np.interp(wanted[:, 0], *_sorted(known[:, 0], row)) for row in np.eye(len(known))], axis=1)
-    weights = nearest_member(known, wanted)
+        order = np.argsort(known[:, 0])
+        return np.stack([np.interp(wanted[:, 0], known[order, 0], row[order]) for row in members], axis=1)
+    nearest = nearest_member(known, wanted)
     try:
-        mesh = Delaunay(known)
+        interpolator = LinearNDInterpolator(known, members)
     except QhullError:  # fewer members than a simplex has corners, or all in a plane
-        return weights
-    simplices = mesh.find_simplex(wanted, tol=1e-9)  # [T]
-    for target in np.flatnonzero(simplices >= 0):
-        transform = mesh.transform[simplices[target]]  # [P + 1, P]
-        inner = transform[:-1] @ (wanted[target] - transform[-1])  # [P]
-        weights[target] = 0.0
-        weights[target, mesh.simplices[simplices[target]]] = [*inner, 1.0 - inner.sum()]
+        return nearest
+    weights = nearest
+    for targets in (wanted + ON_HULL * (known.mean(axis=0) - wanted), wanted):
+        found = interpolator(targets)  # [T, M], nan outside
+        weights = np.where(np.isnan(found), weights, found)
     return weights
 
 
@@ -75,35 +79,26 @@ def radial(known: NDArray[np.float64], wanted: NDArray[np.float64], *, length: f
     return smooth + (1.0 - smooth.sum(axis=1, keepdims=True)) / len(known)
 
 
-def fixed_predictors(parameters: int) -> list[Predictor]:
-    """Those without anything to tune; piecewise-linear interpolation only up to three parameters."""
-    found = [Predictor("mean image", mean_image), Predictor("nearest member", nearest_member)]
-    return [*found, Predictor("linear interpolation", linear)] if parameters <= 3 else found
+def fixed_rules(parameters: int) -> list[Rule]:
+    """Rules without constants; piecewise-linear interpolation only up to three parameters."""
+    found = [Rule("mean image", mean_image), Rule("nearest member", nearest_member)]
+    return [*found, Rule("linear interpolation", linear)] if parameters <= 3 else found
 
 
-def tuned_predictors() -> Mapping[str, list[Predictor]]:
-    """Families of which the best on validation members is taken."""
-    return {
-        "ridge regression": [
-            Predictor(f"ridge regression (degree {d}, penalty {p:g})", _partial(ridge, degree=d, penalty=p))
+def tuned_rules() -> list[list[Rule]]:
+    """Families of rules that differ in their constants: the best of each on validation members is taken."""
+    return [
+        [
+            Rule(f"ridge regression (degree {d}, penalty {p:g})", partial(ridge, degree=d, penalty=p))
             for d in (1, 2, 3)
             for p in RIDGES
         ],
-        "radial basis functions": [
-            Predictor(f"radial basis functions (length {s:g}, penalty {p:g})", _partial(radial, length=s, penalty=p))
+        [
+            Rule(f"radial basis functions (length {s:g}, penalty {p:g})", partial(radial, length=s, penalty=p))
             for s in LENGTHS
             for p in RIDGES
         ],
-    }
-
-
-def _partial(rule: Callable[..., Weights], **constants: float) -> Callable[..., Weights]:
-    return lambda known, wanted: rule(known, wanted, **constants)
-
-
-def _sorted(at: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    order = np.argsort(at)
-    return at[order], values[order]
+    ]
 
 
 def _monomials(points: NDArray[np.float64], degree: int) -> NDArray[np.float64]:

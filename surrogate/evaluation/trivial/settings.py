@@ -1,12 +1,10 @@
-"""Trivial predictors of unseen settings of a variation: mixtures of stored pictures of trained ones, same member and view.
-
-They need a member that was rendered with trained settings, so they predict none of the simulation's parameters.
-"""
+"""Trivial predictors of a variation's unseen settings: mixtures of stored pictures of trained settings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +12,9 @@ from scipy.spatial.distance import cdist
 
 from catalogs.catalog import Catalog, Member
 from catalogs.variations import Variation
-from surrogate.evaluation.trivial.interpolation import Predictor, Weights, linear, nearest_member
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.predictor import Draw
+from surrogate.evaluation.trivial.interpolation import Rule, Weights, linear, nearest_member
 
 NEIGHBOURS = 4
 
@@ -58,25 +58,58 @@ def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) ->
     return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float64)
 
 
-def setting_predictors(variation: Variation) -> list[Predictor]:
+def setting_rules(variation: Variation) -> list[Rule]:
     """Rules from the trained settings that a member shows to weights of their pictures."""
-    found = [Predictor("nearest trained setting", nearest_member)]
+    found = [Rule("nearest trained setting", nearest_member)]
     if len(variation.space) == 1:
-        return [*found, Predictor(f"linear interpolation of {variation.plural}", linear)]
-    return [*found, Predictor(f"inverse distances to the {NEIGHBOURS} nearest settings", inverse_distance)]
+        return [*found, Rule(f"linear interpolation of {variation.plural}", linear)]
+    return [*found, Rule(f"inverse distances to the {NEIGHBOURS} nearest settings", inverse_distance)]
 
 
-def mixtures(
-    catalog: Catalog,
-    trained: Trained,
-    member: Member,
-    view: int,
-    wanted: NDArray[np.float64],
-    predictors: Sequence[Predictor],
-) -> list[NDArray[np.float32]]:
-    """Premultiplied RGBA (H, W, 4) by each predictor for the setting at `wanted` (V,); `trained` is what the member shows of it."""
-    weights = np.concatenate([p.weights(trained.places, wanted[None]) for p in predictors])  # [K, S]
-    used = np.flatnonzero(weights.any(axis=0))
-    pictures = np.stack([catalog.image(member, trained.appearances[i], view, dtype="float32") for i in used])
-    mixed = np.tensordot(weights[:, used].astype(np.float32), pictures, axes=1)  # [K, H, W, 4]
-    return list(np.clip(mixed, 0.0, 1.0))
+@dataclass(frozen=True, eq=False)
+class SettingMixtures:
+    """Predicts a setting by a weighted sum of the same member's stored pictures, at the same view, of trained settings.
+
+    It predicts none of the simulation's parameters, and leaves out members that show no trained setting.
+    """
+
+    catalog: Catalog
+    variation: Variation
+
+    @cached_property
+    def rules(self) -> list[Rule]:
+        """One for each picture."""
+        return setting_rules(self.variation)
+
+    @property
+    def names(self) -> list[str]:
+        """See `Predictor`."""
+        return [rule.name for rule in self.rules]
+
+    def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
+        """See `Predictor`."""
+        batches: dict[tuple[str, str], list[Case]] = {}
+        for case in cases:
+            batches.setdefault((case.member.name, case.appearance), []).append(case)
+        for batch in batches.values():
+            trained = self.shown(batch[0].member)
+            if len(trained):
+                wanted = place_of(batch[0], self.variation)[None]  # [1, V]
+                weights = np.concatenate([rule.weights(trained.places, wanted) for rule in self.rules])  # [K, S]
+                yield batch, partial(self._mixed, trained.appearances, weights)
+
+    def shown(self, member: Member) -> Trained:
+        """The trained settings that a member shows."""
+        return Trained.of(self.variation, member.appearances)
+
+    def _mixed(self, appearances: Sequence[str], weights: Weights, case: Case) -> NDArray[np.float32]:
+        """Pictures (K, H, W, 4) of weights (K, S)."""
+        used = np.flatnonzero(weights.any(axis=0)).tolist()
+        load = partial(self.catalog.image, case.member, view=case.view, dtype="float32")
+        pictures = np.stack([load(appearances[i]) for i in used])
+        return np.clip(np.tensordot(weights[:, used].astype(np.float32), pictures, axes=1), 0.0, 1.0)
+
+
+def place_of(case: Case, variation: Variation) -> NDArray[np.float64]:
+    """The visualization parameters (V,) of a case as a network sees them."""
+    return variation.normalize(variation.values_of(case.varied))

@@ -14,7 +14,9 @@ import torch
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.deformation.visualization import Visualization
-from surrogate.evaluation.scoring import Case, Scored, Scorer
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import Scored, score_cases
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.device import chosen
@@ -99,7 +101,7 @@ class BaseFits:
     def score(self, surrogate: Surrogate) -> list[Scored]:
         """See `Fits`."""
         cases = [Case(row.member, row.view, row.appearance) for row in self._judges]
-        return Scorer(surrogate, self._catalog).score(cases)
+        return _scored(surrogate, self._catalog, cases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +175,7 @@ class VisualizationFits:
     @one_torch_thread()
     def score(self, surrogate: Surrogate) -> list[Scored]:
         """See `Fits`."""
-        return Scorer(surrogate, self._source.catalog).score([case for one in self._learnt for case in one.cases])
+        return _scored(surrogate, self._source.catalog, [case for one in self._learnt for case in one.cases])
 
     @cached_property
     def _learnt(self) -> list[_Learnt]:
@@ -193,6 +195,11 @@ class VisualizationFits:
         visualization = new_visualization(*fitted, learnt.variation, source, degree)
         stage = visualization_stage(*fitted, visualization, settings)
         return visualization, StageRun(stage, settings, learnt.data)
+
+
+def _scored(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case]) -> list[Scored]:
+    [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, cases)
+    return list(found.values())
 
 
 def _is_of(surrogate: Surrogate, source: Source) -> bool:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION as EVALUATION
-from surrogate.evaluation.scoring import METRICS, PARAMETERS, VIEWS
-from surrogate.evaluation.varied import SETTINGS
+from surrogate.evaluation.scoring import METRICS
 from surrogate.storage.records import Provenance, Record
 
 KIND, VERSION = "seed", 2

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from catalogs.catalog import Catalog
-from surrogate.evaluation.evaluate import images_of_cells
-from surrogate.evaluation.scoring import METRICS, Case, Report, Scorer
-from surrogate.evaluation.tables import Cells, cell_means
-from surrogate.evaluation.varied import images_of_varied_cells
+from surrogate.evaluation.cases import all_cases, base_cells, variation_cells
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import METRICS, Cells, Report, by_cell, score_cases
+from surrogate.evaluation.tables import cell_means
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
@@ -23,22 +23,22 @@ def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = la
 
     Raises ValueError where its pictures are no numbers: training diverged.
     """
-    main = images_of_cells(catalog, str(surrogate.training["appearance"]))
-    varied = [images_of_varied_cells(catalog.members, v.variation) for v in surrogate.visualizations]
-    total = sum(len(cases) for images in (main, *varied) for row in images.values() for cases in row.values())
-    scorer = Scorer(surrogate, catalog, lambda done: progress(STAGE, done, total))
+    main = base_cells(catalog, str(surrogate.training["appearance"]))
+    varied = [variation_cells(catalog, v.variation) for v in surrogate.visualizations]
+    predictor = SurrogatePredictor(surrogate.at, catalog.plan.background)
+    cases = [case for cells in (main, *varied) for case in all_cases(cells)]
+    [found] = score_cases(predictor, catalog, cases, progress=partial(progress, STAGE))
+    if not all(math.isfinite(scored.score.psnr) for scored in found.values()):
+        raise ValueError("training diverged: the model shows pictures that are no numbers")
     return {
-        "cells": _scored(scorer, main),
+        "cells": _means(by_cell(main, found)),
         "variations": [
-            {"kind": v.variation.kind, "base": v.variation.base, **_scored(scorer, images)}
-            for v, images in zip(surrogate.visualizations, varied, strict=True)
+            {"kind": v.variation.kind, "base": v.variation.base, **_means(by_cell(cells, found))}
+            for v, cells in zip(surrogate.visualizations, varied, strict=True)
         ],
     }
 
 
-def _scored(scorer: Scorer, images: Mapping[str, Mapping[str, list[Case]]]) -> dict[str, Any]:
-    cells: Cells = {row: {column: scorer.score(cases) for column, cases in of.items()} for row, of in images.items()}
-    if not all(math.isfinite(s.score.psnr) for of in cells.values() for scored in of.values() for s in scored):
-        raise ValueError("training diverged: the model shows pictures that are no numbers")
+def _means(cells: Cells) -> dict[str, Any]:
     counts = {row: {column: len(scored) for column, scored in of.items()} for row, of in cells.items()}
     return {**{metric: cell_means(cells, metric) for metric in METRICS}, "images": counts}

@@ -15,8 +15,10 @@ from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from surrogate.cli import main
-from surrogate.evaluation.evaluate import METRICS, PARAMETERS, VIEWS, evaluate, mean, targets_of
+from surrogate.evaluation.cases import PARAMETERS, VIEWS, cases_of
+from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.metrics import score
+from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
 from surrogate.settings import TrainingSettings
@@ -95,7 +97,7 @@ def test_trivial_predictors_are_what_they_say(run: tuple[Surrogate, Catalog, Pat
         "ridge regression",
         "radial basis functions",
     }
-    target = targets_of(catalog, "disk", ("test",), ("test",))[3]
+    target = cases_of(catalog.members, {"disk": {}}, ("test",), ("test",))[3]
     low, high = (catalog.image(m, "disk", target.view, dtype="float32") for m in catalog.members if m.split == "train")
     truth = catalog.image(target.member, "disk", target.view)
     wanted = {

@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from surrogate.evaluation.cases import Case, cases_of
 from surrogate.evaluation.metrics import Score, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
-from surrogate.evaluation.scoring import Case, Scored, Scorer, cases_of, compare, mean, spread
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import Scored, compare, mean, score_cases, spread
 from tests.support.varied_blobs import MEMBERS, varied, varied_catalog, varied_surrogate
 
 
@@ -58,7 +60,7 @@ def test_a_comparison_is_what_its_parts_are(background: tuple[float, float, floa
     assert found.covered == pytest.approx(share)
 
 
-def test_a_scorer_keeps_the_order_and_looks_at_a_few(tmp_path) -> None:
+def test_scores_keep_the_order_and_a_few_are_looked_at(tmp_path) -> None:
     surrogate = varied_surrogate()
     catalog = varied_catalog(tmp_path / "a.cdb", surrogate)
     names = {name: varied(name) for name in ("iso=1", "dvr", "tf-test-0")}
@@ -67,17 +69,25 @@ def test_a_scorer_keeps_the_order_and_looks_at_a_few(tmp_path) -> None:
     shown = [(m, a, v) for m, a, v in shown if a in MEMBERS[m][1]]
     assert [(c.member.name, c.appearance, c.view) for c in cases] == shown
     mixed = [cases[i] for i in np.random.default_rng(0).permutation(len(cases))]
-    done: list[int] = []
-    found = Scorer(surrogate, catalog, done.append).score(mixed, Counting(), most_perceptual=5)
-    assert [s.target for s in found] == mixed
+    done: list[tuple[int, int]] = []
+    [scores] = score_cases(
+        SurrogatePredictor(surrogate.at, None),
+        catalog,
+        mixed,
+        perceptual=Counting(),
+        looked_at={mixed[i] for i in spread(len(mixed), 5)},
+        progress=lambda *counts: done.append(counts),
+    )
+    found = list(scores.values())
+    assert list(scores) == [s.target for s in found] == mixed
     assert min(s.score.psnr for s in found) > 57.0  # nothing was mixed up: only 8 bits are between them
     assert sum(s.perceptual is not None for s in found) == 5
-    assert done[-1] == len(cases)
+    assert done[-1] == (len(cases), len(cases))
     assert len(done) == 7  # three members under three, three and one appearances
-    elsewhere = Scorer(surrogate, catalog).score(mixed[:1], shown_at=lambda case: {"p": 0.9})
+    [elsewhere] = score_cases(SurrogatePredictor(surrogate.at, None, lambda _: {"p": 0.9}), catalog, mixed[:1])
     wrong = surrogate.at(p=0.9).render(mixed[0].camera)
     truth = catalog.image(mixed[0].member, mixed[0].appearance, mixed[0].view)
-    assert elsewhere[0].score == score(truth, wrong, None)
+    assert elsewhere[mixed[0]].score == score(truth, wrong, None)
 
 
 def test_a_few_are_spread_evenly() -> None:

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 from catalogs.catalog import Catalog
 from surrogate.cli import main
-from surrogate.evaluation.evaluate import Evaluation, evaluate
+from surrogate.evaluation.cases import PARAMETERS, SETTINGS, Case, drawn_evenly
+from surrogate.evaluation.evaluate import AT_NEAREST, Evaluation, VariedEvaluation, evaluate
 from surrogate.evaluation.perceptual import PerceptualMetrics
-from surrogate.evaluation.scoring import METRICS, PARAMETERS, Case
-from surrogate.evaluation.varied import AT_NEAREST, SETTINGS, VariedEvaluation, drawn_evenly
+from surrogate.evaluation.scoring import METRICS
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
 from tests.support.tables import squared_error, tables

@@ -18,9 +18,9 @@ from catalogs.variations import field_variation, transfer_function_family
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
 from surrogate.deformation import FieldDeformation
+from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.metrics import psnr
-from surrogate.evaluation.scoring import PARAMETERS
 from surrogate.gaussians import NAMES
 from surrogate.report.report import write_report
 from surrogate.report.variations import variation_line

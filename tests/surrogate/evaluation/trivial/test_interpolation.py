@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
+from scipy.spatial import ConvexHull
 
 from surrogate.evaluation.trivial.interpolation import (
-    fixed_predictors,
+    fixed_rules,
     linear,
     mean_image,
     nearest_member,
@@ -41,6 +42,23 @@ def test_linear_in_more_dimensions_is_scipy(dimensions: int) -> None:
     assert np.allclose((linear(known, wanted) @ values)[inside], theirs[inside])
 
 
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_linear_on_the_hull_counts_as_inside(dimensions: int) -> None:
+    known = random.uniform(-1, 1, (60, dimensions))
+    edges = np.vstack([simplex[[0, 1]] for simplex in ConvexHull(known).simplices])  # [2 E]
+    for first, second in edges.reshape(-1, 2):
+        weights = linear(known, (known[[first]] + known[[second]]) / 2)[0]
+        assert np.allclose(weights @ known, (known[first] + known[second]) / 2)
+        assert weights[[first, second]].sum() == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_linear_through_members_in_a_line_takes_the_nearest(dimensions: int) -> None:
+    known = np.outer(np.linspace(-1, 1, 6), np.ones(dimensions))
+    wanted = random.uniform(-1, 1, (20, dimensions))
+    assert (linear(known, wanted) == nearest_member(known, wanted)).all()
+
+
 def test_linear_without_a_volume_takes_the_nearest() -> None:
     known = np.array([[0.0, 0.0], [1.0, 1.0]])
     assert np.allclose(linear(known, np.array([[0.9, 0.8]])), [[0.0, 1.0]])
@@ -69,5 +87,5 @@ def test_radial_interpolates_its_members_as_scipy_does() -> None:
 
 
 def test_interpolation_is_offered_up_to_three_parameters() -> None:
-    assert "linear interpolation" in {p.name for p in fixed_predictors(3)}
-    assert "linear interpolation" not in {p.name for p in fixed_predictors(6)}
+    assert "linear interpolation" in {p.name for p in fixed_rules(3)}
+    assert "linear interpolation" not in {p.name for p in fixed_rules(6)}

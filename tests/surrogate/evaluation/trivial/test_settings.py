@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.evaluation.trivial.settings import Trained, inverse_distance, mixtures, setting_predictors
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.trivial.settings import SettingMixtures, Trained, inverse_distance
 from tests.support.varied_blobs import FUNCTIONS, ISOVALUE, PLACES, varied_catalog, varied_surrogate
 
 
@@ -58,9 +59,8 @@ def test_isovalues_are_interpolated_between_their_neighbours(
 ) -> None:
     catalog = varied_catalog(tmp_path / "a.cdb", varied_surrogate(), {"train-0": (0.0, ISOVALUE.named("train"))})
     member = catalog.member("train-0")
-    trained = Trained.of(ISOVALUE, member.appearances)
-    wanted = ISOVALUE.normalize((isovalue,))
-    nearest, between = mixtures(catalog, trained, member, 2, wanted, setting_predictors(ISOVALUE))
+    [(cases, draw)] = SettingMixtures(catalog, ISOVALUE).batches([Case(member, 2, "unseen", {"isovalue": isovalue})])
+    nearest, between = draw(cases[0])
     pictures = {name: catalog.image(member, name, 2) / 255.0 for name in weights}
     np.testing.assert_allclose(between, sum(w * pictures[name] for name, w in weights.items()), atol=1e-5)
     np.testing.assert_allclose(nearest, pictures[max(weights, key=weights.__getitem__)], atol=1e-6)

@@ -1,0 +1,134 @@
+"""The images that predictors are judged by: which there are, and which of them each evaluation takes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog, Member
+from catalogs.variations import Variation
+
+VIEWS = {"seen_views": ("train",), "unseen_views": ("test",)}
+PARAMETERS = {"seen_parameters": ("train",), "unseen_parameters": ("test",)}
+SETTINGS = {"seen_settings": ("train",), "unseen_settings": ("test",)}
+VALIDATION = "validation"
+MOST_IMAGES = 400  # of a cell of seen parameters, and of validation
+MOST_VARIED = 300  # of a cell of a variation
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """An image of the data set that is to be predicted.
+
+    Attributes
+    ----------
+    member, view, appearance : where its picture is stored.
+    varied : the visualization parameters by name; empty for the base appearance.
+    """
+
+    member: Member
+    view: int
+    appearance: str
+    varied: Mapping[str, float | str] = field(default_factory=dict)
+
+    @property
+    def camera(self) -> Camera:
+        """What the image was taken with."""
+        return self.member.cameras[self.view]
+
+    @property
+    def parameters(self) -> dict[str, float | str]:
+        """Everything that `Surrogate.at` must be told."""
+        return {**self.member.parameters, **self.varied}
+
+
+CaseCells = Mapping[str, Mapping[str, Sequence[Case]]]  # by row and column of a table
+
+
+def all_cases(cells: CaseCells) -> list[Case]:
+    """The images of all cells."""
+    return [case for row in cells.values() for group in row.values() for case in group]
+
+
+def cases_of(
+    members: Sequence[Member],
+    appearances: Mapping[str, Mapping[str, float | str]],
+    member_splits: Sequence[str],
+    view_splits: Sequence[str],
+) -> list[Case]:
+    """Images of the given splits under some appearances, named with their visualization parameters."""
+    return [
+        Case(member, view, appearance, varied)
+        for member in members
+        if member.split in member_splits
+        for appearance, varied in appearances.items()
+        if appearance in member.appearances
+        for view, split in enumerate(member.view_splits)
+        if split in view_splits
+    ]
+
+
+def base_cells(catalog: Catalog, appearance: str) -> CaseCells:
+    """Test images of the base appearance, by row of `VIEWS` and column of `PARAMETERS`; no choice may be made on them."""
+    found = {
+        row: {c: cases_of(catalog.members, {appearance: {}}, splits, views) for c, splits in PARAMETERS.items()}
+        for row, views in VIEWS.items()
+    }
+    return {row: {**columns, "seen_parameters": drawn(columns["seen_parameters"])} for row, columns in found.items()}
+
+
+def base_validation(catalog: Catalog, appearance: str) -> list[Case]:
+    """Images of validation members, else of validation views: choices are made on these."""
+    shown = {appearance: {}}  # type: Mapping[str, Mapping[str, float | str]]
+    found = cases_of(catalog.members, shown, (VALIDATION,), ("train", VALIDATION))
+    return found or cases_of(catalog.members, shown, ("train",), (VALIDATION,))
+
+
+def variation_cells(catalog: Catalog, variation: Variation) -> CaseCells:
+    """Test images at unseen views, by row of `SETTINGS` and column of `PARAMETERS`."""
+    return {
+        row: {
+            c: drawn_evenly(_varied_cases(catalog, variation, settings, splits, ("test",)))
+            for c, splits in PARAMETERS.items()
+        }
+        for row, settings in SETTINGS.items()
+    }
+
+
+def variation_validation(catalog: Catalog, variation: Variation) -> list[Case]:
+    """Images of validation members under validation settings; of fields, which are all trained, under any."""
+    settings = VALIDATION if variation.continuous else "train"
+    return drawn_evenly(_varied_cases(catalog, variation, (settings,), (VALIDATION,), ("train", VALIDATION)))
+
+
+def drawn(cases: Sequence[Case], most: int = MOST_IMAGES) -> list[Case]:
+    """At most `most` cases, drawn without replacement by a fixed seed, in order."""
+    if len(cases) <= most:
+        return list(cases)
+    return [cases[i] for i in sorted(np.random.default_rng(0).choice(len(cases), size=most, replace=False))]
+
+
+def drawn_evenly(cases: Sequence[Case], most: int = MOST_VARIED) -> list[Case]:
+    """At most `most` cases, drawn by a fixed seed, in order; equally many of each member and appearance, give or take one."""
+    taken: Counter[tuple[str, str]] = Counter()
+    turns = []
+    for i in np.random.default_rng(0).permutation(len(cases)).tolist():
+        group = cases[i].member.name, cases[i].appearance
+        turns.append((taken[group], i))
+        taken[group] += 1
+    return [cases[i] for i in sorted(i for _, i in sorted(turns, key=lambda turn: turn[0])[:most])]
+
+
+def _varied_cases(
+    catalog: Catalog,
+    variation: Variation,
+    setting_splits: Sequence[str],
+    member_splits: Sequence[str],
+    view_splits: Sequence[str],
+) -> list[Case]:
+    shown = {s.appearance: variation.asked(s) for s in variation.settings if s.split in setting_splits}
+    return cases_of(catalog.members, shown, member_splits, view_splits)

@@ -1,0 +1,64 @@
+"""What predicts images: the protocol that the surrogate and everything that it is compared with follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.evaluation.cases import Case
+from surrogate.model import DeformedGaussians
+
+Draw = Callable[[Case], Iterable[NDArray[Any]]]
+
+
+class Predictor(Protocol):
+    """Makes pictures for simulation parameters, visualization parameters and a camera.
+
+    A predictor may be several that share work, such as rules that mix the same stored pictures: it then has as many `names`,
+    and makes as many pictures of each case.
+    """
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The name of each picture that `batches` makes of a case."""
+
+    def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
+        """Cases that are cheap to predict together, and a function that predicts one of them.
+
+        The function returns a premultiplied RGBA picture (H, W, 4), uint8 or float32, for each name; two threads call it.
+        Cases that can't be predicted are left out.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class SurrogatePredictor:
+    """A surrogate, deformed once for all views of the same parameters.
+
+    Attributes
+    ----------
+    at : `Surrogate.at`, or another way from parameters by name to Gaussians.
+    background : the colour behind opaque images; None for images with alpha.
+    asked : the parameters at which a case is drawn, as a rule its own.
+    """
+
+    at: Callable[..., DeformedGaussians]
+    background: Sequence[float] | None
+    asked: Callable[[Case], Mapping[str, float | str]] = lambda case: case.parameters
+    names: Sequence[str] = ("the surrogate",)
+
+    def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
+        """See `Predictor`."""
+        batches: dict[tuple[tuple[str, float | str], ...], list[Case]] = {}
+        for case in cases:
+            batches.setdefault(tuple(self.asked(case).items()), []).append(case)
+        for parameters, batch in batches.items():
+            deformed = self.at(**dict(parameters))
+            yield batch, partial(self._drawn, deformed)
+
+    def _drawn(self, deformed: DeformedGaussians, case: Case) -> list[NDArray[np.float32]]:
+        return [deformed.render(case.camera, background=self.background)]
