@@ -13,28 +13,20 @@ import argparse
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.page import DOCS, PROJECT, commit, fill, table
-from catalogs.catalog import Catalog
 from surrogate import Surrogate
-from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import spread
-from surrogate.explore.reliability.expectation import (
-    NEAREST,
-    Expectation,
-    Table,
-    gap_of,
-    left_out,
-    levelled,
-    measure,
-    tables_of,
-)
+from surrogate.explore.reliability.calibration import NEAREST, Table, gap_of, left_out, levelled, tables_of
+from surrogate.explore.reliability.expectation import Expectation, measure
+from surrogate.explore.reliability.measuring import psnr_of
 from surrogate.explore.reliability.places import ISOSURFACES, base_name
+from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.provenance import machine
 from surrogate.splatting.threads import one_torch_thread
@@ -70,11 +62,11 @@ def shown_by(surrogate: Surrogate) -> dict[str, Mapping[str, float | str]]:
     return shown
 
 
-def agreements(surrogate: Surrogate, catalog: Catalog, expectation: Expectation, views: int) -> dict[str, Agreement]:
+def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Agreement]:
     """By family, at `views` test views of each test member and appearance."""
     rows: dict[str, list[tuple[float, ...]]] = {}
-    behind = catalog.plan.background
-    for member in (m for m in catalog.members if m.split == "test"):
+    surrogate, catalog = run.surrogate, run.catalog
+    for member in (m for m in run.members if m.split == "test"):
         tested = [i for i, split in enumerate(member.view_splits) if split == "test"]
         chosen = [tested[i] for i in spread(len(tested), views)]
         for appearance, varied in shown_by(surrogate).items():
@@ -84,11 +76,7 @@ def agreements(surrogate: Surrogate, catalog: Catalog, expectation: Expectation,
             expected, deformed = expectation.at(setting, surrogate), setting.gaussians(surrogate)
             if expected.psnr is None or expected.training_distance is None:
                 continue
-            found = []
-            for view in chosen:
-                truth = composite(catalog.image(member, appearance, view), behind or WHITE)
-                drawn = deformed.render(member.cameras[view], background=behind)
-                found.append(psnr(truth, composite(drawn, behind or WHITE)))
+            found = [psnr_of(deformed, catalog, member, appearance, view) for view in chosen]
             family = "isosurfaces" if "isovalue" in varied else "transfer functions" if varied else "base"
             single = float(np.abs(np.array(found) - expected.psnr).mean())
             row = (expected.psnr, float(np.mean(found)), expected.error or np.nan, single, expected.training_distance)
@@ -146,14 +134,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     runs = options.runs or [run for s in SCENES if Surrogate.exists((run := PROJECT / "runs" / s) / "surrogate")]
     choices, reports, times = [], [], []
-    for run in runs:
-        surrogate, catalog = Surrogate.load(run / "surrogate"), Catalog.open(run / "catalog.cdb")
+    for run in map(Run.open, runs):
         wall, processor = time.perf_counter(), time.process_time()
-        expectation = measure(surrogate, catalog, None)
+        expectation = measure(replace(run, folder=None))  # anew
         wall, processor = time.perf_counter() - wall, time.process_time() - processor
-        times.append(f"{run.name} {wall:.1f} ({processor:.1f})")
-        choices += chosen_by(run.name, expectation, surrogate)
-        reports += reported(run.name, agreements(surrogate, catalog, expectation, options.views))
+        times.append(f"{run.title} {wall:.1f} ({processor:.1f})")
+        choices += chosen_by(run.title, expectation, run.surrogate)
+        reports += reported(run.title, agreements(run, expectation, options.views))
     sys.stdout.write("Mean absolute difference (dB) of what was left out, by the number of neighbours:\n\n")
     columns = [f"{k}{' (taken)' if k == NEAREST else ''}" for k in TRIED]
     sys.stdout.write(table(["run", "family", "validation + training", "gap, dB", *columns], choices))

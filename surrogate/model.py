@@ -197,6 +197,11 @@ class Surrogate:
         """Size of the model's tensors as they are stored, 10^6 bytes."""
         return self._stored().megabytes
 
+    @property
+    def digest(self) -> str:
+        """A SHA-256 over all that is stored of the model."""
+        return self._stored().digest
+
     @staticmethod
     def exists(directory: str | os.PathLike[str]) -> bool:
         """Whether `directory` holds a finished surrogate."""

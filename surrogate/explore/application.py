@@ -65,8 +65,8 @@ class Explorer:
         self.run = run
         self.access = Access.of(host)
         self.secret = secrets.token_urlsafe(24)
-        self.frames = Frames(run.surrogate, None if run.catalog is None else Truth.of(run.catalog, run.surrogate))
-        self._facts = facts(run.surrogate, run.catalog, run.title)
+        self.frames = Frames(run.surrogate, Truth.of(run))
+        self._facts = facts(run)
         # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.
         alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
         self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw", **alone)
@@ -128,7 +128,7 @@ class Explorer:
                 raise InterruptedError
 
         try:
-            self.frames.expectation = measure(self.run.surrogate, self.run.catalog, self.run.folder, go_on)
+            self.frames.expectation = measure(self.run, go_on)
         except InterruptedError:
             pass
         except (CatalogError, ValueError, OSError) as error:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from catalogs.catalog import Catalog
+from catalogs.catalog import Catalog, Member
 from surrogate.model import Surrogate
 
 
@@ -28,6 +29,19 @@ class Run:
     model_folder: Path | None = None
     catalog: Catalog | None = None
     folder: Path | None = None
+
+    @cached_property
+    def members(self) -> tuple[Member, ...]:
+        """The catalog's members, those committed when this is first asked; none without a catalog.
+
+        Raises CatalogError for a damaged catalog, ValueError for one of other simulation parameters.
+        """
+        if self.catalog is None:
+            return ()
+        known, own = self.catalog.plan.space.names, self.surrogate.space.names
+        if known != own:
+            raise ValueError(f"the catalog is of {known}, the surrogate of {own}")
+        return self.catalog.members
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Run:

@@ -44,16 +44,27 @@ class StoredModel:
         """Write the tensors and then the record, which makes it a model, into `directory`."""
         directory = Path(directory)
         directory.mkdir(parents=True, exist_ok=True)
-        tensors, forms = self._encoded()
-        content = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
+        content, record = self._files()
         durable.replace(directory / TENSORS, content)
-        files = {"tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()}, "encodings": forms}
-        durable.replace(directory / RECORD, json.dumps({**self.record, **files}, indent=1).encode())
+        durable.replace(directory / RECORD, json.dumps(record, indent=1).encode())
+
+    @property
+    def digest(self) -> str:
+        """A SHA-256 over the record, which holds that of the tensors."""
+        _, record = self._files()
+        return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
 
     @property
     def megabytes(self) -> float:
         """Size of the tensors as they are stored, 10^6 bytes."""
         return sum(tensor.numel() * tensor.element_size() for tensor in self._encoded()[0].values()) / 1e6
+
+    def _files(self) -> tuple[bytes, dict[str, Any]]:
+        """The bytes of the tensors' file, and the values of the record's."""
+        tensors, forms = self._encoded()
+        content = safetensors.torch.save({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()})
+        files = {"tensors": {"file": TENSORS, "sha256": hashlib.sha256(content).hexdigest()}, "encodings": forms}
+        return content, {**self.record, **files}
 
     def _encoded(self) -> tuple[dict[str, Tensor], dict[str, str]]:
         """The tensors of the file, and the format of each that is encoded, by name."""

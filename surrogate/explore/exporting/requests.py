@@ -257,7 +257,7 @@ def _camera(run: Run, view: int, size: str, record: Mapping[str, Any] | None) ->
 def _cameras(run: Run) -> Sequence[Camera]:
     """Those of the catalog; where there is none, the 252 around a sphere that holds the volume."""
     if run.catalog is not None:
-        return run.catalog.plan.cameras or run.catalog.members[0].cameras
+        return run.catalog.plan.cameras or run.members[0].cameras
     placed = run.surrogate.normalization
     return orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
 

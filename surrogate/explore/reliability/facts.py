@@ -22,57 +22,64 @@ A gradient is a list of CSS colour stops whose places are percentages between th
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction, VolumeRendering, field_of
-from catalogs.cameras import OBLIQUE, Camera, upward
+from catalogs.cameras import OBLIQUE, Camera, orbit
 from catalogs.catalog import Catalog, Member
+from catalogs.parameters import Parameter
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.reliability.places import base_name
+from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 
 MOST_TICKS, MOST_VIEWPOINTS, MOST_MEMBERS, MOST_SUMMARIES = 300, 2000, 5000, 200
 BINS = 64
-FIELD_DEGREES, FILL = 30.0, 0.9  # of the first camera without a catalog, as in `catalogs.cameras.orbit`
+MARKED = ("train", "validation")  # whose values the page marks
 SAME_DIRECTION = 4  # decimals by which viewpoints of different members are the same
 
 Json = dict[str, Any]
 
 
-def facts(surrogate: Surrogate, catalog: Catalog | None, title: str) -> Json:
+def facts(run: Run) -> Json:
     """All that the module's documentation lists, as JSON values without NaN or infinities.
 
-    Raises CatalogError for a damaged catalog.
+    Raises as `Run.members` does.
     """
-    members = () if catalog is None else catalog.members
-    views = _views(surrogate, catalog, members)
-    camera = _first(views) if views else _camera_without_catalog(surrogate)
+    surrogate, catalog, members = run.surrogate, run.catalog, run.members
+    views = _views(run)
+    camera = max(views, key=lambda view: float(np.dot(view["direction"], OBLIQUE)), default=_whole_volume(surrogate))
+    field = "" if catalog is None else _base_field(surrogate, catalog)
+    shared = () if catalog is None else catalog.plan.cameras
+    size = next(([c.width, c.height] for c in (*shared, *(m.cameras[0] for m in members[:1]))), None)
     found = {
-        "title": title,
-        "parameters": _parameters(surrogate, members),
-        "variations": list(
-            filter(None, (_variation(surrogate, v.variation, catalog) for v in surrogate.visualizations))
-        ),
-        "histogram": None if catalog is None else _histogram(base_field(surrogate, catalog), members),
+        "title": run.title,
+        "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
+        "variations": [
+            found
+            for v in surrogate.visualizations
+            if (found := _variation(surrogate, v.variation, catalog)) is not None
+        ],
+        "histogram": _histogram(field, members),
         "camera": {name: value for name, value in camera.items() if name != "split"},
         "viewpoints": [_shortened(view, camera) for view in views],
-        "members": _members(surrogate, members),
+        "members": [
+            {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in surrogate.space.names]}
+            for m in (members[i] for i in spread(len(members), MOST_MEMBERS))
+        ],
         "background": None if surrogate.background is None else _hexadecimal(surrogate.background),
-        "size": _size(catalog, members),
+        "size": size,
         "truth": bool(members),
-        "base": {
-            "appearance": base_name(surrogate),
-            "field": "" if catalog is None else base_field(surrogate, catalog),
-        },
+        "base": {"appearance": base_name(surrogate), "field": field},
         "model": {
             "gaussians": len(surrogate.gaussians),
             "megabytes": surrogate.megabytes,
@@ -82,42 +89,20 @@ def facts(surrogate: Surrogate, catalog: Catalog | None, title: str) -> Json:
         },
     }
     clean: Json = _clean(found)
-    json.dumps(clean, allow_nan=False)
     return clean
 
 
-def base_field(surrogate: Surrogate, catalog: Catalog) -> str:
+def _base_field(surrogate: Surrogate, catalog: Catalog) -> str:
     """The name of the field that the base appearance shows; "" for the only one, and for images made elsewhere."""
     return next((field_of(a) for a in catalog.plan.appearances if a.name == base_name(surrogate)), "")
 
 
-# ---- parameters, members, variations
+# ---- parameters and variations
 
 
-def _parameters(surrogate: Surrogate, members: Sequence[Member]) -> list[Json]:
-    return [
-        {
-            "name": p.name,
-            "unit": p.unit,
-            "low": p.low,
-            "high": p.high,
-            **{
-                split: _ticks([m.parameters[p.name] for m in members if m.split == split and p.name in m.parameters])
-                for split in ("train", "validation")
-            },
-        }
-        for p in surrogate.space.parameters
-    ]
-
-
-def _members(surrogate: Surrogate, members: Sequence[Member]) -> list[Json]:
-    chosen = [members[i] for i in spread(len(members), MOST_MEMBERS)]
-    names = surrogate.space.names
-    return [
-        {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in names]}
-        for m in chosen
-        if set(names) <= set(m.parameters)
-    ]
+def _parameter(parameter: Parameter, members: Sequence[Member]) -> Json:
+    values = {split: [m.parameters[parameter.name] for m in members if m.split == split] for split in MARKED}
+    return {**asdict(parameter), **{split: _ticks(found) for split, found in values.items()}}
 
 
 def _ticks(values: Sequence[float]) -> list[float]:
@@ -132,10 +117,7 @@ def _variation(surrogate: Surrogate, variation: Variation, catalog: Catalog | No
     if variation.edits_base:
         return _functions(surrogate, variation, catalog)
     (parameter,) = variation.space.parameters
-    values = {
-        split: _ticks([s.values[0] for s in variation.settings if s.split == split])
-        for split in ("train", "validation")
-    }
+    values = {split: _ticks([s.values[0] for s in variation.settings if s.split == split]) for split in MARKED}
     return {"kind": variation.kind, "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **values}
 
 
@@ -200,14 +182,15 @@ def _histogram(field: str, members: Sequence[Member]) -> Json | None:
 # ---- cameras
 
 
-def _views(surrogate: Surrogate, catalog: Catalog | None, members: Sequence[Member]) -> list[Json]:
+def _views(run: Run) -> list[Json]:
     """The stored viewpoints as orbits with their split: the shared ones, or those of all members, each direction once."""
-    if catalog is None:
+    if run.catalog is None:
         return []
-    middle = np.mean(np.array(catalog.plan.bounds), axis=0)  # [3]
-    shared = [(catalog.plan.cameras, catalog.plan.view_splits)] if catalog.plan.cameras else []
+    plan = run.catalog.plan
+    middle = np.mean(np.array(plan.bounds), axis=0)  # [3]
+    shared = [(plan.cameras, plan.view_splits)] if plan.cameras else [(m.cameras, m.view_splits) for m in run.members]
     found: dict[tuple[float, ...], Json] = {}
-    for cameras, splits in shared or [(m.cameras, m.view_splits) for m in members]:
+    for cameras, splits in shared:
         for camera, split in zip(cameras, splits, strict=True):
             view = {**orbit_of(camera, middle), "split": split}
             found.setdefault(tuple(round(x, SAME_DIRECTION) + 0.0 for x in [*view["direction"], *view["up"]]), view)
@@ -235,24 +218,13 @@ def orbit_of(camera: Camera, middle: NDArray[np.float64]) -> Json:
     }
 
 
-def _first(views: Sequence[Json]) -> Json:
-    """That which is seen from about `OBLIQUE`."""
-    return max(views, key=lambda view: float(np.dot(view["direction"], OBLIQUE)))
-
-
-def _camera_without_catalog(surrogate: Surrogate) -> Json:
-    """From `OBLIQUE` at the distance where the ball around the normalized box fills the picture."""
-    direction = np.array(OBLIQUE) / np.linalg.norm(OBLIQUE)  # [3]
-    up = upward(direction)
-    across = up - (up @ direction) * direction  # [3]
-    half = math.tan(math.radians(FIELD_DEGREES) / 2.0)
-    return {
-        "direction": direction.tolist(),
-        "up": (across / np.linalg.norm(across)).tolist(),
-        "distance": math.sqrt(3.0) * surrogate.normalization.extent / math.sin(math.atan(FILL * half)),
-        "target": surrogate.normalization.center.tolist(),
-        "field": FIELD_DEGREES,
-    }
+def _whole_volume(surrogate: Surrogate) -> Json:
+    """From `OBLIQUE`, as far away as the cameras of `orbit` around the normalized box."""
+    center, radius = surrogate.normalization.center, math.sqrt(3.0) * surrogate.normalization.extent
+    around = orbit(center, radius, width=1, height=1, frequency=1)[0]
+    position = center + np.linalg.norm(around.position - center) * np.array(OBLIQUE) / np.linalg.norm(OBLIQUE)  # [3]
+    degrees = around.vertical_fov_degrees
+    return orbit_of(Camera.look_at(position, center, vertical_fov_degrees=degrees, width=1, height=1), center)
 
 
 def _shortened(view: Mapping[str, Any], camera: Mapping[str, Any]) -> Json:
@@ -263,13 +235,6 @@ def _shortened(view: Mapping[str, Any], camera: Mapping[str, Any]) -> Json:
 
 def _alike(first: Any, second: Any) -> bool:
     return bool(np.allclose(first, second, rtol=1e-9, atol=0.0))
-
-
-def _size(catalog: Catalog | None, members: Sequence[Member]) -> list[int] | None:
-    if catalog is None:
-        return None
-    camera = next(iter((*catalog.plan.cameras, *(m.cameras[0] for m in members[:1]))), None)
-    return None if camera is None else [camera.width, camera.height]
 
 
 # ---- JSON

@@ -15,8 +15,8 @@ from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
 from surrogate.explore.reliability.places import asked, base_name, fractions_of
+from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
-from surrogate.model import Surrogate
 
 SAME_VALUE = 1e-9  # relative: a decimal number there and back
 NEAR = 1e-3  # of the range: what lies within is compared number by number
@@ -39,11 +39,11 @@ class Stored:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """A catalog's members, read once, and the appearances that a surrogate follows.
+    """A catalog's members, and the appearances that a surrogate follows.
 
     Attributes
     ----------
-    members : all that were committed when it was opened.
+    members : as in `Run`.
     base : name of the surrogate's base appearance.
     variations : those that the surrogate follows.
     middle : (3,) world coordinates from which directions are taken: the centre of the catalog's box.
@@ -56,16 +56,13 @@ class Truth:
     middle: NDArray[np.float64]
 
     @classmethod
-    def of(cls, catalog: Catalog, surrogate: Surrogate) -> Truth:
-        """The pictures of `catalog` as `surrogate` follows them.
-
-        Raises CatalogError for a damaged catalog, ValueError for one of other simulation parameters.
-        """
-        if catalog.plan.space.names != surrogate.space.names:
-            raise ValueError(f"the catalog is of {catalog.plan.space.names}, the surrogate of {surrogate.space.names}")
-        middle = np.mean(np.array(catalog.plan.bounds), axis=0)
-        variations = tuple(v.variation for v in surrogate.visualizations)
-        return cls(catalog, catalog.members, base_name(surrogate), variations, middle)
+    def of(cls, run: Run) -> Truth | None:
+        """The pictures of the run's catalog; None without one.  Raises as `Run.members` does."""
+        if run.catalog is None:
+            return None
+        variations = tuple(v.variation for v in run.surrogate.visualizations)
+        middle = np.mean(np.array(run.catalog.plan.bounds), axis=0)  # [3]
+        return cls(run.catalog, run.members, base_name(run.surrogate), variations, middle)
 
     def match(self, setting: Setting, camera: Camera) -> Stored | None:
         """The stored picture that shows exactly this, whatever its size; None where there is none.

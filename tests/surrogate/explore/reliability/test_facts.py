@@ -18,6 +18,7 @@ from surrogate import Surrogate
 from surrogate.explore.color_maps import NAMES
 from surrogate.explore.reliability import facts as module
 from surrogate.explore.reliability.facts import facts
+from surrogate.explore.run import Run
 from tests.support.blobs import Blobs
 from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, VIEW_SPLITS, field_catalog
 from tests.support.models import following, plain
@@ -38,7 +39,7 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 @pytest.fixture(scope="module")
 def told(surrogate: Surrogate, catalog: Catalog) -> dict[str, Any]:
-    return facts(surrogate, catalog, "blobs")
+    return facts(Run("blobs", surrogate, catalog=catalog))
 
 
 def variation(told: dict[str, Any], kind: str) -> dict[str, Any]:
@@ -47,7 +48,7 @@ def variation(told: dict[str, Any], kind: str) -> dict[str, Any]:
 
 def test_it_is_plain_json(told: dict[str, Any], surrogate: Surrogate) -> None:
     assert json.loads(json.dumps(told, allow_nan=False)) == told
-    alone = facts(surrogate, None, "alone")
+    alone = facts(Run("alone", surrogate))
     assert json.loads(json.dumps(alone, allow_nan=False)) == alone
     assert set(alone) == set(told)
 
@@ -88,7 +89,7 @@ def test_fields_are_named_base_first(tmp_path: Path, surrogate: Surrogate) -> No
     from surrogate.deformation.visualization import Visualization
 
     of_field = Visualization(field_variation("dvr", appearances=("speed", "other")), surrogate.deformation)
-    told = facts(replace(surrogate, visualizations=(of_field,)), None, "fields")
+    told = facts(Run("fields", replace(surrogate, visualizations=(of_field,))))
     assert told["variations"] == [{"kind": "field", "names": ["dvr", "speed", "other"]}]
 
 
@@ -105,9 +106,9 @@ def test_damaged_summaries_are_left_out(tmp_path: Path, surrogate: Surrogate) ->
     catalog = field_catalog(tmp_path / "field.cdb", summaries=True)
     for member in catalog.members[:-1]:
         (member.path / "field.npz").write_bytes(b"no archive")
-    assert facts(surrogate, catalog, "")["histogram"] is not None
+    assert facts(Run("", surrogate, catalog=catalog))["histogram"] is not None
     (catalog.members[-1].path / "field.npz").unlink()
-    assert facts(surrogate, catalog, "")["histogram"] is None
+    assert facts(Run("", surrogate, catalog=catalog))["histogram"] is None
 
 
 def orbiting(view: dict[str, Any], told: dict[str, Any], size: int) -> Camera:
@@ -151,7 +152,7 @@ def own_cameras(path: Path) -> Catalog:
 
 def test_members_with_cameras_of_their_own_share_the_list_of_viewpoints(tmp_path: Path) -> None:
     catalog = own_cameras(tmp_path / "own.cdb")
-    told = facts(plain(), catalog, "own")
+    told = facts(Run("own", plain(), catalog=catalog))
     assert len(told["viewpoints"]) == 3
     cameras = [*catalog.members[0].cameras, catalog.members[1].cameras[1]]
     for view, camera in zip(told["viewpoints"], cameras, strict=True):
@@ -161,7 +162,7 @@ def test_members_with_cameras_of_their_own_share_the_list_of_viewpoints(tmp_path
 
 
 def test_without_a_catalog_the_camera_sees_the_whole_box(surrogate: Surrogate) -> None:
-    told = facts(surrogate, None, "alone")
+    told = facts(Run("alone", surrogate))
     camera = orbiting({}, told, 100)
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     world = corners * surrogate.normalization.extent + surrogate.normalization.center
@@ -174,9 +175,9 @@ def test_without_a_catalog_the_camera_sees_the_whole_box(surrogate: Surrogate) -
 
 
 def test_the_model_and_its_background(surrogate: Surrogate) -> None:
-    told = facts(replace(surrogate, background=(1.0, 0.5, 0.0)), None, "alone")
+    told = facts(Run("alone", replace(surrogate, background=(1.0, 0.5, 0.0))))
     assert told["background"] == "#ff8000"
-    assert facts(surrogate, None, "alone")["background"] is None
+    assert facts(Run("alone", surrogate))["background"] is None
     assert told["model"]["gaussians"] == len(surrogate.gaussians)
     assert told["model"]["megabytes"] == pytest.approx(surrogate.megabytes)
     assert told["model"]["seconds"] == 1.0
@@ -185,7 +186,7 @@ def test_the_model_and_its_background(surrogate: Surrogate) -> None:
 def test_names_from_outside_stay_plain_strings() -> None:
     space = ParameterSpace((Parameter(HOSTILE, 0.0, 1.0, HOSTILE),))
     training = {"appearance": HOSTILE, "seconds": float("nan")}
-    told = facts(replace(plain(), space=space, training=training), None, HOSTILE)
+    told = facts(Run(HOSTILE, replace(plain(), space=space, training=training)))
     again = json.loads(json.dumps(told, allow_nan=False))
     plainly = HOSTILE.replace("\ud800", "?")  # half a character has no UTF-8, in which messages travel
     assert again["title"] == again["parameters"][0]["name"] == again["parameters"][0]["unit"] == plainly
@@ -197,6 +198,7 @@ def test_of_many_there_are_some(monkeypatch: pytest.MonkeyPatch, make_catalog: M
     for name in ("MOST_TICKS", "MOST_VIEWPOINTS", "MOST_MEMBERS"):
         monkeypatch.setattr(module, name, 4)
     members = [("train", p) for p in np.linspace(0.0, 1.0, 7).tolist()]
-    told = facts(plain(), make_catalog(members=members, view_splits=("train",) * 9, blank=True), "many")
+    catalog = make_catalog(members=members, view_splits=("train",) * 9, blank=True)
+    told = facts(Run("many", plain(), catalog=catalog))
     assert [len(told[name]) for name in ("members", "viewpoints")] == [4, 4]
     assert told["parameters"][0]["train"] == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0])

@@ -14,6 +14,7 @@ from catalogs.catalog import Catalog
 from catalogs.variations import Setting as VariedSetting
 from surrogate import Surrogate
 from surrogate.explore.reliability.truth import Truth
+from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.rasterizer import Rasterizer
 from tests.support.varied_blobs import BLOBS, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
@@ -27,10 +28,16 @@ def surrogate() -> Surrogate:
     return replace(varied_surrogate(), rasterizer=Rasterizer(backend="cpu"))
 
 
+def truth_of(catalog: Catalog, surrogate: Surrogate) -> Truth:
+    found = Truth.of(Run("truth", surrogate, catalog=catalog))
+    assert found is not None
+    return found
+
+
 @pytest.fixture(scope="module")
 def truth(surrogate: Surrogate, tmp_path_factory: pytest.TempPathFactory) -> Truth:
     catalog = varied_catalog(tmp_path_factory.mktemp("truth") / "varied.cdb", surrogate)
-    return Truth.of(Catalog.open(catalog.path), surrogate)
+    return truth_of(Catalog.open(catalog.path), surrogate)
 
 
 def moved(camera: Camera, by: float) -> Camera:
@@ -168,14 +175,14 @@ def test_what_must_be_asked_for_to_see_an_appearance(truth: Truth) -> None:
 def test_a_catalog_of_other_parameters_is_refused(truth: Truth, surrogate: Surrogate) -> None:
     parameters = [{**record, "name": "q"} for record in surrogate.space.to_json()]
     with pytest.raises(ValueError, match="catalog is of"):
-        Truth.of(truth.catalog, replace(surrogate, space=type(surrogate.space).from_json(parameters)))
+        truth_of(truth.catalog, replace(surrogate, space=type(surrogate.space).from_json(parameters)))
 
 
 def test_pictures_on_a_background_are_opaque(surrogate: Surrogate, tmp_path: Path) -> None:
     catalog = varied_catalog(
         tmp_path / "white.cdb", surrogate, {"train-0": (0.0, ("dvr",))}, background=(1.0, 1.0, 1.0)
     )
-    truth = Truth.of(catalog, surrogate)
+    truth = truth_of(catalog, surrogate)
     picture = truth.picture(truth.stored(truth.members[0], "dvr", 0))
     assert (picture[..., 3] == 1.0).all()
     with pytest.raises(ValueError, match="has no view 9"):

@@ -1,0 +1,132 @@
+"""From measurements to what is expected of members that training never saw, and how far off such expectations are.
+
+Training members are predicted better than others because their parameters were seen.  This gap, measured where both show the same
+appearance, is taken off what was measured at them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.explore.reliability.measuring import Measured
+from surrogate.explore.reliability.places import Place, base_name, place_of
+from surrogate.model import Surrogate
+
+NEAREST = (
+    4  # measurements whose median is expected; of 1 to 15 the best at rows left out, see benchmarks/expectation.py
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The measurements of one family, R rows.
+
+    Attributes
+    ----------
+    places : (R, P + V), as in `Place`.
+    pictures : (R, K) dB, as measured at up to K views; NaN for views that a row does not have.
+    members, appearances : names, (R,) each.
+    unseen : (R,) whether the row is of a validation member.
+    base : the name of the base appearance.
+    """
+
+    places: NDArray[np.float64]
+    pictures: NDArray[np.float64]
+    members: NDArray[np.str_]
+    appearances: NDArray[np.str_]
+    unseen: NDArray[np.bool_]
+    base: str
+
+    @cached_property
+    def psnr(self) -> NDArray[np.float64]:
+        """Means over views, (R,)."""
+        return np.nanmean(self.pictures, axis=1)
+
+    def of(self, rows: NDArray[np.bool_]) -> Table:
+        """Some of the rows, (R,) of them marked."""
+        arrays = ("places", "pictures", "members", "appearances", "unseen")
+        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
+
+
+def predicted(
+    places: NDArray[np.float64], values: NDArray[np.float64], place: NDArray[np.float64], nearest: int = NEAREST
+) -> float:
+    """The median of the `values` (R,) whose `places` (R, D) lie nearest to `place` (D,)."""
+    steps = places - place  # [R, D]
+    order = np.einsum("rd,rd->r", steps, steps).argsort(kind="stable")[:nearest]
+    return float(np.median(values[order]))
+
+
+def tables_of(measured: Sequence[Measured], surrogate: Surrogate) -> dict[str, Table]:
+    """The measurements by family."""
+    rows: dict[str, list[tuple[Place, Measured]]] = {}
+    for one in measured:
+        place = place_of(one.setting, surrogate)
+        rows.setdefault(place.family, []).append((place, one))
+    most = max((len(one.psnr) for one in measured), default=0)
+    return {
+        family: Table(
+            np.array([place.values for place, _ in group]),
+            np.array([one.psnr + (math.nan,) * (most - len(one.psnr)) for _, one in group]),
+            np.array([one.member for _, one in group]),
+            np.array([one.appearance for _, one in group]),
+            np.array([one.split == "validation" for _, one in group]),
+            base_name(surrogate),
+        )
+        for family, group in rows.items()
+    }
+
+
+def gap_of(table: Table, nearest: int = NEAREST) -> float | None:
+    """By how many dB training members are better than validation members where both show the same appearance; None without such.
+
+    The median over validation members of the median of their nearest training members, less what was measured.
+    """
+    gaps = []
+    for row in np.flatnonzero(table.unseen):
+        alike = ~table.unseen & (table.appearances == table.appearances[row])
+        if alike.any():
+            around = predicted(table.places[alike], table.psnr[alike], table.places[row], nearest)
+            gaps.append(around - table.psnr[row])
+    return float(np.median(gaps)) if gaps else None
+
+
+def levelled(table: Table, otherwise: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
+    """PSNR (R,) as if every member were one that training never saw; `otherwise` is the gap where the table has none itself."""
+    own = gap_of(table, nearest)
+    gap = otherwise if own is None else own
+    return np.where(table.unseen, table.psnr, table.psnr - (gap or 0.0))
+
+
+def left_out(table: Table, gap: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
+    """What is expected (R,) at each row without its member and, if that is no base appearance, the setting that it shows.
+
+    The gap is measured anew each time; `gap` is for tables that have none themselves.  NaN where nothing is left.
+    """
+    expected = np.full(len(table.psnr), np.nan)
+    for row in range(len(expected)):
+        kept = table.members != table.members[row]
+        if table.appearances[row] != table.base:
+            kept &= table.appearances != table.appearances[row]
+        if kept.any():
+            rest = table.of(kept)
+            expected[row] = predicted(rest.places, levelled(rest, gap, nearest), table.places[row], nearest)
+    return expected
+
+
+def left_out_error(table: Table, gap: float | None) -> float | None:
+    """The mean absolute difference, dB, between `left_out` and single pictures; None where nothing is left.
+
+    Over all rows, or over validation members where it is larger.
+    """
+    expected = left_out(table, gap)  # [R]
+    known, taken_off = np.isfinite(expected), table.psnr - levelled(table, gap)  # [R] each
+    errors = np.abs(table.pictures - (taken_off + expected)[:, None])  # [R, K]
+    means = [np.nanmean(errors[rows], axis=1).mean() for rows in (known, known & table.unseen) if rows.any()]
+    return max(map(float, means), default=None)

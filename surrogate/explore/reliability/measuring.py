@@ -1,0 +1,168 @@
+"""How well a surrogate shows what it did not learn from: measured once per run, and kept beside it.
+
+Measured are validation members; and training members, at views that training did not see.  Test members, views and settings are
+never looked at.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from catalogs.catalog import Catalog, Member
+from catalogs.images import ImageError
+from surrogate.evaluation.metrics import WHITE, composite, psnr
+from surrogate.evaluation.scoring import Report, spread
+from surrogate.explore.reliability.places import base_name
+from surrogate.explore.run import Run
+from surrogate.explore.setting import Setting
+from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.storage.records import Provenance, Record
+
+FILE = Path("explore") / "expectation.json"
+KIND, VERSION = "expectation", 2  # 1 was no `Record`
+VIEWS = 5  # of a member: its views differ by 0.3 to 1 dB, so their mean is known to 0.1 to 0.5 dB
+MOST_VALIDATION, MOST_TRAINING, MOST_VARIED = 60, 80, 80  # cases: some 1,000 pictures of 10 ms at most
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The error of one member in one appearance.
+
+    Attributes
+    ----------
+    varied : the visualization parameters as a `Setting` has them.
+    psnr : dB, of each view.
+    seen_views : whether training learnt from these views, for lack of others.
+    """
+
+    member: str
+    split: str
+    parameters: Mapping[str, float]
+    appearance: str
+    varied: Mapping[str, float | str]
+    psnr: tuple[float, ...]
+    seen_views: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "psnr", tuple(map(float, self.psnr)))
+        if not self.psnr or not all(map(math.isfinite, self.psnr)):
+            raise ValueError(f"{self.member} needs finite decibels, got {self.psnr}")
+
+    @property
+    def setting(self) -> Setting:
+        return Setting(self.parameters, self.varied)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What is to be measured: a member in one appearance at some views."""
+
+    member: Member
+    appearance: str
+    varied: Mapping[str, float | str]
+    views: tuple[int, ...]
+    seen_views: bool
+
+
+def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measured, ...]:
+    """What was measured of the run's surrogate on its catalog before, as kept in its folder; else measured now, and kept there.
+
+    None without a catalog.  What `progress` raises leaves nothing.  Raises CatalogError for a damaged catalog, ValueError for one
+    of other parameters.
+    """
+    if run.catalog is None:
+        return ()
+    key = key_of(run)
+    kept = None if run.folder is None else Record.load(run.folder / FILE, KIND, VERSION, key)
+    if kept is not None:
+        with suppress(KeyError, TypeError, ValueError):  # it is measured anew
+            return tuple(Measured(**values) for values in kept.values["measured"])
+    started = time.process_time()
+    measured = tuple(_measured(run.surrogate, run.catalog, cases_of(run.surrogate, run.members), progress))
+    if run.folder is not None:
+        values = {"measured": [asdict(one) for one in measured]}
+        with suppress(OSError):  # of a run that can only be read it is measured anew each time
+            Record(KIND, VERSION, key, values, Provenance.now(time.process_time() - started)).save(run.folder / FILE)
+    return measured
+
+
+def key_of(run: Run) -> dict[str, Any]:
+    """All that the measurements depend on: the model, the members, and which of their pictures are looked at."""
+    members = [[m.name, dict(m.parameters), m.split, m.view_splits, m.appearances] for m in run.members]
+    return {
+        "surrogate": run.surrogate.digest,
+        "members": hashlib.sha256(json.dumps(members, sort_keys=True).encode()).hexdigest(),
+        "views": VIEWS,
+        "cases": [MOST_VALIDATION, MOST_TRAINING, MOST_VARIED],
+    }
+
+
+def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
+    """Where to measure: validation members, training members in the base appearance, and training members under trained settings.
+
+    Of training members only views that training did not see; of both never a view that tests.  Of many, some, evenly chosen.
+    """
+    base = base_name(surrogate)
+    varied: dict[str, Mapping[str, float | str]] = {}
+    for variation in (v.variation for v in surrogate.visualizations):
+        varied |= {s.appearance: variation.asked(s) for s in variation.settings if s.split != "test"}
+    validation = [case for m in members if m.split == "validation" for case in _cases(m, {base: {}, **varied})]
+    learnt = [m for m in members if m.split == "train" and "validation" in m.view_splits]
+    at_base = [case for m in learnt for case in _cases(m, {base: {}})]
+    at_settings = _in_turn([case for m in learnt for case in _cases(m, varied)])
+    return [
+        *(validation[i] for i in spread(len(validation), MOST_VALIDATION)),
+        *(at_base[i] for i in spread(len(at_base), MOST_TRAINING)),
+        *at_settings[:MOST_VARIED],
+    ]
+
+
+def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> list[Case]:
+    """The member in each of the appearances that it was rendered in, at validation views or, without any, at training views."""
+    by_split = {split: [i for i, s in enumerate(member.view_splits) if s == split] for split in ("validation", "train")}
+    known = by_split["validation"] or by_split["train"]
+    views = tuple(known[i] for i in spread(len(known), VIEWS))
+    seen = not by_split["validation"]
+    return [Case(member, a, varied, views, seen) for a, varied in shown.items() if a in member.appearances and views]
+
+
+def _in_turn(cases: Sequence[Case]) -> list[Case]:
+    """Every appearance once, then all once more: each time at another of the members that show it, and these in turn."""
+    of_appearance: dict[str, list[Case]] = {}
+    for case in cases:
+        of_appearance.setdefault(case.appearance, []).append(case)
+    turned = [group[i % len(group) :] + group[: i % len(group)] for i, group in enumerate(of_appearance.values())]
+    return [case for turn in itertools.zip_longest(*turned) for case in turn if case is not None]
+
+
+def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], progress: Report) -> Iterator[Measured]:
+    """Measure each case; those whose pictures can't be read are left out."""
+    total, counted = sum(len(case.views) for case in cases), itertools.count(1)
+    for case in cases:
+        member, deformed = case.member, Setting(case.member.parameters, case.varied).gaussians(surrogate)
+        found: list[float] = []
+        for view in case.views:
+            with suppress(ImageError):
+                found.append(psnr_of(deformed, catalog, member, case.appearance, view))
+            progress("what to expect", next(counted), total)
+        if found:
+            parameters, varied = dict(member.parameters), dict(case.varied)
+            psnrs = tuple(found)
+            yield Measured(member.name, member.split, parameters, case.appearance, varied, psnrs, case.seen_views)
+
+
+def psnr_of(deformed: DeformedGaussians, catalog: Catalog, member: Member, appearance: str, view: int) -> float:
+    """dB between a stored picture and what the Gaussians show there; raises ImageError where it can't be read."""
+    background = catalog.plan.background
+    truth, camera = catalog.image(member, appearance, view), member.cameras[view]
+    drawn = deformed.render(camera, background=background)
+    return psnr(composite(truth, background or WHITE), composite(drawn, background or WHITE))
