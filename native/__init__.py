@@ -23,7 +23,8 @@ input gives bitwise the same output for any number of threads.
             weights (N, B), of which the absolute values count; changes (B, 4); low and high: three numbers each
     transfer_gradient(weights, changes, logits, colors, low, high, least_depth, by_logits, by_colors, threads, instruction_set="")
             -> gradient by the weights (N, B)
-    hat_means(values, color_points, opacity_points, samples, most_opaque) -> extinctions, and those times colours (B, 4), float64
+    extinction_table(values, color_points, opacity_points, samples, most_opaque)
+            -> extinctions, and those times colours (B, 4), float64
             values (B,) increasing; control points (P, 4) and (Q, 2), a field value first, increasing
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
@@ -43,8 +44,8 @@ __all__ = [
     "backward",
     "backward_over",
     "bilinear_gradients",
+    "extinction_table",
     "forward",
-    "hat_means",
     "image_loss",
     "instruction_sets",
     "transfer",

@@ -18,6 +18,7 @@ from torch import Tensor
 from catalogs.cameras import Camera
 
 NAMES = ("means", "log_scales", "quats", "opacity_logits", "colors")
+WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; those of colours vary
 SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
 
 

@@ -60,4 +60,7 @@ inline void require_shape(const Input& array, const char* name, const std::vecto
     require(fits, std::string(name) + " must have shape [" + wanted + "], got " + shape_of(array));
 }
 
+// Adds add_bilinear, bilinear_gradients, transfer, transfer_gradient and extinction_table to the module.
+void bind_deformations(nb::module_& m);
+
 }  // namespace gs

@@ -20,7 +20,6 @@
 #include <vector>
 
 #include "arrays.hpp"
-#include "deformation_bindings.hpp"
 #include "drawing.hpp"
 #include "instruction_sets.hpp"
 #include "loss.hpp"

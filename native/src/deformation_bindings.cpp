@@ -1,5 +1,4 @@
-#include "deformation_bindings.hpp"
-
+// The Python face of what moves and changes Gaussians.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
@@ -11,10 +10,8 @@
 #include <utility>
 
 #include "arrays.hpp"
-#include "bilinear.hpp"
-#include "hats.hpp"
+#include "deformation.hpp"
 #include "instruction_sets.hpp"
-#include "transfer.hpp"
 
 namespace gs {
 namespace {
@@ -155,7 +152,7 @@ ControlPoints control_points(const Doubles& points, const char* name, int column
     return {points.data(), int64_t(points.shape(0)), columns};
 }
 
-nb::ndarray<nb::numpy, double, nb::c_contig> bound_hat_means(Doubles values, Doubles color_points, Doubles opacity_points,
+nb::ndarray<nb::numpy, double, nb::c_contig> bound_extinction_table(Doubles values, Doubles color_points, Doubles opacity_points,
                                                              int samples, double most_opaque) {
     require(values.ndim() == 1 && values.shape(0) >= 2, "values must have shape [2 or more]");
     const ControlPoints colors = control_points(color_points, "color_points", 3);
@@ -166,7 +163,7 @@ nb::ndarray<nb::numpy, double, nb::c_contig> bound_hat_means(Doubles values, Dou
     double* data = static_cast<double*>(std::malloc(4 * count * sizeof(double)));
     if (!data) throw std::bad_alloc();
     nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
-    hat_means(values.data(), int64_t(count), colors, opacities, samples, most_opaque, data);
+    extinction_table(values.data(), int64_t(count), colors, opacities, samples, most_opaque, data);
     return {data, 2, shape, owner};
 }
 
@@ -181,7 +178,7 @@ void bind_deformations(nb::module_& m) {
           "threads"_a, "instruction_set"_a = "");
     m.def("transfer_gradient", &bound_transfer_gradient, "weights"_a, "changes"_a, "logits"_a, "colors"_a, "low"_a, "high"_a,
           "least_depth"_a, "by_logits"_a, "by_colors"_a, "threads"_a, "instruction_set"_a = "");
-    m.def("hat_means", &bound_hat_means, "values"_a, "color_points"_a, "opacity_points"_a, "samples"_a, "most_opaque"_a);
+    m.def("extinction_table", &bound_extinction_table, "values"_a, "color_points"_a, "opacity_points"_a, "samples"_a, "most_opaque"_a);
 }
 
 }  // namespace gs

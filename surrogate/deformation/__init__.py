@@ -8,8 +8,8 @@ from typing import Any
 from torch import Tensor
 
 from surrogate.deformation.bilinear import BilinearDeformation
+from surrogate.deformation.composition import compose
 from surrogate.deformation.field import FieldDeformation
-from surrogate.deformation.in_turn import deformed_in_turn
 from surrogate.deformation.offsets import Deformation, LearntDeformation, Offsets
 from surrogate.deformation.values import ValuesDeformation
 
@@ -28,7 +28,7 @@ __all__ = [
     "LearntDeformation",
     "Offsets",
     "ValuesDeformation",
-    "deformed_in_turn",
+    "compose",
     "load_deformation",
 ]
 

@@ -18,15 +18,13 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
+from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import Offsets
-from surrogate.deformation.products import Factors, add_products
-from surrogate.gaussians import NAMES, Gaussians
+from surrogate.gaussians import NAMES, WIDTHS, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
-_WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; colours are the rest
-_FIRST_COLUMNS = {"means": 0, "log_scales": 3, "quats": 6, "opacity_logits": 10, "colors": 11}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +73,8 @@ class BilinearDeformation:
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> BilinearDeformation:
         """The deformation of `stored()` and `record()`."""
         units = torch.tensor(record["units"], dtype=torch.float32)  # [C]
-        whole = {
-            name: _spread(tensors[name], units != 0.0, tensors["latents"].shape[1])
-            for name in ("weights_out", "biases_out")
-        }
+        modes = tensors["latents"].shape[1]
+        whole = {name: _spread(tensors[name], units != 0.0, modes) for name in ("weights_out", "biases_out")}
         return cls(**{**tensors, **whole}, units=units, anchored=int(record.get("anchored", 0)))
 
     def embedding(self, parameters: Tensor) -> Tensor:
@@ -99,7 +95,7 @@ class BilinearDeformation:
     def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
         """Offsets at normalized `parameters` (P,); the Gaussians themselves do not matter to this deformation."""
         table = self.latents @ self.embedding(parameters)  # [N, C]
-        means, log_scales, quats, opacity_logits, colors = table.split([3, 3, 4, 1, len(self.units) - 11], dim=1)
+        means, log_scales, quats, opacity_logits, colors = table.split([*WIDTHS.values(), len(self.units) - 11], dim=1)
         return Offsets(means, log_scales, quats, opacity_logits.squeeze(1), colors)
 
     def stored(self) -> dict[str, Tensor]:
@@ -160,20 +156,18 @@ class BilinearDeformation:
         _, _, directions = torch.linalg.svd(self.latents.double() @ (vectors * strengths), full_matrices=False)
         chosen = directions[:size]  # [size, L]
         forth, back = (vectors * strengths) @ chosen.T, (chosen * inverse) @ vectors.T  # [L, size], [size, L]
-        size_of = forth.norm(dim=0).clamp(min=1e-30) / math.sqrt(
-            self.latent_size
-        )  # [size], so that latents keep their size
+        size_of = forth.norm(dim=0).clamp(min=1e-30) / math.sqrt(self.latent_size)  # [size]: latents keep their size
         forth, back = forth / size_of, back * size_of[:, None]
-        columns = len(self.units)
+        shape = (self.latent_size, len(self.units))
+        weights_out = torch.einsum(
+            "kl,lch->kch", back, self.weights_out.double().unflatten(0, shape)
+        )  # [size, C, hidden]
+        biases_out = back @ self.biases_out.double().unflatten(0, shape)  # [size, C]
         return replace(
             self,
             latents=(self.latents.double() @ forth).float(),
-            weights_out=torch.einsum(
-                "kl,lch->kch", back, self.weights_out.double().unflatten(0, (self.latent_size, columns))
-            )
-            .flatten(0, 1)
-            .float(),
-            biases_out=(back @ self.biases_out.double().unflatten(0, (self.latent_size, columns))).flatten().float(),
+            weights_out=weights_out.flatten(0, 1).float(),
+            biases_out=biases_out.flatten().float(),
         )
 
     @property
@@ -217,13 +211,13 @@ class BilinearDeformation:
         return {"units": self.units.tolist()} | ({"anchored": self.anchored} if self.anchored else {})
 
     def _columns(self, attribute: str) -> slice:
-        start = _FIRST_COLUMNS[attribute]
-        return slice(start, len(self.units) if attribute == "colors" else start + _WIDTHS[attribute])
+        start = sum(WIDTHS[name] for name in NAMES[: NAMES.index(attribute)])
+        return slice(start, start + WIDTHS.get(attribute, len(self.units)))
 
 
 def _units(settings: TrainingSettings, color_columns: int) -> Tensor:
     """The size of one unit of each of a Gaussian's C parameters that may move, (C,), `color_columns` of them of its colour."""
-    widths = _WIDTHS | {"colors": color_columns}
+    widths = WIDTHS | {"colors": color_columns}
     return torch.tensor([getattr(settings.units, name) for name in NAMES for _ in range(widths[name])])
 
 

@@ -22,7 +22,7 @@ from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
 from surrogate.deformation.offsets import Offsets
-from surrogate.gaussians import NAMES, Gaussians
+from surrogate.gaussians import NAMES, WIDTHS, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
@@ -123,7 +123,7 @@ class Architecture:
 
     def columns(self, attribute: str) -> int:
         """How many columns of this attribute move."""
-        return {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "colors": self.color_columns}[attribute]
+        return WIDTHS.get(attribute, self.color_columns)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each tensor, by name."""
@@ -313,9 +313,7 @@ class FieldDeformation:
         if f"{name}.gains" not in self.networks:
             return outputs
         gains, shifts = self._cast(f"{name}.gains", inputs), self._cast(f"{name}.shifts", inputs)  # [rows]
-        if (
-            outputs.dtype == torch.bfloat16
-        ):  # torch's own gradient of gains sums in bfloat16 on CPUs: 20,000 rows lose 80 % of it
+        if outputs.dtype == torch.bfloat16:  # torch sums the gradient of gains in bfloat16: 20,000 rows lose 80 % of it
             return torch.addcmul(shifts, layer_norm(outputs, outputs.shape[1:]), gains)
         return layer_norm(outputs, outputs.shape[1:], gains, shifts)
 

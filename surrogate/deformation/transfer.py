@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 import native
+from surrogate.deformation.kernels import require_no_second_derivative
 from surrogate.deformation.offsets import Offsets
-from surrogate.deformation.once import require_no_second_derivative
 from surrogate.gaussians import Gaussians
 from surrogate.splatting.threads import cores
 

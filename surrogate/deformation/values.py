@@ -24,7 +24,7 @@ from torch import Tensor
 
 from catalogs.appearance import TransferFunction
 from catalogs.variations import displaced
-from surrogate.deformation.hats import hat_means
+from surrogate.deformation.extinction import extinction_table
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
@@ -66,7 +66,7 @@ class ValuesDeformation:
         values : (B,) increasing, from `placed_values`.
         steps : (4,) what a normalized displacement of 1 means.
         """
-        table = torch.from_numpy(hat_means(base, values))  # [B, 4]
+        table = torch.from_numpy(extinction_table(base, values))  # [B, 4]
         extinctions, emissions = table[:, 0], table[:, 1:]
         colors = emissions / extinctions.clamp(min=1e-9)[:, None]  # [B, 3]
         distances = torch.cdist(gaussians.colors[:, :3].detach().cpu().double(), colors)  # [N, B]
@@ -108,12 +108,12 @@ class ValuesDeformation:
 
     def _transfer(self, function: TransferFunction) -> Transfer:
         units = self.base.opacity_unit_distance / function.opacity_unit_distance
-        changes = units * hat_means(function, self.values) - self._base_means  # [B, 4]
+        changes = units * extinction_table(function, self.values) - self._base_means  # [B, 4]
         return Transfer(changes, tuple(point[1:] for point in function.color_points))
 
     @cached_property
     def _base_means(self) -> NDArray[np.float64]:
-        return hat_means(self.base, self.values)  # [B, 4]
+        return extinction_table(self.base, self.values)  # [B, 4]
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""

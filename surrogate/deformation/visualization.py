@@ -12,7 +12,7 @@ from torch import Tensor
 
 from catalogs.appearance import TransferFunction
 from catalogs.variations import Variation, variation_from_json
-from surrogate.deformation import Deformation, deformed_in_turn, load_deformation
+from surrogate.deformation import Deformation, compose, load_deformation
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import part_of
@@ -45,7 +45,7 @@ class Visualization:
         if any(map(math.isnan, parameters[-count:].tolist())):
             return simulation.deformed(gaussians, alone)
         acted_on = self.simulation or simulation
-        return self._wide(deformed_in_turn(gaussians, (acted_on, alone), (self.deformation, parameters)))
+        return self._wide(compose(gaussians, (acted_on, alone), (self.deformation, parameters)))
 
     def simulated(self, gaussians: Gaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
         """What F_vis acts on: the Gaussians at normalized simulation parameters (P,)."""

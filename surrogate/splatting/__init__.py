@@ -15,7 +15,7 @@ from surrogate.splatting import cpu, cuda, reference
 from surrogate.splatting.constants import Constants
 from surrogate.splatting.rendering import Primitives, Rendering
 
-__all__ = ["BACKENDS", "Constants", "Primitives", "Rendering", "draw", "draw_over", "render", "render_over"]
+__all__ = ["BACKENDS", "Constants", "Primitives", "Rendering", "draw", "draw_over", "render"]
 
 BACKENDS: dict[str, ModuleType] = {"cpu": cpu, "cuda": cuda, "reference": reference}
 AUTO = "auto"  # the backend of the device that holds the Gaussians
@@ -41,22 +41,8 @@ def render(
 
     Sorting by centres is an approximation: Gaussians that interpenetrate are not integrated along the ray.
     """
-    return draw(Primitives(means, scales, quats, opacities, colors), camera, _constants(options), **options)
-
-
-def render_over(
-    means: Tensor,
-    scales: Tensor,
-    quats: Tensor,
-    opacities: Tensor,
-    colors: Tensor,
-    camera: Camera,
-    background: Sequence[float],
-    **options: Any,
-) -> Tensor:
-    """The picture of `render` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4)."""
-    primitives = Primitives(means, scales, quats, opacities, colors)
-    return draw_over(primitives, camera, background, _constants(options), **options)
+    chosen = {field.name: options.pop(field.name) for field in fields(Constants) if field.name in options}
+    return draw(Primitives(means, scales, quats, opacities, colors), camera, Constants(**chosen), **options)
 
 
 def draw(
@@ -106,11 +92,6 @@ def draw_over(
         return cpu.render_over(primitives, camera, background, constants, **options)
     rendering = chosen.render(primitives, camera, constants, **options)
     return torch.cat([rendering.over(background), rendering.alpha.unsqueeze(-1)], dim=2)
-
-
-def _constants(options: dict[str, Any]) -> Constants:
-    """The constants among `options`, taken out of them."""
-    return Constants(**{field.name: options.pop(field.name) for field in fields(Constants) if field.name in options})
 
 
 def _backend(name: str, means: Tensor) -> ModuleType:

@@ -4,10 +4,9 @@
 #include <cstdlib>
 #include <vector>
 
-#include "bilinear.hpp"
+#include "deformation.hpp"
 #include "drawing.hpp"
 #include "loss.hpp"
-#include "transfer.hpp"
 
 namespace {
 

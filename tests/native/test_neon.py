@@ -19,11 +19,11 @@ from torch import Tensor
 from catalogs.cameras import Camera
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
-from surrogate.splatting import Constants, render_over
+from surrogate.splatting import Constants, Primitives, draw_over
 from surrogate.training.losses import image_loss_reference, structural_similarity
 
 COMPILER, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64"
-SOURCES = ("kernels", "drawing", "bilinear", "loss", "parallel", "transfer")
+SOURCES = ("kernels", "deformation", "drawing", "loss", "parallel")
 FLAGS = [
     "-std=c++17",
     "-O3",
@@ -85,7 +85,7 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
     answer = subprocess.run([EMULATOR, str(program)], input=content, capture_output=True, check=True).stdout
 
     leaves = [torch.from_numpy(array).double().requires_grad_() for array in floats[:5]]
-    picture = render_over(*leaves, camera, BACKGROUND, backend="reference")
+    picture = draw_over(Primitives(*leaves), camera, BACKGROUND, Constants(), backend="reference")
     gradients = torch.autograd.grad((picture * torch.from_numpy(floats[5])).sum(), leaves)
     drawn, aim = picture.detach().float().double().requires_grad_(), torch.from_numpy(floats[6]).double()
     loss = image_loss_reference(drawn, aim)

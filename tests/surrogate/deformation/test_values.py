@@ -14,7 +14,7 @@ from scipy.integrate import quad
 
 from catalogs.appearance import TransferFunction
 from surrogate.deformation import Offsets, ValuesDeformation, load_deformation
-from surrogate.deformation.hats import hat_means
+from surrogate.deformation.extinction import extinction_table
 from surrogate.deformation.values import placed_values
 from surrogate.gaussians import NAMES, Gaussians
 
@@ -160,7 +160,7 @@ def test_at_first_every_gaussian_has_its_depth_under_the_base(base: TransferFunc
     shown = some(40)
     shown.colors[:2] = torch.tensor([[0.0, 0.0, 0.0], [-0.2, -0.1, 0.0]])  # like what can't be seen
     deformation = ValuesDeformation.create(shown, base, EVEN, STEPS)
-    found = (deformation.weights.double() @ torch.from_numpy(hat_means(base, EVEN)[:, 0])).numpy()
+    found = (deformation.weights.double() @ torch.from_numpy(extinction_table(base, EVEN)[:, 0])).numpy()
     np.testing.assert_allclose(found, depths(shown.opacity_logits), rtol=1e-5)
 
 

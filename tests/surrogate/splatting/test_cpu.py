@@ -11,7 +11,7 @@ from torch import Tensor
 
 import native
 from catalogs.cameras import Camera
-from surrogate.splatting import render, render_over
+from surrogate.splatting import Constants, Primitives, draw_over, render
 
 Scene = list[Tensor]
 CONSTANTS = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1.0 / 255.0}
@@ -296,9 +296,11 @@ def test_a_picture_over_a_background_is_that_of_colour_and_alpha(instruction_set
     slow = [t.requires_grad_() for t in snapped(scene(60))]
     apart = render(*slow, view, **CONSTANTS, backend="reference")  # type: ignore[arg-type]
     wanted = torch.cat([apart.over(background), apart.alpha[..., None]], dim=2)
-    assert torch.equal(wanted, render_over(*slow, view, background, **CONSTANTS, backend="reference"))  # type: ignore[arg-type]
+    assert torch.equal(
+        wanted, draw_over(Primitives(*slow), view, background, Constants(**CONSTANTS), backend="reference")
+    )
     fast = [t.detach().float().requires_grad_() for t in slow]
-    got = render_over(*fast, view, background, **CONSTANTS, instruction_set=instruction_set)  # type: ignore[arg-type]
+    got = draw_over(Primitives(*fast), view, background, Constants(**CONSTANTS), instruction_set=instruction_set)
     assert float((got - wanted).detach().abs().max()) < 3e-6
     by_slow = torch.autograd.grad((wanted * weights).sum(), slow)
     by_fast = torch.autograd.grad((got * weights.float()).sum(), fast)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 import surrogate.splatting
 from catalogs.cameras import Camera
-from surrogate.splatting import Primitives, cuda, render, render_over
+from surrogate.splatting import Constants, Primitives, cuda, draw_over, render
 from surrogate.splatting.device import chosen
 from surrogate.studies.stress.check import snapped
 from surrogate.studies.stress.scenes import cloud, off_center, view, with_lengths
@@ -100,7 +100,7 @@ def test_depth_and_a_background_come_by_the_same_way(monkeypatch: pytest.MonkeyP
     assert got.depth is not None
     assert true.depth is not None
     torch.testing.assert_close(got.depth, true.depth, rtol=0, atol=2e-3)
-    over = render_over(*scene, view(), (1.0, 0.5, 0.0), backend="cuda")
+    over = draw_over(Primitives(*scene), view(), (1.0, 0.5, 0.0), Constants(), backend="cuda")
     torch.testing.assert_close(
         over, torch.cat([got.over((1.0, 0.5, 0.0)), got.alpha[..., None]], dim=2), rtol=0, atol=1e-6
     )
@@ -192,7 +192,7 @@ def test_a_machine_without_a_gpu_draws_in_main_memory(monkeypatch: pytest.Monkey
     scene = [tensor.float() for tensor in cloud(9)]
     assert torch.equal(render(*scene, view()).color, render(*scene, view(), backend="cpu").color)
     monkeypatch.setattr(cuda, "render", lambda *inputs, **_: pytest.fail("there is no GPU"))
-    render_over(*scene, view(), (1.0, 1.0, 1.0))
+    draw_over(Primitives(*scene), view(), (1.0, 1.0, 1.0), Constants())
     assert surrogate.splatting.AUTO not in surrogate.splatting.BACKENDS
 
 

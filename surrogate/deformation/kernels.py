@@ -1,4 +1,4 @@
-"""Latents times modes, added to Gaussians by the C++ kernel: what bilinear deformations are made of."""
+"""The C++ kernel of bilinear deformations as a differentiable torch function: latents times modes, added to Gaussians."""
 
 from __future__ import annotations
 
@@ -9,11 +9,22 @@ import torch
 from torch import Tensor
 
 import native
-from surrogate.deformation.once import require_no_second_derivative
 from surrogate.gaussians import Gaussians
 from surrogate.splatting.threads import cores
 
 Factors = tuple[Tensor, Tensor]  # latents [N, L] and modes [L, C]
+
+
+def require_no_second_derivative() -> None:
+    """Raise RuntimeError in a backward pass that is itself to be differentiated, where a kernel would count as constant.
+
+    torch's `once_differentiable` lets such a pass through where the gradient that comes in is itself a constant.
+    """
+    if torch.is_grad_enabled():  # as it is there with `create_graph` alone
+        raise RuntimeError(
+            "the C++ kernels can be differentiated once only, and create_graph asks for more: leave it out, or apply `offsets`, "
+            "which torch computes, in place of `deformed`"
+        )
 
 
 def add_products(gaussians: Gaussians, factors: Sequence[Factors]) -> Gaussians:

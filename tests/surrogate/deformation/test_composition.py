@@ -15,7 +15,7 @@ from surrogate.deformation import (
     Deformation,
     FieldDeformation,
     ValuesDeformation,
-    deformed_in_turn,
+    compose,
 )
 from surrogate.gaussians import NAMES, Gaussians
 from surrogate.settings import TrainingSettings
@@ -61,7 +61,7 @@ def test_bilinear_ones_are_one_after_the_other_bit_for_bit(count: int, widths: t
     gaussians = canonical(count, widths[0])
     first, second = bilinear(gaussians, 1, 5, widths[1]), bilinear(gaussians, 2, 6, widths[2])
     with torch.no_grad():
-        together = deformed_in_turn(gaussians, (first, AT_FIRST), (second, AT_SECOND))
+        together = compose(gaussians, (first, AT_FIRST), (second, AT_SECOND))
         in_turn = second.deformed(first.deformed(gaussians, AT_FIRST), AT_SECOND)
     assert together.colors.shape == (count, max(widths))
     for name in NAMES:
@@ -109,7 +109,7 @@ TRAINED = [("gaussians", "first", "second"), ("first", "second"), ("second",), (
 @pytest.mark.parametrize("widths", WIDTHS)
 @pytest.mark.parametrize("trained", TRAINED, ids="+".join)
 def test_training_through_both_is_the_definition(widths: tuple[int, int, int], trained: tuple[str, ...]) -> None:
-    fast = value_and_gradients(deformed_in_turn, torch.float32, widths, trained)
+    fast = value_and_gradients(compose, torch.float32, widths, trained)
     slow = value_and_gradients(by_definition, torch.float64, widths, trained)
     for found, expected in zip(fast, slow, strict=True):
         assert found.shape == expected.shape
@@ -119,17 +119,13 @@ def test_training_through_both_is_the_definition(widths: tuple[int, int, int], t
 
 @pytest.mark.parametrize("widths", WIDTHS)
 def test_training_takes_the_same_steps_as_one_after_the_other(widths: tuple[int, int, int]) -> None:
-    found, expected = (
-        value_and_gradients(f, torch.float32, widths, TRAINED[0]) for f in (deformed_in_turn, one_by_one)
-    )
+    found, expected = (value_and_gradients(f, torch.float32, widths, TRAINED[0]) for f in (compose, one_by_one))
     assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
 
 
 @pytest.mark.parametrize("widths", WIDTHS)
 def test_in_float64_it_is_the_definition_itself(widths: tuple[int, int, int]) -> None:
-    found, expected = (
-        value_and_gradients(f, torch.float64, widths, TRAINED[0]) for f in (deformed_in_turn, by_definition)
-    )
+    found, expected = (value_and_gradients(f, torch.float64, widths, TRAINED[0]) for f in (compose, by_definition))
     assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
 
 
@@ -139,7 +135,7 @@ def test_gradients_may_lie_anyhow_in_memory() -> None:
     leaves = [*first.tensors().values(), *second.tensors().values()]
     found = []
     for ones in (torch.ones(()).expand(9, 3), torch.ones(9, 3), torch.ones(3, 9).T):
-        deformed = deformed_in_turn(gaussians, (first, AT_FIRST), (second, AT_SECOND))
+        deformed = compose(gaussians, (first, AT_FIRST), (second, AT_SECOND))
         found.append(torch.autograd.grad(deformed.means, leaves, ones))
     for others in found[1:]:
         assert all(torch.equal(a, b) for a, b in zip(found[0], others, strict=True))
@@ -160,7 +156,7 @@ def test_others_see_what_the_first_one_made(kind: str) -> None:
     gaussians = canonical(20, 3)
     first, second = bilinear(gaussians, 1, 5), of_kind(kind, gaussians)
     place = torch.tensor([0.3, 0.5, -0.5, 0.2, 0.9]) if kind == "values" else AT_SECOND
-    together = deformed_in_turn(gaussians, (first, AT_FIRST), (second, place))
+    together = compose(gaussians, (first, AT_FIRST), (second, place))
     in_turn = second.deformed(first.deformed(gaussians, AT_FIRST), place)
     assert all(torch.equal(a, b) for a, b in zip(numbers(together), numbers(in_turn), strict=True))
     assert together.colors.shape[1] == (3 if kind == "values" else 12)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import native
 from catalogs.appearance import TransferFunction
-from surrogate.deformation.hats import MOST_OPAQUE, SAMPLES, hat_means, hat_means_reference
+from surrogate.deformation.extinction import MOST_OPAQUE, SAMPLES, extinction_table, extinction_table_reference
 
 BASE = TransferFunction(
     ((-1.0, 0.1, 0.2, 0.9), (1.0, 0.9, 0.9, 0.2), (3.0, 0.9, 0.1, 0.1)), ((-1, 0), (0.4, 0.2), (2, 0.6), (3, 0.95)), 0.3
@@ -45,14 +45,14 @@ def test_they_are_means_under_hat_functions(name: str, values: NDArray[np.float6
     tau = -np.log1p(-np.minimum(function.opacities(fine), 0.999))
     columns = np.stack([tau, *(tau * function.colors(fine).T)], axis=1)  # [F, 4]
     expected = (hats @ columns) / hats.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(hat_means_reference(function, values), expected, rtol=2e-3, atol=2e-3)
+    np.testing.assert_allclose(extinction_table_reference(function, values), expected, rtol=2e-3, atol=2e-3)
 
 
 @every_function
 @every_values
 def test_the_kernel_is_the_definition(function: TransferFunction, values: NDArray[np.float64]) -> None:
     np.testing.assert_allclose(
-        hat_means(function, values), hat_means_reference(function, values), rtol=1e-13, atol=1e-15
+        extinction_table(function, values), extinction_table_reference(function, values), rtol=1e-13, atol=1e-15
     )
 
 
@@ -65,7 +65,7 @@ def test_so_it_is_for_any_function(values, color_places, opacity_places, random)
     color_points = tuple((place, *(random.random() for _ in range(3))) for place in color_places)
     opacity_points = tuple((place, random.choice([0.0, 1.0, random.random()])) for place in opacity_places)
     function = TransferFunction(color_points, opacity_points, 1.0)
-    found, expected = (means(function, np.array(values)) for means in (hat_means, hat_means_reference))
+    found, expected = (means(function, np.array(values)) for means in (extinction_table, extinction_table_reference))
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-13)
 
 
@@ -77,19 +77,19 @@ def test_places_that_are_control_points_have_their_values() -> None:
     inside = (np.arange(SAMPLES) + 0.5) / SAMPLES
     expected = 2.0 * np.array([(1.0 - inside) @ tau, inside @ tau]) / SAMPLES
     np.testing.assert_allclose(
-        hat_means(function, np.array([-1.0, 1.0])), expected[:, None].repeat(4, axis=1), rtol=1e-14
+        extinction_table(function, np.array([-1.0, 1.0])), expected[:, None].repeat(4, axis=1), rtol=1e-14
     )
 
 
 def test_wrong_shapes_are_named() -> None:
     values, colors, opacities = np.zeros(3), np.zeros((2, 4)), np.zeros((2, 2))
     with pytest.raises(ValueError, match=r"values must have shape \[2 or more\]"):
-        native.hat_means(values[:1], colors, opacities, SAMPLES, MOST_OPAQUE)
+        native.extinction_table(values[:1], colors, opacities, SAMPLES, MOST_OPAQUE)
     with pytest.raises(ValueError, match=r"color_points must have shape \[1 or more, 4\]"):
-        native.hat_means(values, colors[:, :3], opacities, SAMPLES, MOST_OPAQUE)
+        native.extinction_table(values, colors[:, :3], opacities, SAMPLES, MOST_OPAQUE)
     with pytest.raises(ValueError, match=r"opacity_points must have shape \[1 or more, 2\]"):
-        native.hat_means(values, colors, opacities[:0], SAMPLES, MOST_OPAQUE)
+        native.extinction_table(values, colors, opacities[:0], SAMPLES, MOST_OPAQUE)
     with pytest.raises(ValueError, match="samples must lie in 1 to 65536, got 0"):
-        native.hat_means(values, colors, opacities, 0, MOST_OPAQUE)
+        native.extinction_table(values, colors, opacities, 0, MOST_OPAQUE)
     with pytest.raises(ValueError, match="most_opaque must lie in 0 to 1, and not be 1"):
-        native.hat_means(values, colors, opacities, SAMPLES, 1.0)
+        native.extinction_table(values, colors, opacities, SAMPLES, 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from surrogate.deformation.products import add_products
+from surrogate.deformation.kernels import add_products
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
 

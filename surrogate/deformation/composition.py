@@ -1,22 +1,22 @@
-"""Two deformations one after the other; bilinear ones in one pass over the Gaussians."""
+"""The composition of two deformations; of bilinear ones in one pass over the Gaussians."""
 
 from __future__ import annotations
 
 from torch import Tensor
 
 from surrogate.deformation.bilinear import BilinearDeformation
+from surrogate.deformation.kernels import add_products
 from surrogate.deformation.offsets import Deformation
-from surrogate.deformation.products import add_products
 from surrogate.gaussians import Gaussians
 
-Placed = tuple[Deformation, Tensor]  # a deformation and the normalized parameters (P,) that it is asked for
+At = tuple[Deformation, Tensor]  # a deformation and normalized parameters (P,)
 
 
-def deformed_in_turn(gaussians: Gaussians, first: Placed, second: Placed) -> Gaussians:
-    """What `second` makes of what `first` makes of the Gaussians.
+def compose(gaussians: Gaussians, first: At, second: At) -> Gaussians:
+    """The Gaussians deformed by `first`, and the result by `second`.
 
-    Bilinear deformations don't look at what they deform, so the offsets of both are added at once: nothing lies in memory
-    between, and the result is that of one after the other, bit for bit.
+    Offsets of bilinear deformations do not depend on what they deform, so both are added at once, without storing what lies
+    between; the result is the same bit for bit.
     """
     bilinear = [d for d, _ in (first, second) if isinstance(d, BilinearDeformation) and d.has_kernel]
     if len(bilinear) == 2:

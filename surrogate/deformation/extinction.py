@@ -1,4 +1,4 @@
-"""Means of transfer functions around field values: by the C++ kernel, and by its readable twin."""
+"""Extinction and emission of a transfer function, tabulated at field values: by the C++ kernel, and by its readable twin."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ SAMPLES = 32  # of the transfer function between two neighbouring values
 MOST_OPAQUE = 0.999  # an opacity of 1 would be an infinite extinction
 
 
-def hat_means(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Extinction, and extinction times colour, at each of B increasing values: (B, 4), in units of the function's distance.
+def extinction_table(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Extinction, and extinction times colour, at B increasing values: (B, 4), per opacity unit distance of the function.
 
-    Each is the mean over the values around, weighted by the hat function that linear interpolation between the values gives.
+    Each is the mean over the neighbouring intervals, weighted by the hat function of linear interpolation: 1 at the value and 0 at
+    its neighbours.
     """
     points = np.array(function.color_points), np.array(function.opacity_points)  # [P, 4], [Q, 2]
-    return native.hat_means(values, *points, SAMPLES, MOST_OPAQUE)
+    return native.extinction_table(values, *points, SAMPLES, MOST_OPAQUE)
 
 
-def hat_means_reference(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def extinction_table_reference(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same in numpy: the definition that the kernel is tested against."""
     inside = (np.arange(SAMPLES) + 0.5) / SAMPLES  # [S], places between two values
     fine = values[:-1, None] + np.diff(values)[:, None] * inside  # [B - 1, S]
