@@ -20,9 +20,9 @@ from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.images import write_image
-from insitu.adapters import as_grid
 from insitu.simulations import simulation
 from render import render_views
+from render.datasets import as_grid
 from surrogate import Surrogate
 from surrogate.evaluation.metrics import Score, composite, score
 from surrogate.provenance import machine

@@ -261,8 +261,8 @@ def _square(size: int) -> Any:
 
 def _pilots(space: Any, members: Any, source: Any, count: int, nan: str) -> dict[str, dict[str, Any]]:
     """Grids by field and member of `count` members that lie far apart."""
-    from insitu.adapters import as_grid
     from insitu.ensemble import pilot_members
+    from render.datasets import as_grid
 
     fields: dict[str, dict[str, Any]] = {}
     for member in pilot_members(members, space, count):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from catalogs.appearance import Appearance, check_fields, field_of, shown_fields
-from insitu.adapters import as_grid
 from insitu.boxes import box_of, same_box
+from render.datasets import as_grid
 
 if TYPE_CHECKING:
     from render.grids import Grid

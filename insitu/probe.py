@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.adapters import as_grid
+from render.datasets import as_grid
 
 if TYPE_CHECKING:
     from render.grids import Grid

@@ -7,7 +7,7 @@ from typing import Any
 
 _EXPORTS = {
     "Grid": "render.grids",
-    "to_grid": "render.grids",
+    "to_grid": "render.datasets",
     "render_views": "render.views",
     "SampleDistance": "render.quality",
     "choose_sample_distance": "render.quality",

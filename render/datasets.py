@@ -1,28 +1,114 @@
-"""Samples of a VTK or pyvista data set on a regular grid.
+"""Anything that holds a scalar field, an array or a VTK or pyvista data set, as a grid to render.
 
-Image data are taken as they are.  Anything else is resampled, with a `ResamplingWarning` that says at which
+Arrays and image data are taken as they are.  Anything else is resampled, with a note that says at which
 resolution and by which method, because resampling decides what can be seen.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from render.grids import Triple, warn_resampled
+from render.grids import Grid, checked_grid
 
 MOST_SAMPLES = 256  # per axis, when data are resampled
 UNIFORM = 1e-5  # relative deviation below which rectilinear coordinates count as evenly spaced
 
-Samples = tuple[NDArray[Any], Triple, Triple, NDArray[np.bool_] | None]
+
+class ResamplingWarning(UserWarning):
+    """The data are not on a regular grid and were interpolated onto one."""
 
 
-def samples_of(data: Any, array: str | None) -> Samples:
-    """(values (nz, ny, nx), spacing, origin, outside) of a vtkDataSet.
+class _Samples(NamedTuple):
+    """Values (nz, ny, nx), `spacing` and `origin` (x, y, z), which samples lie `outside` all cells, and how they were made."""
 
-    `outside` marks samples that lie outside the data set's cells (None where there are none).
+    values: NDArray[Any]
+    spacing: ArrayLike
+    origin: ArrayLike
+    outside: NDArray[np.bool_] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def to_grid(
+    data: Any,
+    *,
+    spacing: ArrayLike | None = None,
+    origin: ArrayLike | None = None,
+    array: str | None = None,
+    nan: str = "refuse",
+) -> Grid:
+    """A `Grid` of `data`.
+
+    Parameters
+    ----------
+    data : a 3-D array indexed (z, y, x) of real numbers, any CPU array that speaks DLPack, a VTK or pyvista data set, an object
+        with `values` (z, y, x), `spacing` and `origin` such as the bundled simulations return, or a `Grid` (returned as it is).
+        What is masked in a masked array counts as NaN.
+    spacing, origin : distance between samples and place of the first, world units in the order (x, y, z), for arrays (default: 1
+        and 0); data sets have their own.
+    array : name of the point or cell array of a data set; may be left out where there is only one.
+    nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
+        with such a corner transparent (see `Grid.holes`).
+
+    Image data are taken sample by sample: points where they are, cell values at the cell centres (so the box
+    is half a cell smaller on each side, and no value is averaged with its neighbours).  Rectilinear, curvilinear
+    and unstructured data are resampled with a `ResamplingWarning` that says how.
+
+    Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for data
+    that are no field at all.
+    """
+    grid = as_grid(data, spacing=spacing, origin=origin, array=array, nan=nan)
+    if grid is not data:
+        for note in grid.notes:
+            warnings.warn(note, ResamplingWarning, stacklevel=2)
+    return grid
+
+
+def as_grid(
+    data: Any,
+    *,
+    spacing: ArrayLike | None = None,
+    origin: ArrayLike | None = None,
+    array: str | None = None,
+    nan: str = "refuse",
+) -> Grid:
+    """As `to_grid`, but without warning: what there is to say are the grid's `notes`."""
+    if isinstance(data, Grid):
+        if spacing is not None or origin is not None:
+            raise ValueError("a Grid has its own spacing and origin")
+        return data
+    if hasattr(data, "IsA") and hasattr(data, "GetClassName"):
+        if spacing is not None or origin is not None:
+            raise ValueError(f"a {data.GetClassName()} has its own spacing and origin: leave them out")
+        samples = _samples(data, array)
+        return checked_grid(*samples[:3], nan, outside=samples.outside, notes=samples.notes)
+    if array is not None:
+        raise ValueError(f"array={array!r} names an array of a VTK data set, but the data are {type(data).__name__}")
+    if all(hasattr(data, name) for name in ("values", "spacing", "origin")):
+        spacing = data.spacing if spacing is None else spacing
+        origin = data.origin if origin is None else origin
+        data = data.values
+    values = _plain_array(data)
+    return checked_grid(values, 1.0 if spacing is None else spacing, 0.0 if origin is None else origin, nan)
+
+
+def _plain_array(data: Any) -> NDArray[Any]:
+    """An array of any library as numpy's; of a masked one NaN where it is masked."""
+    if not isinstance(data, np.ma.MaskedArray):
+        exported = hasattr(data, "__dlpack__") and not isinstance(data, np.ndarray)
+        return np.from_dlpack(data) if exported else np.asarray(data)
+    masked: Any = data
+    if masked.dtype.kind not in "fiub" or not np.ma.is_masked(masked):
+        return np.asarray(masked.data)
+    return np.asarray(masked.astype(masked.dtype if masked.dtype.kind == "f" else np.float64).filled(np.nan))
+
+
+def _samples(data: Any, array: str | None) -> _Samples:
+    """Samples of a vtkDataSet.
+
     Raises TypeError for data sets without volume cells, ValueError for arrays that cannot be chosen or used.
     """
     if data.IsA("vtkCompositeDataSet"):
@@ -31,7 +117,7 @@ def samples_of(data: Any, array: str | None) -> Samples:
         raise TypeError(f"a {data.GetClassName()} holds no field on cells or points")
     if data.GetNumberOfCells() == 0:
         raise ValueError(f"the {data.GetClassName()} is empty: it has {data.GetNumberOfPoints()} points and no cells")
-    name, on_cells = choose_array(data, array)
+    name, on_cells = _chosen_array(data, array)
     if data.IsA("vtkImageData") and _aligned(data):
         return _image_samples(data, name, on_cells)
     if data.IsA("vtkRectilinearGrid"):
@@ -39,7 +125,7 @@ def samples_of(data: Any, array: str | None) -> Samples:
     return _probed_samples(data, name, on_cells)
 
 
-def choose_array(data: Any, array: str | None) -> tuple[str, bool]:
+def _chosen_array(data: Any, array: str | None) -> tuple[str, bool]:
     """(name, is it cell data) of the array to render: the one asked for, or the only one there is."""
     on_points, on_cells = _scalar_names(data.GetPointData()), _scalar_names(data.GetCellData())
     if array is not None:
@@ -60,17 +146,17 @@ def choose_array(data: Any, array: str | None) -> tuple[str, bool]:
     return array, array in on_cells
 
 
-def _image_samples(data: Any, name: str, on_cells: bool) -> Samples:
+def _image_samples(data: Any, name: str, on_cells: bool) -> _Samples:
     points = np.array(data.GetDimensions())  # x, y, z
     spacing = np.array(data.GetSpacing())
     origin = np.array(data.GetOrigin()) + spacing * np.array(data.GetExtent())[::2]
     if on_cells:  # a cell's value belongs to its centre
         points, origin = points - 1, origin + spacing / 2
     values = _values(data, name, on_cells).reshape(points[::-1])
-    return values, _triple(spacing), _triple(origin), None
+    return _Samples(values, spacing, origin)
 
 
-def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> Samples:
+def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> _Samples:
     from scipy.interpolate import RegularGridInterpolator
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -82,14 +168,14 @@ def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> Samples:
         axes = [(axis[1:] + axis[:-1]) / 2 for axis in axes]
     values = _values(data, name, on_cells).reshape([len(axis) for axis in reversed(axes)])
     if min(values.shape) < 2:  # refused by the grid, which names the shape
-        return values, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), None
+        return _Samples(values, 1.0, 0.0)
     steps = [np.diff(axis) for axis in axes]
     for letter, step in zip("xyz", steps, strict=True):
         if not (step > 0).all():
             raise ValueError(f"the rectilinear grid's {letter} coordinates must increase strictly")
     origin = [axis[0] for axis in axes]
     if all(np.ptp(step) <= UNIFORM * step.mean() for step in steps):
-        return values, _triple([step.mean() for step in steps]), _triple(origin), None
+        return _Samples(values, [step.mean() for step in steps], origin)
     counts = [_samples_along(axis[-1] - axis[0], float(step.min())) for axis, step in zip(axes, steps, strict=True)]
     fine = [np.linspace(axis[0], axis[-1], count) for axis, count in zip(axes, counts, strict=True)]
     interpolate = RegularGridInterpolator(axes[::-1], values.astype(np.float64))
@@ -97,15 +183,15 @@ def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> Samples:
         [interpolate(np.stack(np.meshgrid([z], fine[1], fine[0], indexing="ij"), axis=-1))[0] for z in fine[2]]
     )  # [nz, ny, nx]
     nx, ny, nz = counts
-    warn_resampled(
+    note = (
         f"the rectilinear grid is unevenly spaced: array {name!r} was resampled from "
         f"{' x '.join(str(len(axis)) for axis in axes)} to {nx} x {ny} x {nz} samples (trilinear)"
         + _coarser([float(step.min()) for step in steps], [f[1] - f[0] for f in fine])
     )
-    return resampled, _triple([f[1] - f[0] for f in fine]), _triple(origin), None
+    return _Samples(resampled, [f[1] - f[0] for f in fine], origin, notes=(note,))
 
 
-def _probed_samples(data: Any, name: str, on_cells: bool) -> Samples:
+def _probed_samples(data: Any, name: str, on_cells: bool) -> _Samples:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkResampleToImage
 
@@ -125,12 +211,12 @@ def _probed_samples(data: Any, name: str, on_cells: bool) -> Samples:
     outside = vtk_to_numpy(image.GetPointData().GetArray("vtkValidPointMask")).reshape(counts[::-1]) == 0
     method = "piecewise constant in each cell" if on_cells else "interpolated linearly in each cell"
     nx, ny, nz = counts
-    warn_resampled(
+    note = (
         f"the {data.GetClassName()} of {data.GetNumberOfCells()} cells is no regular grid: array {name!r} was "
         f"resampled to {nx} x {ny} x {nz} samples ({method}); {outside.mean():.1%} of them lie outside its cells "
         "and are transparent" + _coarser([typical] * 3, list(np.array(image.GetSpacing())))
     )
-    return values, _triple(image.GetSpacing()), _triple(image.GetOrigin()), outside
+    return _Samples(values, image.GetSpacing(), image.GetOrigin(), outside, (note,))
 
 
 def _values(data: Any, name: str, on_cells: bool) -> NDArray[Any]:
@@ -164,8 +250,3 @@ def _samples_along(length: float, spacing: float) -> int:
 def _coarser(wanted: list[float], got: list[float]) -> str:
     worst = max(g / w for g, w in zip(got, wanted, strict=True))
     return f"; that is {worst:.1f} times coarser than the finest cells" if worst > 1.5 else ""
-
-
-def _triple(values: Any) -> Triple:
-    x, y, z = map(float, values)
-    return x, y, z

@@ -1,19 +1,16 @@
-"""Anything that holds a scalar field (numpy, VTK, pyvista) as one clean grid of samples.
+"""One clean grid of samples, which is all that is ever rendered.
 
-VTK renders NaN, single slices and unstructured grids silently wrong, so everything is decided here, loudly,
-before it sees the data.
+VTK renders NaN, single slices and numbers beyond single precision silently wrong: they are refused here, before it sees them.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-NanPolicy = Literal["refuse", "transparent"]
 Triple = tuple[float, float, float]
 
 
@@ -28,12 +25,14 @@ class Grid:
     spacing, origin : world units, in the order x, y, z.
     holes : (nz, ny, nx) bool or None: samples without a value.  Every grid cell with a hole at a corner is
         transparent; `values` there repeats the nearest sample that has one, so that gradients stay tame.
+    notes : what the user should know of how the samples were made, such as that they were resampled.
     """
 
     values: NDArray[np.float32]  # [nz, ny, nx]
     spacing: Triple = (1.0, 1.0, 1.0)
     origin: Triple = (0.0, 0.0, 0.0)
     holes: NDArray[np.bool_] | None = None  # [nz, ny, nx]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         values = self.values
@@ -45,8 +44,8 @@ class Grid:
             raise ValueError(f"a volume needs at least 2 samples along every axis, got {values.shape} for (z, y, x)")
         if self.holes is not None and self.holes.shape != values.shape:
             raise ValueError(f"holes must have the shape of values {values.shape}, got {self.holes.shape}")
-        object.__setattr__(self, "spacing", _triple("spacing", self.spacing))
-        object.__setattr__(self, "origin", _triple("origin", self.origin))
+        object.__setattr__(self, "spacing", triple("spacing", self.spacing))
+        object.__setattr__(self, "origin", triple("origin", self.origin))
         if min(self.spacing) <= 0:
             raise ValueError(f"spacing must be positive along x, y and z, got {self.spacing}")
         frozen = np.ascontiguousarray(values).view()
@@ -87,63 +86,19 @@ class Grid:
         )
 
 
-def to_grid(
-    data: Any,
-    *,
-    spacing: ArrayLike | None = None,
-    origin: ArrayLike | None = None,
-    array: str | None = None,
-    nan: NanPolicy = "refuse",
-) -> Grid:
-    """A `Grid` of `data`.
-
-    Parameters
-    ----------
-    data : a 3-D array indexed (z, y, x) of real numbers, a VTK or pyvista data set, or a `Grid` (returned as it is).
-        What is masked in a masked array counts as NaN.
-    spacing, origin : world units in the order (x, y, z), for arrays only (default: 1 and 0); data sets have their own.
-    array : name of the point or cell array of a data set; may be left out where there is only one.
-    nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
-        with such a corner transparent (see `Grid.holes`).
-
-    Image data are taken sample by sample: points where they are, cell values at the cell centres (so the box
-    is half a cell smaller on each side, and no value is averaged with its neighbours).  Rectilinear, curvilinear
-    and unstructured data are resampled with a `ResamplingWarning` that says how.
-
-    Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for data
-    that are no field at all.
-    """
-    if isinstance(data, Grid):
-        if spacing is not None or origin is not None:
-            raise ValueError("a Grid has its own spacing and origin")
-        return data
-    if hasattr(data, "IsA") and hasattr(data, "GetClassName"):
-        from render.datasets import samples_of
-
-        if spacing is not None or origin is not None:
-            raise ValueError(f"a {data.GetClassName()} has its own spacing and origin: leave them out")
-        values, spacing, origin, outside = samples_of(data, array)
-        return _grid(values, spacing, origin, nan, outside)
-    if array is not None:
-        raise ValueError(f"array={array!r} names an array of a VTK data set, but the data are {type(data).__name__}")
-    values = _unmasked(data) if isinstance(data, np.ma.MaskedArray) else np.asarray(data)
-    return _grid(values, spacing if spacing is not None else 1.0, origin if origin is not None else 0.0, nan)
-
-
-def _unmasked(data: Any) -> NDArray[Any]:
-    """A masked array of real numbers as plain values, NaN where it is masked."""
-    if data.dtype.kind not in "fiub" or not np.ma.is_masked(data):
-        return np.asarray(data.data)
-    return np.asarray(data.astype(data.dtype if data.dtype.kind == "f" else np.float64).filled(np.nan))
-
-
-def _grid(
+def checked_grid(
     values: NDArray[Any],
     spacing: ArrayLike,
     origin: ArrayLike,
-    nan: NanPolicy,
+    nan: str,
+    *,
     outside: NDArray[np.bool_] | None = None,
+    notes: tuple[str, ...] = (),
 ) -> Grid:
+    """A grid of real `values` (nz, ny, nx) of any type; samples `outside` the field are holes, whatever `nan` says.
+
+    Raises ValueError or TypeError naming what is wrong with shape, type, range or values.
+    """
     if nan not in ("refuse", "transparent"):
         raise ValueError(f'nan must be "refuse" or "transparent", got {nan!r}')
     if values.dtype.kind not in "fiub":
@@ -163,7 +118,8 @@ def _grid(
         )
     if outside is not None:
         holes |= outside
-    return Grid(_float32(values, holes), _triple("spacing", spacing), _triple("origin", origin), _some(holes))
+    place = triple("spacing", spacing), triple("origin", origin)
+    return Grid(_float32(values, holes), *place, holes if holes.any() else None, notes)
 
 
 def _float32(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -183,22 +139,10 @@ def _float32(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[np.float
     return np.array(values, dtype=np.float32, order="C")
 
 
-def _some(holes: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    return holes if holes.any() else None
-
-
-def _triple(name: str, value: ArrayLike) -> Triple:
+def triple(name: str, value: ArrayLike) -> Triple:
+    """`value`, or one number for all, as (x, y, z); raises ValueError calling it `name` where it is no such thing."""
     numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if np.ndim(value) == 0 else np.asarray(value)
     if numbers.shape != (3,) or not np.isfinite(numbers.astype(np.float64)).all():
         raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
     x, y, z = map(float, numbers)
     return x, y, z
-
-
-class ResamplingWarning(UserWarning):
-    """The data are not on a regular grid and were interpolated onto one."""
-
-
-def warn_resampled(what: str) -> None:
-    """Say loudly that, and how, data were resampled."""
-    warnings.warn(what, ResamplingWarning, stacklevel=4)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from insitu.adapters import as_grid
+from render.datasets import as_grid
 
 if TYPE_CHECKING:
     from render.grids import Grid

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from catalogs.appearance import TransferFunction
-from render.grids import Grid, to_grid
+from render.datasets import to_grid
+from render.grids import Grid
 
 RAINBOW = ((-1.0, 0.1, 0.2, 0.9), (-0.2, 0.2, 0.8, 0.8), (0.3, 0.9, 0.9, 0.1), (1.0, 0.9, 0.1, 0.0))
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import pyvista
 
-from render.grids import ResamplingWarning, to_grid
+from render.datasets import ResamplingWarning, as_grid, to_grid
 from render.raymarch import trilinear
 
 
@@ -172,3 +173,60 @@ def test_nan_in_a_data_set_is_refused_but_outside_is_not_nan() -> None:
     data.point_data["f"][7] = np.nan
     with pytest.raises(ValueError, match="1 of 120 values are NaN"):
         to_grid(data)
+
+
+def test_notes_say_what_a_warning_would() -> None:
+    mesh = image().cast_to_unstructured_grid()
+    with pytest.warns(ResamplingWarning) as caught:
+        warned = to_grid(mesh)
+    assert [str(warning.message) for warning in caught] == list(warned.notes)
+    assert caught[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert as_grid(mesh).notes == warned.notes
+        assert to_grid(warned) is warned  # said once
+
+
+VALUES = np.random.default_rng(0).random((3, 4, 5)).astype(np.float32)
+
+
+class Exporter:
+    """An array of another library, known by DLPack alone."""
+
+    def __dlpack__(self, **options):
+        return VALUES.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return VALUES.__dlpack_device__()
+
+
+@pytest.mark.parametrize(
+    ("field", "given"),
+    [
+        (VALUES, True),
+        (np.asfortranarray(VALUES), True),
+        (np.concatenate([VALUES, VALUES], axis=2)[:, :, :5], True),
+        (VALUES.tolist(), True),
+        (Exporter(), True),
+        (SimpleNamespace(values=VALUES, spacing=(1.0, 2.0, 3.0), origin=(4.0, 5.0, 6.0)), False),
+    ],
+    ids=["array", "Fortran order", "view", "list", "DLPack", "field"],
+)
+def test_the_grid_is_the_same(field, given: bool) -> None:
+    placed = {"spacing": (1.0, 2.0, 3.0), "origin": (4.0, 5.0, 6.0)} if given else {}
+    grid = to_grid(field, **placed)
+    assert np.array_equal(grid.values, VALUES)
+    assert (grid.spacing, grid.origin) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+
+
+def test_the_simulations_array_may_change_afterwards() -> None:
+    field = VALUES.copy()
+    grid = to_grid(field)
+    field[:] = 0.0
+    assert np.array_equal(grid.values, VALUES)
+
+
+@pytest.mark.parametrize("field", [None, "text", object(), {"values": 1}])
+def test_what_is_no_field_is_refused(field) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        to_grid(field)

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from render.grids import Grid, to_grid
+from render.datasets import to_grid
+from render.grids import Grid
 
 FIELD = np.arange(24.0).reshape(2, 3, 4)
 

@@ -9,7 +9,8 @@ from scipy.optimize import brentq
 from catalogs.appearance import Isosurface
 from catalogs.cameras import Camera, orbit
 from render import render_views
-from render.grids import Grid, to_grid
+from render.datasets import to_grid
+from render.grids import Grid
 from render.isosurface import IsosurfaceRenderer, box_average
 from render.raymarch import box_intersections, gradient, trilinear
 

@@ -10,7 +10,8 @@ import pytest
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import orbit
 from render import choose_sample_distance, render_views
-from render.grids import Grid, to_grid
+from render.datasets import to_grid
+from render.grids import Grid
 from render.quality import psnr, spread
 from render.raymarch import march
 

@@ -10,7 +10,8 @@ import pytest
 from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from render import render_views
-from render.grids import Grid, to_grid
+from render.datasets import to_grid
+from render.grids import Grid
 from render.quality import psnr
 from render.raymarch import march
 from render.volume import VolumeRenderer

@@ -121,7 +121,7 @@ def test_the_projection_matrix_is_the_pinhole_camera() -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads /proc")
 def test_many_members_leave_no_memory_behind(smooth) -> None:
-    from render.grids import to_grid
+    from render.datasets import to_grid
 
     def resident() -> float:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
