@@ -85,8 +85,11 @@ class MemberWriter:
         summary.save(self.path / SUMMARY)
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
-        """Keep the summaries of several fields, by name, beside their images."""
-        save_summaries(self.path / SUMMARY, summaries)
+        """Keep the summaries of a member's fields, by name, beside their images."""
+        if len(self._catalog.plan.fields) == 1 == len(summaries):
+            self.write_summary(next(iter(summaries.values())))
+        else:
+            save_summaries(self.path / SUMMARY, summaries)
 
     def missing(self) -> list[tuple[str, int]]:
         """(appearance, view) pairs that were not written yet."""

@@ -28,16 +28,16 @@ def box_of(grid: Grid) -> Box:
     return checked_box(grid.bounds)
 
 
-def box_around(grids: Sequence[Grid]) -> Box:
-    """The world box that holds all grids."""
-    boxes = np.array([box_of(grid) for grid in grids])  # [K, 2, 3]
-    return checked_box((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
+def box_around(boxes: Sequence[Box]) -> Box:
+    """The world box that holds all boxes."""
+    corners = np.array(boxes)  # [K, 2, 3]
+    return checked_box((corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)))
 
 
-def check_inside(grid: Grid, bounds: Box) -> None:
-    """Raise ValueError where the grid reaches out of the ensemble's box: the fixed cameras may not see it whole."""
+def check_inside(own: Box, bounds: Box) -> None:
+    """Raise ValueError where a member's box reaches out of the ensemble's: the fixed cameras may not see it whole."""
     low, high = np.array(bounds)  # [3] each
-    own_low, own_high = np.array(box_of(grid))
+    own_low, own_high = np.array(own)
     slack = TOLERANCE * np.linalg.norm(high - low)
     if (own_low < low - slack).any() or (own_high > high + slack).any():
         raise ValueError(
@@ -47,10 +47,10 @@ def check_inside(grid: Grid, bounds: Box) -> None:
         )
 
 
-def shrunken(grid: Grid, bounds: Box) -> bool:
-    """Whether the grid leaves more than a hundredth of the ensemble's box, along some axis, empty."""
+def is_smaller(own: Box, bounds: Box) -> bool:
+    """Whether a member's box leaves more than a hundredth of the ensemble's, along some axis, empty."""
     low, high = np.array(bounds)
-    own_low, own_high = np.array(box_of(grid))
+    own_low, own_high = np.array(own)
     return bool((np.abs(own_low - low) + np.abs(own_high - high) > 0.01 * (high - low)).any())
 
 

@@ -90,7 +90,7 @@ def ensemble(
     """
     with _plain_errors():
         from insitu.ensemble import run_ensemble
-        from insitu.planning import Wishes, appearances_from_toml, is_catalog
+        from insitu.planning import PlanOptions, appearances_from_toml, is_catalog
         from insitu.readers.hdf5 import Hdf5Source
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
@@ -101,16 +101,16 @@ def ensemble(
         shown = asked.appearances if asked is not None else appearances or (() if new else _appearances_of(catalog))
         stored = _stored(file, datasets, shown)
         members = stored.members(validation, seed)
-        click.echo(repr(stored))
+        click.echo(str(stored))
         if asked is not None:
-            members, wishes = asked.assigned(members), _wishes_of(asked, stored.space)
+            members, options = asked.assigned(members), _plan_options(asked, stored.space)
         else:
             if not shown:
                 pilots = _pilots(stored.space, members, Hdf5Source(stored), 5, nan)
                 suggestions = [suggestion for _, suggestion in _suggested(pilots).values()]
                 click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
                 appearances = tuple(suggestion.appearance for suggestion in suggestions)
-            wishes = Wishes(
+            options = PlanOptions(
                 stored.space,
                 appearances,
                 _square(size or 256) if new or size else None,
@@ -121,13 +121,13 @@ def ensemble(
                 catalog,
                 members,
                 Hdf5Source(stored),
-                wishes,
+                options,
                 workers=workers,
                 shard=_shard(shard),
                 nan=nan,
                 progress=line,
             )
-        click.echo(repr(result))
+        click.echo(str(result))
         _fail_on(dict(result.failures))
 
 
@@ -237,13 +237,13 @@ def _renderable(path: Path) -> Any:
     return scene
 
 
-def _wishes_of(scene: Any, space: Any) -> Any:
+def _plan_options(scene: Any, space: Any) -> Any:
     """What a scene says about rendering, for an ensemble of its own."""
-    from insitu.planning import Wishes
+    from insitu.planning import PlanOptions
 
     distance = scene.render.sample_distance
     target = scene.render.target_decibels if distance is None else None
-    return Wishes(
+    return PlanOptions(
         space,
         scene.appearances,
         scene.views,

@@ -15,10 +15,10 @@ from catalogs.progress import Count, Rate
 from catalogs.scene import PlannedMember, Scene
 from insitu.ensemble import run_ensemble
 from insitu.fields import check_names
-from insitu.planning import Wishes, disagreements, is_catalog, misplaced
+from insitu.planning import PlanOptions, disagreements, is_catalog, misplaced
 from insitu.sources import ensemble_of
 
-CATALOG, RECORD, KEPT = "catalog.cdb", "dataset.json", "pilots"
+CATALOG, RECORD, PILOTS = "catalog.cdb", "dataset.json", "pilots"
 RECORD_SECONDS = 10.0
 
 
@@ -75,7 +75,7 @@ def _render(
     _check_fields(scene, ensemble.fields)
     members = scene.assigned(ensemble.members)
     distance = scene.render.sample_distance
-    wishes = Wishes(
+    options = PlanOptions(
         space=ensemble.space,
         appearances=scene.appearances,
         views=scene.views,
@@ -84,15 +84,15 @@ def _render(
         provenance={"scene": scene.name, "source": dict(ensemble.source.identity)},
         variations=scene.variations,
     )
-    _check_unchanged(scene, folder / CATALOG, wishes, members)
+    _check_unchanged(scene, folder / CATALOG, options, members)
     result = run_ensemble(
         folder / CATALOG,
         members,
         ensemble.source,
-        wishes,
+        options,
         workers=workers,
         shard=shard,
-        kept=folder / KEPT,
+        cache=folder / PILOTS,
         progress=progress,
     )
     return len(result.rendered), dict(result.failures)
@@ -106,13 +106,13 @@ def _check_fields(scene: Scene, fields: Sequence[str]) -> None:
         raise ValueError(f"scene {scene.path}: {error}") from None
 
 
-def _check_unchanged(scene: Scene, path: Path, wishes: Wishes, members: Sequence[PlannedMember]) -> None:
+def _check_unchanged(scene: Scene, path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> None:
     """Raise ValueError naming what the scene says otherwise than the catalog made from it; more members are welcome."""
     if not is_catalog(path):
         return
     catalog = Catalog.open(path)
     strangers = sorted({m.name for m in catalog.members} - {m.name for m in members})
-    changes = disagreements(catalog.plan, wishes) + misplaced(catalog, members)
+    changes = disagreements(catalog.plan, options) + misplaced(catalog, members)
     changes += [f"member {name}: not in the scene" for name in strangers]
     if changes:
         more = f"; and {len(changes) - 6} more" if len(changes) > 6 else ""
@@ -173,7 +173,7 @@ class _Stopwatch:
 
     def record(self) -> None:
         """Write the seconds down if work was done and left something."""
-        if self._working and ((self._folder / CATALOG).is_dir() or (self._folder / KEPT).is_dir()):
+        if self._working and ((self._folder / CATALOG).is_dir() or (self._folder / PILOTS).is_dir()):
             durable.replace(self._folder / RECORD, json.dumps({"seconds": round(self.seconds, 3)}).encode())
             self._recorded = clock.perf_counter()
 

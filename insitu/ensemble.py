@@ -7,7 +7,7 @@ import os
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,23 +17,21 @@ import numpy as np
 from catalogs.catalog import Catalog
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
+from insitu.field_cache import drop_field, load_field, save_field
 from insitu.fields import as_fields, time_of
-from insitu.hook import Session
-from insitu.kept import drop_field, keep_field, kept_field
+from insitu.hook import RenderedMember, Session, warn_caller
 from insitu.planning import (
     Pilot,
-    Wishes,
-    check_agreement,
+    PlanOptions,
+    agreeing_catalog,
     check_complete,
     combine_pilots,
-    is_catalog,
+    create_catalog,
     measure_pilot,
     misplaced,
-    plan_catalog,
 )
 from insitu.progress import EnsembleProgress, Tracker
-from insitu.rendered import RenderedMember
-from insitu.workers import Crew, Report, channel, single_threaded
+from insitu.workers import Report, WorkerPool, channel, single_threaded
 
 PILOTS = 2
 STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
@@ -42,15 +40,15 @@ STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the nex
 class FieldSource(Protocol):
     """Where the fields of an ensemble's members come from; pickled into every worker process.
 
-    `identity` says in JSON values what a field depends on besides its parameters.  `dear` fields are computed
-    only once: those of the pilot run are kept on disk until they are rendered.
+    `identity` says in JSON values what a field depends on besides its parameters.  `expensive` fields are computed
+    only once: those of the pilot run are stored until they are rendered.
     """
 
     @property
     def identity(self) -> Mapping[str, Any]: ...
 
     @property
-    def dear(self) -> bool: ...
+    def expensive(self) -> bool: ...
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
         """The member's field or fields (anything `as_fields` takes); `progress` is told the fraction done."""
@@ -73,21 +71,24 @@ class EnsembleResult:
             parts.append(f"{len(self.skipped)} were there already")
         if self.failures:
             parts.append(f"{len(self.failures)} failed")
-        return "EnsembleResult: " + ", ".join(parts) + "".join(f"\n  {n}: {why}" for n, why in self.failures.items())
+        return "EnsembleResult: " + ", ".join(parts)
+
+    def __str__(self) -> str:
+        return "\n".join([repr(self), *(f"  {name}: {why}" for name, why in self.failures.items())])
 
 
 def run_ensemble(
     catalog: str | os.PathLike[str],
     members: Sequence[PlannedMember],
     source: FieldSource,
-    wishes: Wishes = Wishes(),  # noqa: B008 - frozen
+    options: PlanOptions = PlanOptions(),  # noqa: B008 - frozen
     *,
     workers: int | None = None,
     executor: Executor | None = None,
     shard: tuple[int, int] | None = None,
     nan: str = "refuse",
-    kept: Path | None = None,
-    progress: Callable[[EnsembleProgress], None] | None = None,
+    cache: Path | None = None,
+    progress: Callable[[EnsembleProgress], None] = lambda state: None,
 ) -> EnsembleResult:
     """Render every member that the catalog lacks.
 
@@ -96,7 +97,7 @@ def run_ensemble(
 
     Parameters
     ----------
-    catalog : the `.cdb` directory, made when absent; `wishes` are what it fixes, or must agree with.
+    catalog : the `.cdb` directory, made when absent; `options` are what it fixes, or must agree with.
     members : all members of the ensemble; those already in the catalog are skipped.
     source : yields their fields, in the worker processes.
     workers : processes of the default pool (spawned, one thread each); by default one per available core.
@@ -105,7 +106,7 @@ def run_ensemble(
     shard : (i, n), i from 1 to n: take only every n-th member, starting with the i-th.  n machines that write to one
         shared catalog each take one.
     nan : as in `render_member`.
-    kept : folder for the fields of dear pilots until they are rendered.
+    cache : folder for the fields of expensive pilots until they are rendered.
     progress : called a few times a second.
 
     A member that fails is reported in the result; the others go on, unless the disk is full.  KeyboardInterrupt stops
@@ -116,18 +117,18 @@ def run_ensemble(
     started = clock.perf_counter()
     path = Path(catalog)
     mine = _shard(members, shard)
-    present = _present(path, wishes, members)
-    todo = [m for m in mine if m.name not in present]
-    skipped = tuple(m.name for m in mine if m.name in present)
+    present = _present(path, options, members)
+    todo = [m for m in mine if present is None or m.name not in present]
+    skipped = tuple(m.name for m in mine if present is not None and m.name in present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
-    with single_threaded(), Crew(count, executor) as crew:
-        run = _Run(path, source, nan, kept, crew, progress or (lambda state: None))
-        if not is_catalog(path):
-            space, _ = check_complete(wishes)
-            run.plan(pilot_members(members, space), wishes, len(todo))
+    with single_threaded(), WorkerPool(count, executor) as pool:
+        run = _Run(path, source, nan, cache if source.expensive else None, pool, progress)
+        if present is None:
+            space, _ = check_complete(options)
+            run.plan(pilot_members(members, space), options, len(todo))
         rendered, failures = run.render(todo)
     return EnsembleResult(tuple(rendered), skipped, failures, clock.perf_counter() - started)
 
@@ -153,23 +154,17 @@ def available_cores() -> int:
 
 
 @dataclass(frozen=True)
-class _Drawn:
-    member: RenderedMember
-    field_seconds: float | None  # None: read from the pilot run
-
-
-@dataclass(frozen=True)
 class _Run:
     """One call of `run_ensemble`: what its tasks share."""
 
     path: Path
     source: FieldSource
     nan: str
-    kept: Path | None
-    crew: Crew
+    cache: Path | None
+    pool: WorkerPool
     show: Callable[[EnsembleProgress], None]
 
-    def plan(self, pilots: Sequence[PlannedMember], wishes: Wishes, members: int) -> None:
+    def plan(self, pilots: Sequence[PlannedMember], options: PlanOptions, members: int) -> None:
         """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
         tracker = Tracker(members, 0, field_share=1.0)
         found: dict[str, Pilot] = {}
@@ -178,41 +173,39 @@ class _Run:
         def done(name: str, pilot: Pilot) -> None:
             tracker.idle(name)
             found[name] = pilot
+            _warn(name, pilot.notes)
 
-        tasks = {m.name: partial(_measure, self.source, m, self.nan, self.kept, wishes) for m in pilots}
-        self.crew.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
+        tasks = {m.name: partial(_measure, self.source, m, self.nan, self.cache, options) for m in pilots}
+        self.pool.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
         if not found:
             raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
-        plan = plan_catalog(combine_pilots([found[m.name] for m in pilots if m.name in found]), wishes)
-        try:
-            Catalog.create(self.path, plan)
-        except ValueError:
-            check_agreement(
-                Catalog.open(self.path), wishes
-            )  # another shard was first: its plan holds, if ours agrees with it
+        create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
 
     def render(self, members: Sequence[PlannedMember]) -> tuple[list[RenderedMember], dict[str, str]]:
+        """What was rendered, and why others were not, by name."""
         plan = Catalog.open(self.path).plan
         shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
         images = round(len(plan.cameras) * sum(shown) / max(1, len(shown)))
-        tracker = Tracker(len(members), images, field_share=0.5 if self.source.dear else 0.02)
+        tracker = Tracker(len(members), images, field_share=0.5 if self.source.expensive else 0.02)
         rendered: list[RenderedMember] = []
         failures: dict[str, str] = {}
 
-        def done(name: str, drawn: _Drawn) -> None:
-            tracker.done(name, drawn.member.images)
-            if drawn.field_seconds is not None:
-                tracker.timed(drawn.field_seconds, drawn.member.seconds)
-            rendered.append(drawn.member)
-            if self.kept is not None:
-                drop_field(self.kept, name)
+        def done(name: str, result: tuple[RenderedMember, float | None]) -> None:
+            member, field_seconds = result
+            tracker.done(name, member.images)
+            if field_seconds is not None:
+                tracker.timed(field_seconds, member.seconds)
+            rendered.append(member)
+            _warn(name, member.warnings)
+            if self.cache is not None:
+                drop_field(self.cache, name)
 
         def failed(name: str, error: BaseException) -> None:
             tracker.failed(name)
             failures[name] = f"{type(error).__name__}: {error}"
 
-        tasks = {m.name: partial(_render, self.path, self.source, m, self.nan, self.kept) for m in members}
-        self.crew.run(tasks, done, failed, partial(self._tick, tracker), _is_hopeless)
+        tasks = {m.name: partial(_render, self.path, self.source, m, self.nan, self.cache) for m in members}
+        self.pool.run(tasks, done, failed, partial(self._tick, tracker), _is_hopeless)
         return rendered, failures
 
     def _tick(self, tracker: Tracker, reports: Iterable[Report]) -> None:
@@ -221,25 +214,34 @@ class _Run:
         self.show(tracker.snapshot())
 
 
-def _measure(source: FieldSource, member: PlannedMember, nan: str, kept: Path | None, wishes: Wishes) -> Pilot:
-    """In a worker: a pilot's field, kept if dear, and what the plan needs of it."""
-    field, _ = _field(source, member, kept)
-    fields = as_fields(field, wishes.appearances or (), nan=nan)
-    if source.dear and kept is not None:
-        keep_field(kept, member.name, _identity(source, member), field)
+def _warn(name: str, notes: Iterable[str]) -> None:
+    """Here, since warnings stay in the process of a worker."""
+    for note in notes:
+        warn_caller(UserWarning(f"{name}: {note}"))
+
+
+def _measure(source: FieldSource, member: PlannedMember, nan: str, cache: Path | None, options: PlanOptions) -> Pilot:
+    """In a worker: what the plan needs of a pilot's field, which is stored if it is expensive."""
+    field, _ = _field(source, member, cache)
+    fields = as_fields(field, options.appearances or (), nan=nan)
+    if cache is not None:
+        save_field(cache, member.name, _identity(source, member), field)
     channel().send(Report(member.name, "pilot", 0.0))
-    return measure_pilot(fields, wishes)
+    pilot = measure_pilot(fields, options)
+    return replace(pilot, notes=(*fields.notes, *pilot.notes))
 
 
-def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, kept: Path | None) -> _Drawn:
-    """In a worker: a member's field or fields, rendered into the catalog."""
-    field, seconds = _field(source, member, kept)
+def _render(
+    path: Path, source: FieldSource, member: PlannedMember, nan: str, cache: Path | None
+) -> tuple[RenderedMember, float | None]:
+    """In a worker: a member, rendered into the catalog, and the seconds that its field took, as `_field` says."""
+    field, seconds = _field(source, member, cache)
 
     def progress(images: int) -> None:
         channel().send(Report(member.name, "render", 0.0, images))
 
     progress(0)
-    with Session(path, nan=nan, progress=progress) as session:
+    with Session(path, nan=nan, progress=progress, warn=lambda note: None) as session:
         rendered = session.render_member(
             field,
             member.parameters,
@@ -249,17 +251,17 @@ def _render(path: Path, source: FieldSource, member: PlannedMember, nan: str, ke
             provenance={"source": dict(source.identity)},
             appearances=member.appearances,
         )
-    return _Drawn(rendered, seconds)
+    return rendered, seconds
 
 
-def _field(source: FieldSource, member: PlannedMember, kept: Path | None) -> tuple[Any, float | None]:
-    """The member's field, and the seconds it took unless it was kept from the pilot run."""
+def _field(source: FieldSource, member: PlannedMember, cache: Path | None) -> tuple[Any, float | None]:
+    """The member's field, and the seconds it took; None where the pilot run has stored it."""
     started = clock.perf_counter()
-    if source.dear and kept is not None:
-        field = kept_field(kept, member.name, _identity(source, member))
+    if cache is not None:
+        field = load_field(cache, member.name, _identity(source, member))
         if field is not None:
             return field, None
-    channel().send(Report(member.name, "simulate" if source.dear else "read", 0.0))
+    channel().send(Report(member.name, "simulate" if source.expensive else "read", 0.0))
     field = source.field(member, lambda fraction: channel().send(Report(member.name, "simulate", fraction)))
     return field, clock.perf_counter() - started
 
@@ -272,12 +274,11 @@ def _is_hopeless(error: BaseException) -> bool:
     return isinstance(error, OSError) and error.errno in STOPPING
 
 
-def _present(path: Path, wishes: Wishes, members: Sequence[PlannedMember]) -> set[str]:
-    """Names of the members that the catalog, if there is one, holds; raises where it is not this ensemble's."""
-    if not is_catalog(path):
-        return set()
-    catalog = Catalog.open(path)
-    check_agreement(catalog, wishes)
+def _present(path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> set[str] | None:
+    """Names of the members that the catalog holds, None without one; raises ValueError where it is not this ensemble's."""
+    catalog = agreeing_catalog(path, options)
+    if catalog is None:
+        return None
     differences = misplaced(catalog, members)
     if differences:
         raise ValueError(f"catalog {path} holds members of another ensemble: {'; '.join(differences[:5])}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from catalogs.appearance import Appearance, check_fields, field_of, shown_fields
-from insitu.boxes import box_of, same_box
+from insitu.boxes import Box, box_of, same_box
 from render.datasets import as_grid
 
 if TYPE_CHECKING:
@@ -26,9 +26,14 @@ class Fields:
     grids: Mapping[str, Grid]
 
     @property
-    def first(self) -> Grid:
-        """One that speaks for the shape and the place of all."""
-        return next(iter(self.grids.values()))
+    def box(self) -> Box:
+        """The world box that they all fill."""
+        return box_of(next(iter(self.grids.values())))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of how their samples were made."""
+        return tuple(dict.fromkeys(note for grid in self.grids.values() for note in grid.notes))
 
     def shown_by(self, appearance: Appearance) -> Grid:
         """The field that an appearance shows."""

@@ -3,45 +3,117 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import os
+import sys
 import time as clock
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from types import FrameType, TracebackType
+from typing import Any
 
-from catalogs.appearance import Appearance, VolumeRendering, field_of, shown_fields
+from catalogs.appearance import Appearance, VolumeRendering, shown_fields
 from catalogs.catalog import Catalog, CatalogPlan, MemberWriter
 from catalogs.members import known_appearances
 from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.plan import CatalogError, json_values, name_problem
 from catalogs.scene import ViewPlan
-from catalogs.summary import FieldSummary
 from catalogs.variations import Variation
-from insitu.boxes import Box, box_of, check_inside, shrunken
+from insitu.boxes import Box, check_inside, is_smaller
 from insitu.fields import Fields, as_fields
 from insitu.memory import PeakMemory
 from insitu.planning import (
-    Wishes,
+    PlanOptions,
+    agreeing_catalog,
     appearances_from,
-    check_agreement,
     check_complete,
-    is_catalog,
+    create_catalog,
     measure_pilot,
-    plan_catalog,
     space_from,
-    value_range_of,
 )
-from insitu.rendered import RenderedMember
-from insitu.summarize import summarize
-
-if TYPE_CHECKING:
-    from render.grids import Grid
+from insitu.summarize import summarize_shown
+from render.datasets import ResamplingWarning
 
 LONGEST_NAME = 80
+OF_MEMBER = (
+    "name",
+    "split",
+    "time",
+    "spacing",
+    "origin",
+    "array",
+)  # arguments that `render_member` hands on for the member
+
+
+@dataclass(frozen=True)
+class RenderedMember:
+    """What rendering one member wrote and what it cost.
+
+    Attributes
+    ----------
+    name, path : the member and its directory in the catalog.
+    images : how many images were written.
+    render_seconds, write_seconds, seconds : drawing, encoding and storing, and everything together.
+    extra_memory : bytes of resident memory the call added at its peak (see `insitu.memory.PeakMemory`).
+    ranges : smallest and largest finite value of each field that is shown, by name; "" for an only one without a name.
+    clipped_fractions : share of each field's values outside the ensemble's value range, likewise.
+    warnings : what was recorded with the member besides: parameters out of bounds, transparent values.
+    """
+
+    name: str
+    path: Path
+    images: int
+    render_seconds: float
+    write_seconds: float
+    seconds: float
+    extra_memory: int
+    ranges: Mapping[str, tuple[float, float]]
+    clipped_fractions: Mapping[str, float]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest finite value of the first field."""
+        return next(iter(self.ranges.values()))
+
+    @property
+    def clipped_fraction(self) -> float:
+        """Share of the first field's values outside the ensemble's value range."""
+        return next(iter(self.clipped_fractions.values()))
+
+    @property
+    def images_per_second(self) -> float:
+        return self.images / self.seconds
+
+    def __repr__(self) -> str:
+        return (
+            f"RenderedMember {self.name}: {self.images} images in {self.seconds:.1f} s "
+            f"({self.images_per_second:.0f}/s; render {self.render_seconds:.1f} s, write {self.write_seconds:.1f} s), "
+            f"{self.extra_memory / 1e6:.0f} MB extra memory"
+        )
+
+    def __str__(self) -> str:
+        lines = [
+            repr(self),
+            *(
+                f"  {name or 'values'} {low:.6g} to {high:.6g}, {100 * self.clipped_fractions[name]:.2f} % clipped"
+                for name, (low, high) in self.ranges.items()
+            ),
+            f"  {self.path}",
+        ]
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+
+def warn_caller(note: Warning) -> None:
+    """Warn of `note` at the line that called into this package, however deep the call."""
+    frame: FrameType | None = sys._getframe()
+    level = 1
+    while frame is not None and frame.f_globals.get("__name__", "").startswith("insitu."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(note, stacklevel=level)
 
 
 class Session:
@@ -56,7 +128,8 @@ class Session:
     One that is smaller is rendered where it is, with a warning unless `bounds` were given, since spacing or origin may
     have been forgotten.
 
-    Use it as a context manager.  Parameters are those of `render_member` and of `insitu.planning.Wishes`.
+    Use it as a context manager.  Parameters are those of `render_member` and of `insitu.planning.PlanOptions`; besides,
+    `progress` is called with the number of images drawn of a member, and `warn` with what deserves a warning.
 
     Examples
     --------
@@ -79,10 +152,11 @@ class Session:
         provenance: Mapping[str, Any] | None = None,
         variations: Iterable[Variation] | None = None,
         nan: str = "refuse",
-        progress: Callable[[int], None] | None = None,
+        progress: Callable[[int], None] = lambda images: None,
+        warn: Callable[[Warning], None] = warn_caller,
     ) -> None:
         self.path = Path(catalog)
-        self._wishes = Wishes(
+        self._options = PlanOptions(
             space=space_from(space),
             appearances=appearances_from(appearances),
             views=views,
@@ -93,9 +167,8 @@ class Session:
             provenance=provenance or {},
             variations=None if variations is None else tuple(variations),
         )
-        self._nan = nan
-        self._progress = progress
-        self._catalog = self._opened() if is_catalog(self.path) else None
+        self._nan, self._progress, self._warn = nan, progress, warn
+        self._catalog = agreeing_catalog(self.path, self._options)
 
     def __enter__(self) -> Session:
         return self
@@ -106,7 +179,8 @@ class Session:
         self.close()
 
     def __repr__(self) -> str:
-        return f"Session({str(self.path)!r}, {'not made yet' if self._catalog is None else self._catalog!r})"
+        members = "not made yet" if self._catalog is None else f"{len(self._catalog.member_paths())} members"
+        return f"Session({str(self.path)!r}, {members})"
 
     @property
     def catalog(self) -> Catalog | None:
@@ -139,124 +213,91 @@ class Session:
         started, memory = clock.perf_counter(), PeakMemory()
         if split not in SPLITS:
             raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
-        self._check_parameters(parameters)
-        known, shown = self._known_and_shown(appearances)
-        looked_at = shown if self._catalog else known  # a new catalog's sample distances need all fields
+        catalog = self._catalog
+        space, known = (
+            check_complete(self._options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
+        )
+        space.values(parameters, outside="allow")  # wrong names are refused before the field is looked at
+        wanted = known_appearances(appearances, [a.name for a in known])
+        shown = [a for a in known if a.name in wanted]
         name = name or member_name(parameters)
-        recorded = _recorded(name, provenance, time)
-        with _repeated_warnings() as resampled:
-            fields = as_fields(
-                field, looked_at, known=known, spacing=spacing, origin=origin, array=array, nan=nan or self._nan
-            )
+        record = _record(name, provenance, time)
+        fields = as_fields(
+            field,
+            known if catalog is None else shown,  # a new catalog's sample distances need all fields
+            known=known,
+            spacing=spacing,
+            origin=origin,
+            array=array,
+            nan=nan or self._nan,
+        )
         memory.sample()
         with _named_disk_errors(name, self.path):
-            catalog = self._catalog = self._catalog or self._created(fields)
-            check_inside(fields.first, catalog.plan.bounds)
-            notes = _notes(fields.first, parameters, catalog)
-            for note in notes:
-                warnings.warn(note, stacklevel=2)
-            recorded["bounds"] = box_of(fields.first)
-            if resampled or notes:
-                recorded["warnings"] = [*resampled, *notes]
-            of_shown = [a.name for a in shown]
-            with catalog.begin_member(  # out of bounds is already said and recorded
-                name, parameters, split=split, provenance=recorded, appearances=of_shown, outside="allow"
+            catalog = self._catalog = catalog or self._created(fields)
+            check_inside(fields.box, catalog.plan.bounds)
+            notes = _notes(fields.box, parameters, catalog.plan)
+            for note in [*map(ResamplingWarning, fields.notes), *map(UserWarning, notes)]:
+                self._warn(note)
+            record["bounds"] = fields.box
+            if fields.notes or notes:
+                record["warnings"] = [*fields.notes, *notes]
+            with catalog.begin_member(
+                name, parameters, split=split, provenance=record, appearances=wanted, outside="allow"
             ) as writer:
-                drawn = self._draw(fields, catalog, writer, memory)
-                summaries = _summaries(fields, shown, catalog.plan)
-                memory.sample()
-                if len(catalog.plan.fields) > 1:
-                    writer.write_summaries(summaries)
-                else:
-                    writer.write_summary(next(iter(summaries.values())))
+                written = self._write(fields, shown, catalog.plan, writer, memory)
         return RenderedMember(
             name=name,
             path=catalog.path / "members" / name,
-            images=drawn.images,
-            render_seconds=drawn.render,
-            write_seconds=drawn.write,
+            **written,
             seconds=clock.perf_counter() - started,
             extra_memory=memory.extra_bytes,
-            ranges={name: (kept.minimum, kept.maximum) for name, kept in summaries.items()},
-            clipped_fractions={name: kept.clipped_fraction for name, kept in summaries.items()},
-            warnings=(*resampled, *notes),
+            warnings=(*fields.notes, *notes),
         )
 
-    def _opened(self) -> Catalog:
-        catalog = Catalog.open(self.path)
-        check_agreement(catalog, self._wishes)
-        return catalog
-
     def _created(self, fields: Fields) -> Catalog:
-        plan = plan_catalog(measure_pilot(fields, self._wishes), self._wishes)
-        try:
-            return Catalog.create(self.path, plan)
-        except (ValueError, FileExistsError):
-            if not is_catalog(self.path):
-                raise
-            return self._opened()  # another process was first: its plan holds, if the arguments agree with it
+        """The catalog, made for its first member."""
+        pilot = measure_pilot(fields, self._options)
+        for note in pilot.notes:
+            self._warn(UserWarning(note))
+        return create_catalog(self.path, pilot, self._options)
 
-    def _check_parameters(self, parameters: Mapping[str, float]) -> None:
-        """Refuse wrong names before the field is looked at; the catalog refuses duplicates."""
-        space = self._catalog.plan.space if self._catalog else self._wishes.space
-        if space is not None:  # else a new catalog lacks it: plan_catalog says so
-            space.values(parameters, outside="allow")
-
-    def _known_and_shown(self, names: Sequence[str] | None) -> tuple[Sequence[Appearance], Sequence[Appearance]]:
-        """All appearances, and those of a member; refuses unknown names before a new catalog is made for them."""
-        known = self._catalog.plan.appearances if self._catalog else check_complete(self._wishes)[1]
-        wanted = set(known_appearances(names, [a.name for a in known]))
-        return known, [a for a in known if a.name in wanted]
-
-    def _draw(self, fields: Fields, catalog: Catalog, writer: MemberWriter, memory: PeakMemory) -> _Drawn:
-        """Render every appearance from every view, one image in memory at a time."""
+    def _write(
+        self, fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan, writer: MemberWriter, memory: PeakMemory
+    ) -> dict[str, Any]:
+        """Write a member's images, one in memory at a time, and its fields' summaries; what `RenderedMember` tells of them."""
         from render import render_views
 
-        render, write, images = 0.0, 0.0, 0
-        distances = catalog.plan.provenance.get("sample_distances", {})
-        shown = set(writer.member.appearances)
-        for appearance in (a for a in catalog.plan.appearances if a.name in shown):
-            distance = distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None
-            exact = catalog.plan.image_format == "exr"
-            before = clock.perf_counter()
+        started, written, images = clock.perf_counter(), 0.0, 0
+        distances = plan.provenance.get("sample_distances", {})
+        for appearance in shown:
             pictures = render_views(
                 fields.shown_by(appearance),
                 appearance,
-                catalog.plan.cameras,
-                sample_distance=distance,
-                float_output=exact,
+                plan.cameras,
+                sample_distance=distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None,
+                float_output=plan.image_format == "exr",
             )
             for view, rgba in enumerate(pictures):
-                between = clock.perf_counter()
-                writer.write_image(appearance.name, view, rgba)
-                after = clock.perf_counter()
-                render, write, images = render + between - before, write + after - between, images + 1
-                memory.sample()
-                if self._progress is not None:
-                    self._progress(images)
                 before = clock.perf_counter()
-        return _Drawn(render, write, images)
+                writer.write_image(appearance.name, view, rgba)
+                written, images = written + clock.perf_counter() - before, images + 1
+                memory.sample()
+                self._progress(images)
+        rendered = clock.perf_counter() - started - written
+        summaries = summarize_shown({name: fields.grids[name] for name in shown_fields(shown)}, plan)
+        memory.sample()
+        writer.write_summaries(summaries)
+        return {
+            "images": images,
+            "render_seconds": rendered,
+            "write_seconds": written,
+            "ranges": {name: (kept.minimum, kept.maximum) for name, kept in summaries.items()},
+            "clipped_fractions": {name: kept.clipped_fraction for name, kept in summaries.items()},
+        }
 
 
 def render_member(
-    field: Any,
-    parameters: Mapping[str, float],
-    *,
-    catalog: str | os.PathLike[str],
-    space: ParameterSpace | Mapping[str, tuple[float, float]] | None = None,
-    appearances: Appearance | Iterable[Appearance] | None = None,
-    views: ViewPlan | None = None,
-    spacing: Sequence[float] | None = None,
-    origin: Sequence[float] | None = None,
-    array: str | None = None,
-    name: str | None = None,
-    split: str = "train",
-    nan: str = "refuse",
-    target_decibels: float | None = None,
-    sample_distance: float | Mapping[str, float] | None = None,
-    time: float | None = None,
-    bounds: Box | None = None,
-    variations: Iterable[Variation] | None = None,
+    field: Any, parameters: Mapping[str, float], *, catalog: str | os.PathLike[str], **arguments: Any
 ) -> RenderedMember:
     """Render one member of an ensemble into a Cinema catalog; afterwards its field may go.
 
@@ -265,7 +306,7 @@ def render_member(
 
     Parameters
     ----------
-    field : numpy array (z, y, x), with `spacing`; or a pyvista or VTK data set; see `insitu.adapters.as_grid`.  Several fields are
+    field : numpy array (z, y, x), with `spacing`; or a pyvista or VTK data set; see `render.to_grid`.  Several fields are
         a mapping {name: array}, all of one shape, or a data set: every appearance then names its own, `field="..."`.
     parameters : the member's simulation parameters by name, in the units of `space`.  A value out of bounds is
         rendered, with a warning that is also recorded.
@@ -293,20 +334,23 @@ def render_member(
     ValueError : the field, the parameters or the plan are not acceptable; nothing was written.
     OSError : the disk is full or not writable; nothing of the member was kept.
     """
-    with Session(
-        catalog,
-        space=space,
-        appearances=appearances,
-        views=views,
-        bounds=bounds,
-        target_decibels=target_decibels,
-        sample_distance=sample_distance,
-        variations=variations,
-        nan=nan,
-    ) as session:
-        return session.render_member(
-            field, parameters, name=name, split=split, time=time, spacing=spacing, origin=origin, array=array
-        )
+    of_member = {name: arguments.pop(name) for name in OF_MEMBER if name in arguments}
+    with Session(catalog, **arguments) as session:
+        return session.render_member(field, parameters, **of_member)
+
+
+def _signature_of_hook() -> inspect.Signature:
+    """The signature of `render_member` with what it hands on to `Session` and to its method spelt out."""
+    own = inspect.signature(render_member)
+    of_session, of_member = (inspect.signature(f).parameters for f in (Session, Session.render_member))
+    handed_on = [p for p in of_session.values() if p.name not in own.parameters] + [
+        of_member[name] for name in OF_MEMBER
+    ]
+    named = [p for p in own.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
+    return own.replace(parameters=[*named, *handed_on])
+
+
+render_member.__signature__ = _signature_of_hook()  # type: ignore[attr-defined]
 
 
 def member_name(parameters: Mapping[str, float]) -> str:
@@ -317,47 +361,13 @@ def member_name(parameters: Mapping[str, float]) -> str:
     return text if fits else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    render: float
-    write: float
-    images: int
-
-
-def _recorded(name: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
+def _record(name: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
     """What a member's record says by itself; refuses what no catalog takes before a new one is made for it."""
     problem = name_problem(name)
     if problem:
         raise CatalogError(f"a member can't be called so: {problem}")
     told = {**(provenance or {}), **({} if time is None else {"time": float(time)})}
     return json_values(told, f"the provenance of member {name}")
-
-
-def _summaries(fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan) -> dict[str, FieldSummary]:
-    """What is kept of each field that a member shows, by name, under all of the catalog's appearances of it."""
-    sampled = _sampled(plan)
-    return {
-        field: summarize(fields.grids[field], [a for a in sampled if field_of(a) == field], value_range_of(plan, field))
-        for field in shown_fields(shown)
-    }
-
-
-def _sampled(plan: CatalogPlan) -> tuple[Appearance, ...]:
-    """The appearances by which points of the field are kept: of transfer functions only the bases, whose places all share."""
-    same = {n for v in plan.variations if v.edits_base for n in v.named(*SPLITS)}
-    return tuple(a for a in plan.appearances if a.name not in same)
-
-
-@contextmanager
-def _repeated_warnings() -> Iterator[list[str]]:
-    """Yields a list that holds, after the block, what it warned of; the warnings are given on."""
-    messages: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        yield messages
-    for warning in caught:
-        messages.append(str(warning.message))
-        warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
 
 
 @contextmanager
@@ -376,13 +386,12 @@ def _named_disk_errors(name: str, path: Path) -> Iterator[None]:
         ) from error
 
 
-def _notes(grid: Grid, parameters: Mapping[str, float], catalog: Catalog) -> list[str]:
-    """What deserves a warning about this member."""
-    space = catalog.plan.space
-    notes = list(space.outside([float(parameters[name]) for name in space.names]).values())
-    if catalog.plan.provenance.get("bounds_from") != "given" and shrunken(grid, catalog.plan.bounds):
+def _notes(box: Box, parameters: Mapping[str, float], plan: CatalogPlan) -> list[str]:
+    """What deserves a warning about a member that fills `box`."""
+    notes = list(plan.space.outside([float(parameters[name]) for name in plan.space.names]).values())
+    if plan.provenance.get("bounds_from") != "given" and is_smaller(box, plan.bounds):
         notes.append(
-            f"the member's box {box_of(grid)} is not the first member's {catalog.plan.bounds}, around which the "
+            f"the member's box {box} is not the first member's {plan.bounds}, around which the "
             "cameras stand: check spacing and origin"
         )
     return notes

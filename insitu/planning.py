@@ -26,11 +26,12 @@ from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.plan import shortened
 from catalogs.scene import PlannedMember, ViewPlan
 from catalogs.variations import Variation
-from insitu.boxes import Box, box_of, cameras_around, check_inside, checked_box, same_box
+from insitu.boxes import Box, box_around, cameras_around, check_inside, checked_box, same_box
 from insitu.summarize import value_range
 
 if TYPE_CHECKING:
     from insitu.fields import Fields
+    from render.quality import SampleDistance
 
 TARGET_DECIBELS = 50.0
 CORNERS = 6  # settings of a variation whose sample distance is measured; the finest serves the whole variation
@@ -38,7 +39,7 @@ BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has 
 
 
 @dataclass(frozen=True)
-class Wishes:
+class PlanOptions:
     """What a caller wants fixed for the ensemble; None leaves it to the catalog or, in a new one, to a default.
 
     Attributes
@@ -109,39 +110,37 @@ class Pilot:
     ----------
     bounds : world box that holds the field.
     ranges : smallest and largest finite value by field, "" for an only one without a name.
-    distances, decibels : by volume rendering, the sample distance (world units) that reaches the target and the PSNR
-        measured there; empty where the sample distance is given.
+    distances : by volume rendering, the sample distance that reaches the target; empty where it is given.
+    notes : what the user should know of them.
     """
 
     bounds: Box
     ranges: Mapping[str, tuple[float, float]]
-    distances: Mapping[str, float] = field(default_factory=dict)
-    decibels: Mapping[str, float] = field(default_factory=dict)
+    distances: Mapping[str, SampleDistance] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
-def measure_pilot(fields: Fields, wishes: Wishes) -> Pilot:
+def measure_pilot(fields: Fields, options: PlanOptions) -> Pilot:
     """Look at one member: its box, its ranges and, unless given, the sample distances that pictures of its fields need."""
-    _, appearances = check_complete(wishes)
-    bounds = wishes.bounds or box_of(fields.first)
-    check_inside(fields.first, bounds)
+    _, appearances = check_complete(options)
+    bounds = options.bounds or fields.box
+    check_inside(fields.box, bounds)
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
-    if wishes.sample_distance is not None or not volumes:
+    if options.sample_distance is not None or not volumes:
         return Pilot(bounds, fields.ranges)
-    from render import choose_sample_distance
+    from render.quality import find_sample_distance
 
-    variations = [v for v in wishes.variations or () if v.continuous]  # nothing is in common between fields
-    cameras = cameras_around(bounds, wishes.views or ViewPlan())
-    measured = _measured(volumes, variations)
-    target = target_decibels(wishes)
-    chosen = {a.name: choose_sample_distance(fields.shown_by(a), a, cameras, target) for a in measured}
-    by = {a.name: _stand_in(a.name, list(chosen), variations) for a in volumes}
-    finest = {name: min((chosen[other] for other in others), key=lambda c: c.distance) for name, others in by.items()}
-    return Pilot(
-        bounds,
-        fields.ranges,
-        {name: float(c.distance) for name, c in finest.items()},
-        {name: round(min(float(c.decibels), BEST_DECIBELS), 2) for name, c in finest.items()},
-    )
+    variations = [v for v in options.variations or () if v.continuous]  # nothing is in common between fields
+    cameras = cameras_around(bounds, options.views or ViewPlan())
+    found = {
+        a.name: find_sample_distance(fields.shown_by(a), a, cameras, target_decibels(options))
+        for a in _measured(volumes, variations)
+    }
+    related = {a.name: _related(a.name, variations) & found.keys() for a in volumes}
+    finest = {
+        name: min((found[other] for other in found if other in names), key=_length) for name, names in related.items()
+    }
+    return Pilot(bounds, fields.ranges, finest, tuple(distance.note for distance in found.values() if distance.note))
 
 
 def _measured(volumes: Sequence[VolumeRendering], variations: Sequence[Variation]) -> list[VolumeRendering]:
@@ -151,68 +150,69 @@ def _measured(volumes: Sequence[VolumeRendering], variations: Sequence[Variation
     return [a for a in volumes if a.name not in settings or a.name in kept]
 
 
-def _stand_in(name: str, measured: Sequence[str], variations: Sequence[Variation]) -> list[str]:
-    """The measured appearances whose finest sample distance an appearance takes: its own, or those of its variation."""
+def _related(name: str, variations: Sequence[Variation]) -> set[str]:
+    """The appearances whose finest sample distance an appearance takes: its own, and those of its variation."""
     families = [{variation.base, *variation.named(*SPLITS)} for variation in variations]
-    related = {name}.union(*(family for family in families if name in family))
-    return [other for other in measured if other in related]
+    return {name}.union(*(family for family in families if name in family))
+
+
+def _length(distance: SampleDistance) -> float:
+    return distance.distance
 
 
 def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
     """One pilot for all: the box around their boxes, the widest ranges, the finest sample distances."""
-    boxes = np.array([p.bounds for p in pilots])  # [K, 2, 3]
-    ends = {field: np.array([p.ranges[field] for p in pilots]) for field in pilots[0].ranges}  # [K, 2] each
-    finest = {
-        name: min(range(len(pilots)), key=lambda i, name=name: pilots[i].distances[name])  # type: ignore[misc]
-        for name in pilots[0].distances
-    }
     return Pilot(
-        checked_box((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0))),
-        {field: (float(of[:, 0].min()), float(of[:, 1].max())) for field, of in ends.items()},
-        {name: pilots[i].distances[name] for name, i in finest.items()},
-        {name: pilots[i].decibels[name] for name, i in finest.items()},
+        box_around([p.bounds for p in pilots]),
+        {
+            name: (min(p.ranges[name][0] for p in pilots), max(p.ranges[name][1] for p in pilots))
+            for name in pilots[0].ranges
+        },
+        {name: min((p.distances[name] for p in pilots), key=_length) for name in pilots[0].distances},
     )
 
 
-def check_complete(wishes: Wishes) -> tuple[ParameterSpace, tuple[Appearance, ...]]:
+def check_complete(options: PlanOptions) -> tuple[ParameterSpace, tuple[Appearance, ...]]:
     """The space and appearances of a new catalog; raises ValueError without: no field can stand in for them."""
-    if wishes.space is None or not wishes.appearances:
-        missing = "space" if wishes.space is None else "appearances"
+    if options.space is None or not options.appearances:
+        missing = "space" if options.space is None else "appearances"
         raise ValueError(
             f"a new catalog needs {missing}=, because what is fixed for the ensemble cannot come from its first member "
             "(`insitu probe` suggests a transfer function)"
         )
-    check_fields(wishes.appearances)
-    if isinstance(wishes.sample_distance, Mapping):
-        _given_distances(wishes.sample_distance, wishes.appearances)
-    return wishes.space, wishes.appearances
+    check_fields(options.appearances)
+    if isinstance(options.sample_distance, Mapping):
+        _given_distances(options.sample_distance, options.appearances)
+    return options.space, options.appearances
 
 
-def plan_catalog(pilot: Pilot, wishes: Wishes) -> CatalogPlan:
-    """The plan of a new catalog: the wishes, and what they leave open decided from `pilot`."""
-    space, appearances = check_complete(wishes)
-    views = wishes.views or ViewPlan()
+def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
+    """The plan of a new catalog: the options, and what they leave open decided from `pilot`."""
+    space, appearances = check_complete(options)
+    views = options.views or ViewPlan()
     provenance: dict[str, Any] = {
-        **wishes.provenance,
-        "bounds_from": "given" if wishes.bounds else "pilot members",
+        **options.provenance,
+        "bounds_from": "given" if options.bounds else "pilot members",
         "software": _software(),
         **_value_ranges(pilot, appearances),
     }
-    if wishes.sample_distance is not None:
-        provenance["sample_distances"] = _given_distances(wishes.sample_distance, appearances)
+    if options.sample_distance is not None:
+        provenance["sample_distances"] = _given_distances(options.sample_distance, appearances)
     elif pilot.distances:
-        provenance["target_decibels"] = target_decibels(wishes)
-        provenance["sample_distances"] = dict(pilot.distances)
-        provenance["measured_decibels"] = dict(pilot.decibels)
+        provenance["target_decibels"] = target_decibels(options)
+        provenance["sample_distances"] = {name: float(d.distance) for name, d in pilot.distances.items()}
+        provenance["measured_decibels"] = {
+            name: round(min(float(d.decibels), BEST_DECIBELS), 2) for name, d in pilot.distances.items()
+        }
     return CatalogPlan(
         space=space,
         appearances=appearances,
         cameras=cameras_around(pilot.bounds, views),
         view_splits=views.splits(),
         bounds=pilot.bounds,
-        image_format=wishes.image_format or "png",
+        image_format=options.image_format or "png",
         provenance=provenance,
-        variations=wishes.variations or (),
+        variations=options.variations or (),
     )
 
 
@@ -223,14 +223,8 @@ def _value_ranges(pilot: Pilot, appearances: Sequence[Appearance]) -> dict[str, 
     return {"value_ranges": by} if len(by) > 1 else {"value_range": next(iter(by.values()))}
 
 
-def value_range_of(plan: CatalogPlan, field: str) -> tuple[float, float]:
-    """The ensemble's fixed range of values of a field."""
-    low, high = plan.provenance["value_ranges"][field] if len(plan.fields) > 1 else plan.provenance["value_range"]
-    return low, high
-
-
-def target_decibels(wishes: Wishes) -> float:
-    return TARGET_DECIBELS if wishes.target_decibels is None else wishes.target_decibels
+def target_decibels(options: PlanOptions) -> float:
+    return TARGET_DECIBELS if options.target_decibels is None else options.target_decibels
 
 
 def is_catalog(path: Path) -> bool:
@@ -238,40 +232,55 @@ def is_catalog(path: Path) -> bool:
     return (path / "catalog.json").is_file()
 
 
-def check_agreement(catalog: Catalog, wishes: Wishes) -> None:
-    """Raise ValueError naming everything in which `wishes` differ from what the catalog has fixed."""
-    differences = disagreements(catalog.plan, wishes)
+def agreeing_catalog(path: Path, options: PlanOptions) -> Catalog | None:
+    """The catalog at `path`, if there is one; raises ValueError naming everything in which `options` differ from it."""
+    if not is_catalog(path):
+        return None
+    catalog = Catalog.open(path)
+    differences = disagreements(catalog.plan, options)
     if differences:
         raise ValueError(
             f"catalog {catalog.path} was made with another plan, and every member must share it: "
             + "; ".join(differences)
             + ". Take the catalog's values (leave the argument out), or write to a new catalog"
         )
+    return catalog
 
 
-def disagreements(plan: CatalogPlan, wishes: Wishes) -> list[str]:
-    """Everything in which `wishes` differ from the plan of a catalog, each named by its place with both values."""
+def create_catalog(path: Path, pilot: Pilot, options: PlanOptions) -> Catalog:
+    """A new catalog; or the one that another process made meanwhile: its plan holds, if `options` agree with it."""
+    try:
+        return Catalog.create(path, plan_catalog(pilot, options))
+    except (ValueError, FileExistsError):
+        made = agreeing_catalog(path, options)
+        if made is None:
+            raise
+        return made
+
+
+def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
+    """Everything in which `options` differ from the plan of a catalog, each named by its place with both values."""
     differences = []
-    if wishes.space is not None:
-        differences += differing(wishes.space.to_json(), plan.space.to_json(), "space")
-    if wishes.appearances is not None:
-        wanted = [appearance_to_json(a) for a in wishes.appearances]
+    if options.space is not None:
+        differences += differing(options.space.to_json(), plan.space.to_json(), "space")
+    if options.appearances is not None:
+        wanted = [appearance_to_json(a) for a in options.appearances]
         differences += differing(wanted, [appearance_to_json(a) for a in plan.appearances], "appearances")
-    if wishes.variations is not None:
-        varied = [v.to_json() for v in wishes.variations]
+    if options.variations is not None:
+        varied = [v.to_json() for v in options.variations]
         differences += differing(varied, [v.to_json() for v in plan.variations], "variations")
-    if wishes.bounds is not None and not same_box(wishes.bounds, plan.bounds):
-        differences.append(f"bounds: {wishes.bounds} here, {plan.bounds} in the catalog")
-    if wishes.views is not None:
-        differences += _differing_views(wishes.views, plan)
-    if wishes.image_format is not None:
-        differences += differing(wishes.image_format, plan.image_format, "image_format")
-    if wishes.target_decibels is not None:
-        differences += differing(wishes.target_decibels, plan.provenance.get("target_decibels"), "target_decibels")
-    if wishes.sample_distance is not None:
-        wanted_distances = _given_distances(wishes.sample_distance, plan.appearances)
+    if options.bounds is not None and not same_box(options.bounds, plan.bounds):
+        differences.append(f"bounds: {options.bounds} here, {plan.bounds} in the catalog")
+    if options.views is not None:
+        differences += _differing_views(options.views, plan)
+    if options.image_format is not None:
+        differences += differing(options.image_format, plan.image_format, "image_format")
+    if options.target_decibels is not None:
+        differences += differing(options.target_decibels, plan.provenance.get("target_decibels"), "target_decibels")
+    if options.sample_distance is not None:
+        wanted_distances = _given_distances(options.sample_distance, plan.appearances)
         differences += differing(wanted_distances, plan.provenance.get("sample_distances"), "sample_distances")
-    for key, value in wishes.provenance.items():
+    for key, value in options.provenance.items():
         differences += differing(value, plan.provenance.get(key), key)
     return differences
 

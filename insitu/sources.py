@@ -9,8 +9,9 @@ from typing import Any
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember, Scene
 from insitu.ensemble import FieldSource
+from insitu.field import Field
 from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
-from insitu.simulations import Field, simulation
+from insitu.simulations import simulation
 
 KEYS = {  # of a scene's `[source]`: those that must be there, and those that may
     "simulation": ({"simulation", "resolution", "time"}, {"fields"}),
@@ -28,7 +29,7 @@ class SimulationSource:
     name: str
     resolution: int
     time: float
-    dear: bool = True
+    expensive: bool = True
     fields: tuple[str, ...] = ()
 
     @property

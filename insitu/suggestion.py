@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.scene import ViewPlan
-from insitu.boxes import Box, box_around, cameras_around
+from insitu.boxes import Box, box_around, box_of, cameras_around
 from insitu.probe import Probe
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def suggest(
     """
     if not 0 < alpha < 1:
         raise ValueError(f"alpha must lie between 0 and 1, got {alpha}")
-    bounds = box_around(grids)
+    bounds = box_around([box_of(grid) for grid in grids])
     low, high = probe.quantile(CLIPPED), probe.quantile(1.0 - CLIPPED)
     if not low < high:
         middle = probe.quantile(0.5)
@@ -159,7 +159,7 @@ def contact_sheet(grids: Sequence[Grid], appearance: VolumeRendering, *, size: i
     """Pictures on white, RGBA: one grid per row, five views each, every picture `size` pixels square."""
     from render import render_views
 
-    cameras = cameras_around(box_around(grids), ViewPlan(width=size, height=size))[20:230:52]
+    cameras = cameras_around(box_around([box_of(grid) for grid in grids]), ViewPlan(width=size, height=size))[20:230:52]
     rows = [np.concatenate(list(render_views(grid, appearance, cameras)), axis=1) for grid in grids]
     sheet = np.concatenate(rows, axis=0)  # [H, W, 4]
     sheet[..., :3] += 255 - sheet[..., 3:]

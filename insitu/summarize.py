@@ -5,13 +5,15 @@ Works through the grid in slabs of whole z-slices, so that its extra memory does
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering, field_of
+from catalogs.parameters import SPLITS
+from catalogs.plan import CatalogPlan
 from catalogs.summary import FieldSummary
 
 if TYPE_CHECKING:
@@ -36,6 +38,25 @@ def value_range(appearances: Sequence[Appearance], fallback: tuple[float, float]
         ends = list(fallback)
     low, high = min(ends + isovalues), max(ends + isovalues)
     return (low, high) if low < high else (low - 0.5, high + 0.5)
+
+
+def value_range_of(plan: CatalogPlan, field: str) -> tuple[float, float]:
+    """The fixed range of values of a field that the plan recorded."""
+    low, high = plan.provenance["value_ranges"][field] if len(plan.fields) > 1 else plan.provenance["value_range"]
+    return low, high
+
+
+def summarize_shown(grids: Mapping[str, Grid], plan: CatalogPlan) -> dict[str, FieldSummary]:
+    """What is kept of each field of a member, by name, under all of the catalog's appearances of it.
+
+    Of the settings of a transfer function's variation only the base counts: they all show the same places.
+    """
+    settings = {n for v in plan.variations if v.edits_base for n in v.named(*SPLITS)}
+    sampled = [a for a in plan.appearances if a.name not in settings]
+    return {
+        name: summarize(grid, [a for a in sampled if field_of(a) == name], value_range_of(plan, name))
+        for name, grid in grids.items()
+    }
 
 
 def summarize(

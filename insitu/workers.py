@@ -9,7 +9,6 @@ import queue
 import signal
 import threading
 import time as clock
-import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
@@ -62,8 +61,8 @@ def channel() -> Channel:
     return _channel
 
 
-class Crew:
-    """Workers that take tasks and say what they do: spawned processes of our own, or a foreign executor.
+class WorkerPool:
+    """Workers that take tasks and report on them: spawned processes of our own, or a foreign executor.
 
     A context manager: on leaving it with an error, workers are asked to stop, then made to, and none stays behind.
     """
@@ -76,16 +75,16 @@ class Crew:
         self._queue: Any = None
         self._stop: Any = None
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         if self._foreign is None:
-            self._hire()
+            self._start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._foreign is None:
-            self._dismiss(at_once=kind is not None)
+            self._end(at_once=kind is not None)
 
     def run(
         self,
@@ -99,7 +98,7 @@ class Crew:
 
         `tick` gets what was reported a few times a second.  After an error for which `give_up` holds, no further task
         is begun: the rest fail with that error.  A task in whose company a worker process died is tried once more,
-        alone.  What a task warned of is warned of here, with its name.
+        alone.
         """
         waiting, suspects = deque(tasks.items()), deque[tuple[str, Callable[[], Any]]]()
         running: dict[Future[Any], tuple[str, Callable[[], Any], bool]] = {}
@@ -111,16 +110,13 @@ class Crew:
                 if any(isinstance(f.exception(), BrokenExecutor) for f in finished):
                     finished, _ = wait(running)  # the whole pool is gone
                     if self._foreign is None:
-                        self._dismiss(at_once=True)
-                        self._hire()
+                        self._end(at_once=True)
+                        self._start()
                 for future in finished:
                     name, task, alone = running.pop(future)
                     error = future.exception()
                     if error is None:
-                        result, messages = future.result()
-                        for message in messages:
-                            warnings.warn(f"{name}: {message}", stacklevel=2)
-                        done(name, result)
+                        done(name, future.result())
                     elif isinstance(error, BrokenExecutor) and not alone and self._foreign is None:
                         suspects.append((name, task))
                     else:
@@ -150,13 +146,13 @@ class Crew:
             except queue.Empty:
                 return
 
-    def _hire(self) -> None:
+    def _start(self) -> None:
         self._queue, self._stop = self._context.Queue(), self._context.Event()
         self._executor = ProcessPoolExecutor(
             self._count, mp_context=self._context, initializer=_start_worker, initargs=(self._queue, self._stop)
         )
 
-    def _dismiss(self, *, at_once: bool) -> None:
+    def _end(self, *, at_once: bool) -> None:
         if at_once:
             self._stop.set()
         processes = [p for p in multiprocessing.active_children() if p.pid not in self._before]
@@ -171,18 +167,15 @@ class Crew:
         self._queue.cancel_join_thread()
 
 
-def _guarded(task: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
-    """In a worker: the task's result, and what it warned of; whatever it raises can travel to another process."""
+def _guarded(task: Callable[[], Any]) -> Any:
+    """In a worker: the task's result; whatever it raises can travel to another process."""
     _idle.clear()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        try:
-            result = task()
-        except Exception as error:
-            raise _portable(error) from None
-        finally:
-            _idle.set()
-    return result, tuple(dict.fromkeys(str(warning.message) for warning in caught))
+    try:
+        return task()
+    except Exception as error:
+        raise _portable(error) from None
+    finally:
+        _idle.set()
 
 
 def _portable(error: Exception) -> Exception:

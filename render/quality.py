@@ -6,7 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,13 @@ class SampleDistance:
     decibels : peak signal-to-noise ratio of the 8-bit pictures (premultiplied RGBA, peak 1, all pixels pooled)
         against pictures at 1/24 of the smallest spacing.
     milliseconds : wall-clock time per image while measuring.
+    note : what the user should know: that it misses the target.
     """
 
     distance: float
     decibels: float
     milliseconds: float
+    note: str = ""
 
 
 def choose_sample_distance(
@@ -58,6 +60,21 @@ def choose_sample_distance(
 
     Raises ValueError for no cameras or a target that 8 bits cannot hold (above 58 dB).
     """
+    found = find_sample_distance(grid, appearance, cameras, target_decibels, window=window)
+    if found.note:
+        warnings.warn(found.note, stacklevel=2)
+    return found
+
+
+def find_sample_distance(
+    grid: Grid,
+    appearance: VolumeRendering | Isosurface,
+    cameras: Sequence[Camera],
+    target_decibels: float = 50.0,
+    *,
+    window: Window | None = None,
+) -> SampleDistance:
+    """As `choose_sample_distance`, but without warning: that none is good enough is the result's `note`."""
     if not cameras:
         raise ValueError("choosing a sample distance needs at least one camera")
     if isinstance(appearance, Isosurface):
@@ -76,13 +93,11 @@ def choose_sample_distance(
         measured = SampleDistance(fraction * smallest, psnr(pictures / 255.0, reference), milliseconds)
         if measured.decibels >= target_decibels + MARGIN:
             return measured
-    warnings.warn(
+    note = (
         f"no sample distance reaches {target_decibels} dB with 1 dB in hand: {measured.distance:g} gives "
-        f"{measured.decibels:.1f} dB; the transfer function has features finer than the grid",
-        UserWarning,
-        stacklevel=2,
+        f"{measured.decibels:.1f} dB; the transfer function has features finer than the grid"
     )
-    return measured
+    return replace(measured, note=note)
 
 
 def spread(cameras: Sequence[Camera], count: int) -> list[Camera]:

@@ -27,17 +27,7 @@ from numpy.typing import NDArray
 
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.scene import PlannedMember
-
-
-@dataclass(frozen=True, eq=False)
-class StoredField:
-    """One member's field: `values` (z, y, x) float32, `spacing` and `origin` (x, y, z) in world units."""
-
-    values: NDArray[np.float32]  # [nz, ny, nx]
-    spacing: tuple[float, float, float]
-    origin: tuple[float, float, float]
-    name: str
-    time: float | None
+from insitu.field import Field
 
 
 @dataclass(frozen=True)
@@ -86,11 +76,10 @@ class Hdf5Ensemble:
     def __repr__(self) -> str:
         nz, ny, nx = self.shape
         counts = ", ".join(f"{self.splits.count(s)} {s}" for s in SPLITS if s in self.splits)
-        parameters = ", ".join(f"{p.name} [{p.low:g}, {p.high:g}]{p.unit}" for p in self.space.parameters)
-        return (
-            f"Hdf5Ensemble {self.path.name}: {len(self)} members ({counts}) of {self.field_name}, {nx} x {ny} x {nz}\n"
-            f"  {parameters}"
-        )
+        return f"Hdf5Ensemble {self.path.name}: {len(self)} members ({counts}) of {self.field_name}, {nx} x {ny} x {nz}"
+
+    def __str__(self) -> str:
+        return f"{self!r}\n  {', '.join(f'{p.name} [{p.low:g}, {p.high:g}]{p.unit}' for p in self.space.parameters)}"
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
         """All members, named by their place in the file; `validation` of the training ones, drawn by `seed`."""
@@ -108,7 +97,7 @@ class Hdf5Ensemble:
             for i, (row, split) in enumerate(zip(self.parameters, self.splits, strict=True))
         )
 
-    def read(self, index: int) -> dict[str, StoredField]:
+    def read(self, index: int) -> dict[str, Field]:
         """The fields of one member by data set, (z, y, x) float32; IndexError out of range, ValueError on damaged data."""
         if not 0 <= index < len(self):
             raise IndexError(f"{self.path} has members 0 to {len(self) - 1}, not {index}")
@@ -120,7 +109,7 @@ class Hdf5Ensemble:
             except (OSError, KeyError) as error:
                 raise ValueError(f"{self.path}: member {index} of {dataset!r} cannot be read: {error}") from None
             name = dataset if len(self.datasets) > 1 else self.field_name
-            found[dataset] = StoredField(values, self.spacing, self.origin, name, self.time)
+            found[dataset] = Field(values, self.spacing, self.origin, name, time=self.time)
         return found
 
 
@@ -129,7 +118,7 @@ class Hdf5Source:
     """The fields of an `Hdf5Ensemble` for `run_ensemble`; members are found by the number in their name."""
 
     ensemble: Hdf5Ensemble
-    dear: bool = False
+    expensive: bool = False
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -137,7 +126,7 @@ class Hdf5Source:
         held = {"datasets": [first, *others]} if others else {"dataset": first}
         return {"kind": "hdf5", "file": self.ensemble.path.name, **held}
 
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, StoredField]:
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
         return self.ensemble.read(int(member.name.rsplit("-", 1)[1]))
 
 

@@ -5,63 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from insitu.field import Field
+
+__all__ = ["Field", "RunFields", "Simulation", "simulation"]
 
 _HOMES = {"taylor_green": "insitu.simulations.taylor_green"}
 
 
-@dataclass(frozen=True)
-class Field:
-    """One scalar field on a uniform grid of point samples, ready to render.
-
-    Attributes
-    ----------
-    values : (nz, ny, nx) float32.
-    spacing, origin : of the points, in (x, y, z) order and world units; point (i, j, k) lies at
-        ``origin + (i, j, k) * spacing`` and holds ``values[k, j, i]``.
-    name, unit : of the quantity ("" where dimensionless).
-    time : simulation time.
-    """
-
-    values: NDArray[np.float32]
-    spacing: tuple[float, float, float]
-    origin: tuple[float, float, float]
-    name: str
-    unit: str
-    time: float
-
-    def __repr__(self) -> str:
-        nz, ny, nx = self.values.shape
-        low, high = float(self.values.min()), float(self.values.max())
-        unit = f" {self.unit}" if self.unit else ""
-        return f"Field({self.name} on {nx} x {ny} x {nz} points, {low:.4g} to {high:.4g}{unit}, t = {self.time:g})"
-
-
-class Run(Protocol):
-    """How every bundled simulation is run for its first field: one member, from its initial condition to `time`."""
-
-    def __call__(
-        self,
-        parameters: Mapping[str, float],
-        *,
-        resolution: int,
-        time: float,
-        progress: Callable[[float], Any] | None = None,
-        solver_resolution: int | None = None,
-    ) -> Field:
-        """Simulate the member on `resolution`³ points, or on `solver_resolution`³ and return it on fewer.
-
-        `progress`, where given, is called with the finished fraction of the run, up to 1.
-        """
-        ...
-
-
 class RunFields(Protocol):
-    """The same for any of its fields, one run for all."""
+    """How every bundled simulation is run: one member, from its initial condition to `time`."""
 
     def __call__(
         self,
@@ -73,7 +27,10 @@ class RunFields(Protocol):
         progress: Callable[[float], Any] | None = None,
         solver_resolution: int | None = None,
     ) -> dict[str, Field]:
-        """The fields of these names; ValueError names the known ones."""
+        """The fields of these names on `resolution`³ points, solved on `solver_resolution`³ where given.
+
+        `progress`, where given, is called with the finished fraction of the run, up to 1.  ValueError names the known fields.
+        """
         ...
 
 
@@ -81,14 +38,17 @@ class RunFields(Protocol):
 class Simulation:
     """A bundled simulation: its name in scenes, the parameters that a member must give, and how to run one.
 
-    `fields` are the names of what it can tell of a member, the first of which `run` returns.
+    `fields` are the names of what it can tell of a member.
     """
 
     name: str
     parameters: tuple[str, ...]
     fields: tuple[str, ...]
-    run: Run
     run_fields: RunFields
+
+    def run(self, parameters: Mapping[str, float], **how: Any) -> Field:
+        """The first of its fields; the other arguments are those of `RunFields`."""
+        return self.run_fields(parameters, fields=self.fields[:1], **how)[self.fields[0]]
 
     def check_fields(self, fields: Sequence[str]) -> None:
         """Raise ValueError unless these are some of the simulation's, each once."""

@@ -316,26 +316,6 @@ FIELDS: dict[str, tuple[str, Callable[[TaylorGreen, State], NDArray[Any]]]] = {
 """What a scene may show of the flow: a symbol, and how it is had on the grid points (z, y, x)."""
 
 
-def run(
-    parameters: Mapping[str, float],
-    *,
-    resolution: int,
-    time: float,
-    progress: Callable[[float], Any] | None = None,
-    solver_resolution: int | None = None,
-) -> Field:
-    """The Q-criterion, as `run_fields` gives it."""
-    (field,) = run_fields(
-        parameters,
-        fields=("q_criterion",),
-        resolution=resolution,
-        time=time,
-        progress=progress,
-        solver_resolution=solver_resolution,
-    ).values()
-    return field
-
-
 def run_fields(
     parameters: Mapping[str, float],
     *,
@@ -373,4 +353,5 @@ def _field(name: str, flow: TaylorGreen, state: State) -> Field:
     return Field(values(flow, state), flow.spacing, flow.origin, name=symbol, unit="", time=state.time)
 
 
-SIMULATION = Simulation("taylor_green", ("Re",), tuple(FIELDS), run, run_fields)
+SIMULATION = Simulation("taylor_green", ("Re",), tuple(FIELDS), run_fields)
+run = SIMULATION.run

@@ -25,14 +25,14 @@ from catalogs.check import check
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.scene import PlannedMember, ViewPlan
 from insitu.ensemble import pilot_members, run_ensemble
-from insitu.planning import Wishes
+from insitu.planning import PlanOptions
 
 PROJECT = Path(__file__).resolve().parents[2]
 SPACE = ParameterSpace((Parameter("w", 0.0, 1.0),))
 VOLUME = VolumeRendering(
     "dvr", TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
 )
-WISHES = Wishes(SPACE, (VOLUME,), ViewPlan(frequency=1, width=16, height=16), sample_distance=0.1)
+OPTIONS = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=1, width=16, height=16), sample_distance=0.1)
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Source:
 
     log: str
     accidents: tuple[tuple[str, str], ...] = ()
-    dear: bool = False
+    expensive: bool = False
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -111,14 +111,14 @@ def names(path: Path) -> list[str]:
 
 
 def test_members_that_are_there_are_skipped_and_pilots_computed_once(tmp_path: Path, log: Path) -> None:
-    path, kept = tmp_path / "a.cdb", tmp_path / "kept"
-    source = Source(str(log), dear=True)
-    first = run_ensemble(path, planned(), source, WISHES, executor=AtOnce(), shard=(1, 2), kept=kept)
+    path, cache = tmp_path / "a.cdb", tmp_path / "pilots"
+    source = Source(str(log), expensive=True)
+    first = run_ensemble(path, planned(), source, OPTIONS, executor=AtOnce(), shard=(1, 2), cache=cache)
     assert names(path) == ["m0", "m2", "m4"]
     assert (len(first.rendered), first.skipped, first.failures) == (3, (), {})
     assert sorted(log.read_text().split()) == ["m0", "m2", "m4"]  # the pilots m0 and m4 were kept
-    assert not kept.exists()
-    second = run_ensemble(path, planned(), source, WISHES, executor=AtOnce(), kept=kept)
+    assert not cache.exists()
+    second = run_ensemble(path, planned(), source, OPTIONS, executor=AtOnce(), cache=cache)
     assert second.skipped == ("m0", "m2", "m4")
     assert sorted(log.read_text().split()) == ["m0", "m1", "m2", "m3", "m4"]
     assert check(path) == []
@@ -128,36 +128,36 @@ def test_members_that_are_there_are_skipped_and_pilots_computed_once(tmp_path: P
 def test_shards_share_the_members_out(tmp_path: Path, log: Path) -> None:
     path, source = tmp_path / "a.cdb", Source(str(log))
     for index in (1, 2, 3):
-        run_ensemble(path, planned(7), source, WISHES, executor=AtOnce(), shard=(index, 3))
+        run_ensemble(path, planned(7), source, OPTIONS, executor=AtOnce(), shard=(index, 3))
     assert names(path) == [f"m{i}" for i in range(7)]
     with pytest.raises(ValueError, match="0/3"):
-        run_ensemble(path, planned(7), source, WISHES, shard=(0, 3))
+        run_ensemble(path, planned(7), source, OPTIONS, shard=(0, 3))
 
 
 def test_a_failing_member_is_reported_and_the_others_stay(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "a.cdb"
     source = Source(str(log), (("m1", "nan"), ("m3", "odd"), ("m0", "nan")))
-    result = run_ensemble(path, planned(), source, WISHES, workers=2)
+    result = run_ensemble(path, planned(), source, OPTIONS, workers=2)
     assert names(path) == ["m2", "m4"]
     assert set(result.failures) == {"m0", "m1", "m3"}
     assert "NaN" in result.failures["m1"]
     assert "OddError: a strange" in result.failures["m3"]
     assert "3 failed" in repr(result)
-    again = run_ensemble(path, planned(), Source(str(log)), WISHES, workers=1)
+    again = run_ensemble(path, planned(), Source(str(log)), OPTIONS, workers=1)
     assert (len(again.rendered), again.failures) == (3, {})
 
 
 def test_when_every_pilot_fails_nothing_is_written(tmp_path: Path, log: Path) -> None:
-    source = Source(str(log), (("m0", "nan"), ("m4", "nan")), dear=True)
+    source = Source(str(log), (("m0", "nan"), ("m4", "nan")), expensive=True)
     with pytest.raises(ValueError, match="NaN"):
-        run_ensemble(tmp_path / "a.cdb", planned(), source, WISHES, executor=AtOnce(), kept=tmp_path / "kept")
+        run_ensemble(tmp_path / "a.cdb", planned(), source, OPTIONS, executor=AtOnce(), cache=tmp_path / "kept")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log"]
 
 
 def test_a_worker_that_dies_takes_only_its_own_member_along(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "a.cdb"
     source = Source(str(log), (("m1", "die"), ("m2", "die once")))
-    result = run_ensemble(path, planned(), source, WISHES, workers=2)
+    result = run_ensemble(path, planned(), source, OPTIONS, workers=2)
     assert names(path) == ["m0", "m2", "m3", "m4"]
     assert "killed, twice" in result.failures["m1"]
     assert log.read_text().count("m1") == 2
@@ -166,7 +166,7 @@ def test_a_worker_that_dies_takes_only_its_own_member_along(tmp_path: Path, log:
 
 def test_a_full_disk_stops_the_ensemble_at_once(tmp_path: Path, log: Path) -> None:
     source = Source(str(log), (("m1", "full"),))
-    result = run_ensemble(tmp_path / "a.cdb", planned(), source, WISHES, workers=1)
+    result = run_ensemble(tmp_path / "a.cdb", planned(), source, OPTIONS, workers=1)
     assert names(tmp_path / "a.cdb") == ["m0"]
     assert set(result.failures) == {"m1", "m2", "m3", "m4"}
     assert log.read_text().split()[-1] == "m1"
@@ -174,12 +174,12 @@ def test_a_full_disk_stops_the_ensemble_at_once(tmp_path: Path, log: Path) -> No
 
 def test_another_plan_or_other_members_are_refused_with_their_names(tmp_path: Path, log: Path) -> None:
     path, source = tmp_path / "a.cdb", Source(str(log))
-    run_ensemble(path, planned(), source, WISHES, executor=AtOnce())
+    run_ensemble(path, planned(), source, OPTIONS, executor=AtOnce())
     before = {p: p.read_bytes() for p in path.rglob("*") if p.is_file()}
     moved = [PlannedMember("m3", {"w": 0.7}, "train"), PlannedMember("m5", {"w": 0.8}, "train")]
     with pytest.raises(ValueError, match=r"m3 parameters\.w: 0\.7 here, 0\.75 in the catalog"):
-        run_ensemble(path, moved, source, WISHES, executor=AtOnce())
-    other = Wishes(SPACE, (VOLUME,), ViewPlan(frequency=1, width=32, height=16), sample_distance=0.1)
+        run_ensemble(path, moved, source, OPTIONS, executor=AtOnce())
+    other = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=1, width=32, height=16), sample_distance=0.1)
     with pytest.raises(ValueError, match="width 32 here, 16 in the catalog"):
         run_ensemble(path, planned(6), source, other, executor=AtOnce())
     assert before == {p: p.read_bytes() for p in path.rglob("*") if p.is_file()}
@@ -189,23 +189,23 @@ def test_what_a_killed_run_left_is_completed(tmp_path: Path, log: Path) -> None:
     path, source = tmp_path / "a.cdb", Source(str(log))
     path.mkdir()
     (path / ".lock").touch()  # killed while the catalog was made
-    run_ensemble(path, planned(), source, WISHES, executor=AtOnce())
+    run_ensemble(path, planned(), source, OPTIONS, executor=AtOnce())
     table = (path / "data.csv").read_bytes()
     (path / "data.csv").write_bytes(table[: table.rindex(b"m4")])  # killed before the last member's rows came in
-    assert run_ensemble(path, planned(), source, WISHES).rendered == ()
+    assert run_ensemble(path, planned(), source, OPTIONS).rendered == ()
     assert (path / "data.csv").read_bytes() == table
 
 
 def test_out_of_bounds_is_said_here_not_in_the_worker(tmp_path: Path, log: Path) -> None:
     members = [*planned(2), PlannedMember("far", {"w": 1.5}, "test")]
     with pytest.warns(UserWarning, match=r"far: parameter w = 1\.5 lies outside"):
-        result = run_ensemble(tmp_path / "a.cdb", members, Source(str(log)), WISHES, executor=AtOnce())
+        result = run_ensemble(tmp_path / "a.cdb", members, Source(str(log)), OPTIONS, executor=AtOnce())
     assert len(result.rendered) == 3
 
 
 def test_progress_counts_members_and_images(tmp_path: Path, log: Path) -> None:
     states = []
-    run_ensemble(tmp_path / "a.cdb", planned(), Source(str(log)), WISHES, workers=2, progress=states.append)
+    run_ensemble(tmp_path / "a.cdb", planned(), Source(str(log)), OPTIONS, workers=2, progress=states.append)
     assert (states[-1].members_done, states[-1].images_done) == (5, 60)
     assert (states[-1].members, states[-1].images) == (5, 60)
     assert [s.members_done for s in states] == sorted(s.members_done for s in states)
@@ -229,11 +229,11 @@ SLOW_ENSEMBLE = """
     from test_ensemble import SPACE, VOLUME, Source, planned
     from catalogs.scene import ViewPlan
     from insitu.ensemble import run_ensemble
-    from insitu.planning import Wishes
+    from insitu.planning import PlanOptions
 
     if __name__ == "__main__":
-        wishes = Wishes(SPACE, (VOLUME,), ViewPlan(frequency=2, width=64, height=64), sample_distance=0.002)
-        run_ensemble(Path({path!r}), planned(40), Source({log!r}), wishes, workers=2)
+        options = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=2, width=64, height=64), sample_distance=0.002)
+        run_ensemble(Path({path!r}), planned(40), Source({log!r}), options, workers=2)
 """
 
 
@@ -261,7 +261,7 @@ def test_interrupted_it_leaves_no_process_and_goes_on(tmp_path: Path, log: Path,
     assert signal_number == signal.SIGKILL or not partial
     some = len(names(path))
     todo = planned(40)[: some + 2]
-    wishes = Wishes(SPACE, (VOLUME,), ViewPlan(frequency=2, width=64, height=64), sample_distance=0.002)
-    run_ensemble(path, todo, Source(str(log)), wishes, executor=AtOnce())
+    options = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=2, width=64, height=64), sample_distance=0.002)
+    run_ensemble(path, todo, Source(str(log)), options, executor=AtOnce())
     assert not list(path.glob("members/.*"))
     assert check(path) == []

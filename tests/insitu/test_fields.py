@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from catalogs.appearance import Isosurface
+from insitu.field import Field
 from insitu.fields import as_fields, check_names, time_of
-from insitu.kept import KeptField
 from render import to_grid
 
 VALUES = np.random.default_rng(0).random((3, 4, 5)).astype(np.float32)
@@ -28,8 +28,8 @@ def data_set(**arrays: np.ndarray) -> Any:
     return mesh
 
 
-def held(scale: float) -> KeptField:
-    return KeptField(VALUES * scale, PLACED["spacing"], PLACED["origin"], 1.5)
+def held(scale: float) -> Field:
+    return Field(VALUES * scale, PLACED["spacing"], PLACED["origin"], time=1.5)
 
 
 HOLDERS = {
@@ -59,8 +59,8 @@ def test_fields_are_found_by_name_whatever_holds_them(case: str) -> None:
 def test_the_only_field_needs_no_name(data: Any) -> None:
     found = as_fields(data, UNNAMED, **PLACED)
     assert list(found.grids) == [""]
-    assert found.first is found.shown_by(UNNAMED[1])
-    assert np.array_equal(found.first.values, VALUES)
+    assert found.shown_by(UNNAMED[0]) is found.shown_by(UNNAMED[1])
+    assert np.array_equal(found.grids[""].values, VALUES)
 
 
 def test_only_what_a_member_shows_is_looked_at() -> None:
@@ -115,13 +115,13 @@ WRONG: dict[str, tuple[Any, list[Isosurface], dict[str, Any], list[str]]] = {
         ["share shape, spacing and origin", "'speed' is 4 x 4 x 3", "'q' is 5 x 4 x 3", "resample"],
     ),
     "another place": (
-        {"q": held(1), "speed": KeptField(VALUES, PLACED["spacing"], (0.0, 0.0, 0.0), None)},
+        {"q": held(1), "speed": Field(VALUES, PLACED["spacing"], (0.0, 0.0, 0.0))},
         NAMED,
         {},
         ["'speed' is 5 x 4 x 3 from (0, 0, 0)", "from (4, 5, 6)"],
     ),
     "another spacing": (
-        {"q": held(1), "speed": KeptField(VALUES, (1.0, 2.0, 3.5), PLACED["origin"], None)},
+        {"q": held(1), "speed": Field(VALUES, (1.0, 2.0, 3.5), PLACED["origin"])},
         NAMED,
         {},
         ["'speed' is 5 x 4 x 3 from (4, 5, 6) to (8, 11, 13)", "to (8, 11, 12)"],

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from catalogs.catalog import Catalog
 from catalogs.check import check
 from catalogs.plan import name_problem
 from catalogs.scene import ViewPlan
-from insitu.hook import member_name
+from insitu.hook import RenderedMember, Session, member_name
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -322,3 +324,79 @@ def test_parameters_that_are_no_name_get_one(tmp_path: Path) -> None:
     assert names[-1] == "Re-1.5"
     assert len(set(names)) == 4
     assert all(name_problem(name) is None for name in names)
+
+
+@pytest.mark.parametrize(
+    ("names", "lines"),
+    [
+        (("",), ["  values -1 to 3, 25.00 % clipped"]),
+        (("q", "speed"), ["  q -1 to 3, 25.00 % clipped", "  speed 0 to 0.5, 0.00 % clipped"]),
+    ],
+)
+def test_each_field_of_a_member_has_a_line(names: tuple[str, ...], lines: list[str]) -> None:
+    ranges, clipped = ((-1.0, 3.0), (0.0, 0.5)), (0.25, 0.0)
+    member = RenderedMember(
+        name="a",
+        path=Path("x.cdb/members/a"),
+        images=20,
+        render_seconds=1.0,
+        write_seconds=0.5,
+        seconds=2.0,
+        extra_memory=3_000_000,
+        ranges=dict(zip(names, ranges, strict=False)),
+        clipped_fractions=dict(zip(names, clipped, strict=False)),
+        warnings=("beware",),
+    )
+    assert (member.range, member.clipped_fraction, member.images_per_second) == ((-1.0, 3.0), 0.25, 10.0)
+    first, *rest = str(member).splitlines()
+    assert (
+        first
+        == repr(member)
+        == "RenderedMember a: 20 images in 2.0 s (10/s; render 1.0 s, write 0.5 s), 3 MB extra memory"
+    )
+    assert rest == [*lines, "  x.cdb/members/a", "  warning: beware"]
+
+
+def test_the_hook_shows_every_argument_that_it_takes() -> None:
+    shown = inspect.signature(insitu.render_member).parameters
+    assert list(shown)[:3] == ["field", "parameters", "catalog"]
+    of_session = set(inspect.signature(Session).parameters)
+    of_member = set(inspect.signature(Session.render_member).parameters) - {"self"}
+    assert set(shown) == of_session | of_member
+    assert {name: shown[name].default for name in ("appearances", "views", "split", "nan", "time")} == {
+        "appearances": None,
+        "views": None,
+        "split": "train",
+        "nan": "refuse",
+        "time": None,
+    }
+    assert all(p.kind is p.KEYWORD_ONLY for name, p in shown.items() if name not in ("field", "parameters"))
+
+
+def test_an_unknown_argument_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="spacings"):
+        insitu.render_member(blob(), {"Re": 1.0}, catalog=tmp_path / "a.cdb", spacings=SPACING)
+
+
+@pytest.mark.parametrize("hook", ["render_member", "Session"])
+def test_a_warning_points_at_the_callers_line(catalog: Path, hook: str) -> None:
+    render = (
+        partial(insitu.render_member, catalog=catalog) if hook == "render_member" else Session(catalog).render_member
+    )
+    with pytest.warns(UserWarning, match="outside its bounds") as caught:
+        render(blob(), {"Re": 300.0}, spacing=SPACING)
+    assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_warnings_can_be_taken_elsewhere(catalog: Path, recwarn: Any) -> None:
+    said: list[str] = []
+    with Session(catalog, warn=lambda note: said.append(str(note))) as session:
+        result = session.render_member(blob(), {"Re": 300.0}, spacing=SPACING)
+    assert said == list(result.warnings)
+    assert len(said) == 1
+    assert not recwarn.list
+
+
+def test_a_session_is_told_in_one_line(catalog: Path, tmp_path: Path) -> None:
+    assert repr(Session(catalog)) == f"Session({str(catalog)!r}, 1 members)"
+    assert repr(Session(tmp_path / "b.cdb")) == f"Session({str(tmp_path / 'b.cdb')!r}, not made yet)"

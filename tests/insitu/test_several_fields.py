@@ -24,9 +24,11 @@ from catalogs.variations import field_variation, isovalue_family
 from insitu.cli import main
 from insitu.dataset import make_dataset
 from insitu.ensemble import run_ensemble
-from insitu.kept import KeptField, keep_field, kept_field
-from insitu.planning import Wishes, value_range_of
+from insitu.field import Field
+from insitu.field_cache import load_field, save_field
+from insitu.planning import PlanOptions
 from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
+from insitu.summarize import value_range_of
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -87,8 +89,8 @@ def test_each_field_is_rendered_and_kept_as_if_it_were_alone(tmp_path: Path) -> 
         assert result.clipped_fractions[field] == there.clipped_fraction
     assert result.images == 3 * 12
     assert (result.range, result.clipped_fraction) == (result.ranges["q"], result.clipped_fractions["q"])
-    assert "q " in repr(result)
-    assert "speed " in repr(result)
+    assert "q " in str(result)
+    assert "speed " in str(result)
 
 
 def test_a_data_set_gives_the_same(tmp_path: Path) -> None:
@@ -220,23 +222,23 @@ class TwoFields:
         return {"kind": "two"}
 
     @property
-    def dear(self) -> bool:
+    def expensive(self) -> bool:
         return True
 
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, KeptField]:
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
         with open(self.log, "a") as log:
             log.write(member.name + "\n")
         width = member.parameters["Re"] / 300.0
         made = {"speed": speed(width), "q": blob(width)}
-        return {name: KeptField(values, SPACING, (0.0, 0.0, 0.0), 2.5) for name, values in made.items()}
+        return {name: Field(values, SPACING, (0.0, 0.0, 0.0), time=2.5) for name, values in made.items()}
 
 
 def test_worker_processes_render_all_fields_and_keep_those_of_pilots(tmp_path: Path) -> None:
     members = [PlannedMember(f"m{i}", {"Re": re}, "train") for i, re in enumerate((110.0, 150.0, 190.0))]
     space = ParameterSpace((Parameter("Re", 100.0, 200.0),))
-    wishes = Wishes(space, LOOKS, ViewPlan(frequency=1, width=16, height=16), sample_distance=0.1)
+    options = PlanOptions(space, LOOKS, ViewPlan(frequency=1, width=16, height=16), sample_distance=0.1)
     source = TwoFields(str(tmp_path / "log"))
-    result = run_ensemble(tmp_path / "a.cdb", members, source, wishes, workers=2, kept=tmp_path / "pilots")
+    result = run_ensemble(tmp_path / "a.cdb", members, source, options, workers=2, cache=tmp_path / "pilots")
     assert (len(result.rendered), result.failures) == (3, {})
     assert sorted((tmp_path / "log").read_text().split()) == ["m0", "m1", "m2"], "fields of pilots are computed once"
     made = Catalog.open(tmp_path / "a.cdb")
@@ -249,16 +251,16 @@ def test_worker_processes_render_all_fields_and_keep_those_of_pilots(tmp_path: P
 
 def test_fields_that_are_kept_come_back_by_name(tmp_path: Path) -> None:
     made = {
-        "speed / 1": KeptField(speed(), SPACING, (1.0, 2.0, 3.0), 2.0),
-        "q": KeptField(blob(), SPACING, (0, 0, 0), None),
+        "speed / 1": Field(speed(), SPACING, (1.0, 2.0, 3.0), time=2.0),
+        "q": Field(blob(), SPACING, (0, 0, 0)),
     }
-    keep_field(tmp_path, "a", {"x": 1}, made)
-    back = kept_field(tmp_path, "a", {"x": 1})
+    save_field(tmp_path, "a", {"x": 1}, made)
+    back = load_field(tmp_path, "a", {"x": 1})
     assert isinstance(back, dict)
     assert list(back) == list(made)
     assert np.array_equal(back["speed / 1"].values, speed())
     assert (back["speed / 1"].origin, back["speed / 1"].time, back["q"].time) == ((1.0, 2.0, 3.0), 2.0, None)
-    assert kept_field(tmp_path, "a", {"x": 2}) is None
+    assert load_field(tmp_path, "a", {"x": 2}) is None
 
 
 # --- stored ensembles ------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from catalogs.variations import isovalue_family, transfer_function_family
 from insitu.cli import main
 from insitu.dataset import make_dataset
 from insitu.fields import as_fields
-from insitu.planning import Pilot, Wishes, disagreements, measure_pilot, misplaced, plan_catalog
+from insitu.planning import Pilot, PlanOptions, disagreements, measure_pilot, misplaced, plan_catalog
 from tests.support.hooked import blob, tree
 
 FUNCTION = TransferFunction(
@@ -164,43 +164,42 @@ def test_other_variations_than_the_catalogs_are_named(varied: Path) -> None:
 
 
 def test_a_plan_with_variations_agrees_with_its_wishes() -> None:
-    wishes = Wishes(**options(bounds=((0, 0, 0), (1, 1, 1))))
-    plan = plan_catalog(Pilot(((0, 0, 0), (1, 1, 1)), {"": (0.0, 1.0)}), wishes)
-    assert disagreements(plan, wishes) == []
-    assert disagreements(plan, replace(wishes, variations=None)) == []
-    assert disagreements(plan, replace(wishes, variations=()))[0].startswith("variations: [] here")
+    asked = PlanOptions(**options(bounds=((0, 0, 0), (1, 1, 1))))
+    plan = plan_catalog(Pilot(((0, 0, 0), (1, 1, 1)), {"": (0.0, 1.0)}), asked)
+    assert disagreements(plan, asked) == []
+    assert disagreements(plan, replace(asked, variations=None)) == []
+    assert disagreements(plan, replace(asked, variations=()))[0].startswith("variations: [] here")
 
 
 def test_a_variation_is_sampled_as_finely_as_its_measured_settings_need(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few settings are measured; every one of the family, the base included, takes the finest distance among them."""
-    import render
+    from render import quality
 
     measured: dict[str, float] = {}
-    choose = render.choose_sample_distance
+    choose = quality.find_sample_distance
 
     def remember(grid: Any, appearance: VolumeRendering, *rest: Any) -> Any:
         chosen = choose(grid, appearance, *rest)
         measured[appearance.name] = chosen.distance
         return chosen
 
-    monkeypatch.setattr(render, "choose_sample_distance", remember)
+    monkeypatch.setattr(quality, "find_sample_distance", remember)
     other = replace(BASE, name="other")
     appearances = (BASE, other, *ISOVALUES.appearances, *FUNCTIONS.appearances)
     variations = (ISOVALUES.variation, FUNCTIONS.variation)
-    wishes = Wishes(
+    asked = PlanOptions(
         **options(appearances=appearances, variations=variations, sample_distance=None, target_decibels=35.0)
     )
-    pilot = measure_pilot(as_fields(blob(), appearances, spacing=SPACING), wishes)
+    pilot = measure_pilot(as_fields(blob(), appearances, spacing=SPACING), asked)
     assert 5 <= len(measured) <= 10
     assert {"dvr", "other"} < set(measured)
-    assert (
-        set(pilot.distances) == set(pilot.decibels) == {a.name for a in appearances if a not in ISOVALUES.appearances}
-    )
+    assert set(pilot.distances) == {a.name for a in appearances if a not in ISOVALUES.appearances}
+    distances = {name: found.distance for name, found in pilot.distances.items()}
     family = {"dvr", *FUNCTIONS.variation.named("train", "validation", "test")}
     finest = min(distance for name, distance in measured.items() if name in family)
-    assert {pilot.distances[name] for name in family} == {finest}
-    assert pilot.distances["other"] == measured["other"]
-    assert plan_catalog(pilot, wishes).provenance["sample_distances"] == pilot.distances
+    assert {distances[name] for name in family} == {finest}
+    assert distances["other"] == measured["other"]
+    assert plan_catalog(pilot, asked).provenance["sample_distances"] == distances
 
 
 def test_a_stored_member_that_shows_something_else_is_named(varied: Path) -> None:

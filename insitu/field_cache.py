@@ -1,4 +1,4 @@
-"""Fields that were dear to compute, kept on disk between the pilot run that sets the plan and their rendering."""
+"""Fields that were expensive to compute, stored between the pilot run that sets the plan and their rendering."""
 
 from __future__ import annotations
 
@@ -6,29 +6,18 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs.summary import DAMAGED
+from insitu.field import Field
 
 ALONE = ""  # the name of a field that is not one of several
 
 
-@dataclass(frozen=True, eq=False)
-class KeptField:
-    """A field read back: `values` (z, y, x), `spacing`, `origin` (x, y, z) in world units, simulation `time`."""
-
-    values: NDArray[np.float32]  # [nz, ny, nx]
-    spacing: tuple[float, float, float]
-    origin: tuple[float, float, float]
-    time: float | None
-
-
-def keep_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any) -> None:
+def save_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any) -> None:
     """Store `field` as `name`; `identity` says what made it.
 
     It has values, spacing, origin and, maybe, time; several are a mapping by their names.
@@ -48,7 +37,7 @@ def keep_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any)
         partial.unlink(missing_ok=True)
 
 
-def kept_field(folder: Path, name: str, identity: Mapping[str, Any]) -> KeptField | dict[str, KeptField] | None:
+def load_field(folder: Path, name: str, identity: Mapping[str, Any]) -> Field | dict[str, Field] | None:
     """The field, or the fields by name, stored as `name` by the same `identity`; None: absent, made otherwise or not readable."""
     try:
         with np.load(_path(folder, name), allow_pickle=False) as stored:
@@ -70,10 +59,10 @@ def _arrays(field: Any) -> dict[str, Any]:
     }
 
 
-def _read(stored: Mapping[str, Any], prefix: str) -> KeptField:
+def _read(stored: Mapping[str, Any], prefix: str) -> Field:
     spacing, origin = tuple(stored[f"{prefix}spacing"].tolist()), tuple(stored[f"{prefix}origin"].tolist())
     time = float(stored[f"{prefix}time"])
-    return KeptField(stored[f"{prefix}values"], spacing, origin, None if np.isnan(time) else time)
+    return Field(stored[f"{prefix}values"], spacing, origin, time=None if np.isnan(time) else time)
 
 
 def drop_field(folder: Path, name: str) -> None:

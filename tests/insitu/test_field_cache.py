@@ -7,43 +7,44 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insitu.kept import KeptField, drop_field, keep_field, kept_field
+from insitu.field import Field
+from insitu.field_cache import drop_field, load_field, save_field
 
 IDENTITY = {"simulation": "flow", "Re": 100.0}
 
 
-def field(time: float | None = 2.0) -> KeptField:
+def field(time: float | None = 2.0) -> Field:
     values = np.random.default_rng(0).random((3, 4, 5)).astype(np.float32)
-    return KeptField(values, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), time)
+    return Field(values, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), time=time)
 
 
 @pytest.mark.parametrize("time", [2.0, None])
 def test_what_is_kept_comes_back_bit_for_bit(tmp_path: Path, time: float | None) -> None:
-    keep_field(tmp_path / "kept", "a", IDENTITY, field(time))
-    back = kept_field(tmp_path / "kept", "a", dict(reversed(IDENTITY.items())))
+    save_field(tmp_path / "kept", "a", IDENTITY, field(time))
+    back = load_field(tmp_path / "kept", "a", dict(reversed(IDENTITY.items())))
     assert back is not None
     assert np.array_equal(back.values, field().values)
     assert (back.spacing, back.origin, back.time) == ((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), time)
 
 
 def test_what_another_simulation_left_is_not_taken(tmp_path: Path) -> None:
-    keep_field(tmp_path, "a", IDENTITY, field())
-    assert kept_field(tmp_path, "a", {**IDENTITY, "Re": 101.0}) is None
-    assert kept_field(tmp_path, "b", IDENTITY) is None
+    save_field(tmp_path, "a", IDENTITY, field())
+    assert load_field(tmp_path, "a", {**IDENTITY, "Re": 101.0}) is None
+    assert load_field(tmp_path, "b", IDENTITY) is None
 
 
 @pytest.mark.parametrize("length", [0, 10, 200, 400])
 def test_a_truncated_field_is_not_taken(tmp_path: Path, length: int) -> None:
-    keep_field(tmp_path, "a", IDENTITY, field())
+    save_field(tmp_path, "a", IDENTITY, field())
     path = tmp_path / "a.npz"
     path.write_bytes(path.read_bytes()[:length])
-    assert kept_field(tmp_path, "a", IDENTITY) is None
+    assert load_field(tmp_path, "a", IDENTITY) is None
 
 
 def test_the_last_one_takes_the_folder_along(tmp_path: Path) -> None:
     folder = tmp_path / "kept"
-    keep_field(folder, "a", IDENTITY, field())
-    keep_field(folder, "b", IDENTITY, field())
+    save_field(folder, "a", IDENTITY, field())
+    save_field(folder, "b", IDENTITY, field())
     drop_field(folder, "a")
     assert folder.is_dir()
     drop_field(folder, "b")
@@ -52,12 +53,12 @@ def test_the_last_one_takes_the_folder_along(tmp_path: Path) -> None:
 
 
 def test_a_field_with_any_bit_of_its_archive_flipped_is_not_an_error(tmp_path: Path) -> None:
-    keep_field(tmp_path, "a", {}, KeptField(np.zeros((3, 3, 3), np.float32), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), None))
+    save_field(tmp_path, "a", {}, Field(np.zeros((3, 3, 3), np.float32), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
     (path,) = tmp_path.iterdir()
     whole, missing = path.read_bytes(), 0
     for place in range(0, len(whole), 5):
         damaged = bytearray(whole)
         damaged[place] ^= 0b10000
         path.write_bytes(damaged)
-        missing += kept_field(tmp_path, "a", {}) is None
+        missing += load_field(tmp_path, "a", {}) is None
     assert missing > len(whole) // 10
