@@ -25,7 +25,7 @@ from surrogate.evaluation.scoring import spread
 from surrogate.explore.reliability.calibration import NEAREST, Table, gap_of, left_out, levelled, tables_of
 from surrogate.explore.reliability.expectation import Expectation, measure
 from surrogate.explore.reliability.measuring import psnr_of
-from surrogate.explore.reliability.places import ISOSURFACES, base_name
+from surrogate.explore.reliability.places import ISOSURFACES, base_name, shown_by
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.provenance import machine
@@ -52,14 +52,6 @@ class Agreement:
     said: NDArray[np.float64]
     single: NDArray[np.float64]
     distances: NDArray[np.float64]
-
-
-def shown_by(surrogate: Surrogate) -> dict[str, Mapping[str, float | str]]:
-    """Visualization parameters of every appearance that the surrogate follows."""
-    shown: dict[str, Mapping[str, float | str]] = {base_name(surrogate): {}}
-    for variation in (v.variation for v in surrogate.visualizations):
-        shown |= {setting.appearance: variation.asked(setting) for setting in variation.settings}
-    return shown
 
 
 def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Agreement]:

@@ -21,7 +21,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.images import ImageError
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
-from surrogate.explore.reliability.places import base_name
+from surrogate.explore.reliability.places import shown_by
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import DeformedGaussians, Surrogate
@@ -111,14 +111,12 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
 
     Of training members only views that training did not see; of both never a view that tests.  Of many, some, evenly chosen.
     """
-    base = base_name(surrogate)
-    varied: dict[str, Mapping[str, float | str]] = {}
-    for variation in (v.variation for v in surrogate.visualizations):
-        varied |= {s.appearance: variation.asked(s) for s in variation.settings if s.split != "test"}
-    validation = [case for m in members if m.split == "validation" for case in _cases(m, {base: {}, **varied})]
+    shown = shown_by(surrogate, ("train", "validation"))
+    base, *others = shown
+    validation = [case for m in members if m.split == "validation" for case in _cases(m, shown)]
     learnt = [m for m in members if m.split == "train" and "validation" in m.view_splits]
     at_base = [case for m in learnt for case in _cases(m, {base: {}})]
-    at_settings = _in_turn([case for m in learnt for case in _cases(m, varied)])
+    at_settings = _in_turn([case for m in learnt for case in _cases(m, {name: shown[name] for name in others})])
     return [
         *(validation[i] for i in spread(len(validation), MOST_VALIDATION)),
         *(at_base[i] for i in spread(len(at_base), MOST_TRAINING)),

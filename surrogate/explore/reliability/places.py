@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.parameters import ParameterSpace
+from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.variations import Variation
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
@@ -39,17 +39,26 @@ def base_name(surrogate: Surrogate) -> str:
     return str(surrogate.training.get("appearance", varied[0] if varied else ""))
 
 
+def shown_by(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict[str, Mapping[str, float | str]]:
+    """What the surrogate is asked for by name to show each appearance that it follows, of these splits and the base."""
+    variations = [v.variation for v in surrogate.visualizations]
+    asked = {s.appearance: v.asked(s) for v in variations for s in v.settings if s.split in splits}
+    return {base_name(surrogate): {}, **asked}
+
+
 def place_of(setting: Setting, surrogate: Surrogate) -> Place:
     """Where `setting` lies.
 
     Raises ValueError for parameters that are missing, unknown or not finite.
     """
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
-    outside = [*surrogate.space.outside(simulation)]
     variation, values = asked(setting.visualization, [v.variation for v in surrogate.visualizations])
-    if variation is not None and values is not None and variation.continuous:
+    outside, family, within = [*surrogate.space.outside(simulation)], base_name(surrogate), np.zeros(0)
+    if variation is not None and variation.continuous:
         outside += variation.space.outside(values)
-    family, within = _of_family(variation, values, surrogate)
+        family, within = family if variation.edits_base else ISOSURFACES, variation.normalize(values) / RANGE
+    elif variation is not None:
+        family = next(s.appearance for s in variation.settings if s.values == values)
     return Place(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
 
 
@@ -61,28 +70,17 @@ def fractions_of(space: ParameterSpace, rows: Sequence[Mapping[str, float]]) -> 
 
 def asked(
     visualization: Mapping[str, float | str], variations: Sequence[Variation]
-) -> tuple[Variation | None, tuple[float, ...] | None]:
-    """The variation whose parameters these are, and all their values (V,); None and None for the base appearance.
+) -> tuple[Variation | None, tuple[float, ...]]:
+    """The variation whose parameters these are, and all their values (V,).
 
-    Raises ValueError as `Variation.values_of` does, and for names of no variation; values out of bounds are taken silently.
+    The base appearance is that of transfer functions without displacement; None and no values where none are followed.  Raises
+    ValueError as `Variation.values_of` does, and for names of no variation; values out of bounds are taken silently.
     """
-    if not visualization:
-        return None, None
-    for variation in variations:
-        if set(visualization) <= set(variation.asked_names):
-            values = variation.values_of(visualization, outside="allow")
-            return (None, None) if values is None else (variation, values)
-    raise ValueError(f"no variation has the parameters {sorted(visualization)}")
-
-
-def _of_family(
-    variation: Variation | None, values: tuple[float, ...] | None, surrogate: Surrogate
-) -> tuple[str, NDArray[np.float64]]:
-    """The family, and the visualization parameters within it as fractions of their ranges."""
-    if variation is None or values is None:
-        functions = next((v.variation for v in surrogate.visualizations if v.variation.edits_base), None)
-        return base_name(surrogate), np.zeros(0) if functions is None else functions.normalize(None) / RANGE
-    if not variation.continuous:
-        return next(s.appearance for s in variation.settings if s.values == values), np.zeros(0)
-    family = base_name(surrogate) if variation.edits_base else ISOSURFACES
-    return family, variation.normalize(values) / RANGE
+    of = next((v for v in variations if visualization and set(visualization) <= set(v.asked_names)), None)
+    if visualization and of is None:
+        raise ValueError(f"no variation has the parameters {sorted(visualization)}")
+    values = None if of is None else of.values_of(visualization, outside="allow")
+    if values is not None:
+        return of, values
+    base = next((v for v in variations if v.edits_base), None)
+    return base, () if base is None else (0.0,) * len(base.space)

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
-from surrogate.explore.reliability.places import asked, base_name, fractions_of
+from surrogate.explore.reliability.places import RANGE, asked, fractions_of, shown_by
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 
 SAME_VALUE = 1e-9  # relative: a decimal number there and back
-NEAR = 1e-3  # of the range: what lies within is compared number by number
 SAME_CAMERA = 1e-6  # of directions, of the distance to the middle, and of intrinsics: what an address of 9 digits keeps
 
 
@@ -44,15 +43,15 @@ class Truth:
     Attributes
     ----------
     members : as in `Run`.
-    base : name of the surrogate's base appearance.
     variations : those that the surrogate follows.
+    shown : what a `Setting` asks for to show each appearance that the surrogate follows, by name; the base first.
     middle : (3,) world coordinates from which directions are taken: the centre of the catalog's box.
     """
 
     catalog: Catalog
     members: tuple[Member, ...]
-    base: str
     variations: tuple[Variation, ...]
+    shown: Mapping[str, Mapping[str, float | str]]
     middle: NDArray[np.float64]
 
     @classmethod
@@ -62,7 +61,12 @@ class Truth:
             return None
         variations = tuple(v.variation for v in run.surrogate.visualizations)
         middle = np.mean(np.array(run.catalog.plan.bounds), axis=0)  # [3]
-        return cls(run.catalog, run.members, base_name(run.surrogate), variations, middle)
+        return cls(run.catalog, run.members, variations, shown_by(run.surrogate), middle)
+
+    @property
+    def base(self) -> str:
+        """The name of the surrogate's base appearance."""
+        return next(iter(self.shown))
 
     def match(self, setting: Setting, camera: Camera) -> Stored | None:
         """The stored picture that shows exactly this, whatever its size; None where there is none.
@@ -97,15 +101,14 @@ class Truth:
         able = np.array([not shows or shows in member.appearances for member in self.members], dtype=bool)
         if not able.any():
             raise ValueError(f"no member shows {shows!r}" if shows else "the catalog has no members")
-        steps = self._fractions - fractions_of(self._space, [setting.parameters])  # [M, P]
+        steps = self._space.normalize(self._values) / RANGE - fractions_of(self._space, [setting.parameters])  # [M, P]
         distances = np.where(able, np.linalg.norm(steps, axis=1), np.inf)  # [M]
         nearest = int(distances.argmin())
         return self.members[nearest], float(distances[nearest])
 
     def nearest_view(self, camera: Camera, member: Member) -> tuple[int, float]:
         """The member's view from the direction most like the camera's, seen from the middle, and the degrees between them."""
-        directions, _ = self._views(member)
-        cosines = directions @ _unit(camera.position - self.middle)  # [V]
+        cosines = _directions(self._forms(member)) @ _directions(_form(camera, self.middle)[None])[0]  # [V]
         nearest = int(cosines.argmax())
         return nearest, math.degrees(math.acos(min(1.0, max(-1.0, float(cosines[nearest])))))
 
@@ -117,83 +120,72 @@ class Truth:
         """
         shown = self.catalog.appearance_names if member is None else member.appearances
         variation, values = asked(setting.visualization, self.variations)
-        functions = next((v for v in self.variations if v.edits_base), None)
-        if variation is None and functions is not None:
-            variation = functions
         if variation is None or not variation.continuous:
             name = self._appearance_at(setting)
             return None if name is None or name not in shown else (name, 0.0)
-        wanted = variation.normalize(values) / 2.0  # [V]
-        known = [(s.appearance, s.values) for s in variation.settings if s.appearance in shown]
-        places = {name: variation.normalize(given) / 2.0 for name, given in known}
-        if variation.edits_base and self.base in shown:
-            places = {self.base: variation.normalize(None) / 2.0, **places}
-        distances = {name: float(np.linalg.norm(place - wanted)) for name, place in places.items()}
-        nearest = min(distances, key=distances.__getitem__, default=None)
-        return None if nearest is None else (nearest, distances[nearest])
+        wanted = variation.normalize(values)  # [V]
+        distances = {
+            name: float(np.linalg.norm(variation.normalize(known) - wanted)) / RANGE
+            for name, known in self._settings(variation).items()
+            if name in shown
+        }
+        return min(distances.items(), key=lambda found: found[1], default=None)
 
-    def asked(self, appearance: str) -> dict[str, float | str]:
-        """What a `Setting` must ask for to show this appearance; nothing for the base.  Raises ValueError for unknown ones."""
-        if appearance == self.base:
-            return {}
-        for variation in self.variations:
-            setting = variation.setting(appearance)
-            if setting is not None:
-                return variation.asked(setting)
-        raise ValueError(f"the surrogate does not follow the appearance {appearance!r}")
+    def asked(self, appearance: str) -> Mapping[str, float | str]:
+        """What a `Setting` must ask for to show this appearance.  Raises ValueError for unknown ones."""
+        if appearance not in self.shown:
+            raise ValueError(f"the surrogate does not follow the appearance {appearance!r}")
+        return self.shown[appearance]
 
     @property
     def _space(self) -> ParameterSpace:
         return self.catalog.plan.space
 
     @cached_property
-    def _fractions(self) -> NDArray[np.float64]:
-        return fractions_of(self._space, [member.parameters for member in self.members])  # [M, P]
+    def _values(self) -> NDArray[np.float64]:
+        rows = [[member.parameters[name] for name in self._space.names] for member in self.members]
+        return np.array(rows).reshape(len(rows), len(self._space))  # [M, P]
 
     @cached_property
-    def _seen(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def _kept(self) -> dict[int, NDArray[np.float64]]:
         return {}
 
-    def _views(self, member: Member) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Unit directions (V, 3) of the member's cameras from the middle, and `_form` of each (V, 17); kept."""
+    def _forms(self, member: Member) -> NDArray[np.float64]:
+        """The `_form` of each of the member's cameras, (V, 17); kept."""
         key = id(member.cameras)
-        if key not in self._seen:
-            directions = np.array([_unit(camera.position - self.middle) for camera in member.cameras])
-            self._seen[key] = directions, np.array([_form(camera, self.middle) for camera in member.cameras])
-        return self._seen[key]
+        if key not in self._kept:
+            self._kept[key] = np.array([_form(camera, self.middle) for camera in member.cameras])
+        return self._kept[key]
+
+    def _settings(self, variation: Variation) -> dict[str, tuple[float, ...]]:
+        """The values (V,) of each of the variation's appearances, by name, the base among them where it has some."""
+        base = {self.base: (0.0,) * len(variation.space)} if variation.edits_base else {}
+        return base | {s.appearance: s.values for s in variation.settings}
 
     def _member_at(self, parameters: Mapping[str, float]) -> Member | None:
-        wanted = {p.name: parameters[p.name] for p in self._space.parameters}
-        near = np.flatnonzero(
-            np.abs(self._fractions - fractions_of(self._space, [wanted])).max(axis=1, initial=0.0) < NEAR
-        )
-        candidates = (self.members[i] for i in near)
-        return next((m for m in candidates if _same(self._space, m.parameters, wanted)), None)
+        found = _same(self._space, [parameters[name] for name in self._space.names], self._values)
+        return None if found is None else self.members[found]
 
     def _appearance_at(self, setting: Setting) -> str | None:
         """The appearance that shows the setting's visualization parameters; None where none does."""
         variation, values = asked(setting.visualization, self.variations)
-        if variation is None or values is None:
+        if variation is None:
             return self.base
-        given = dict(zip(variation.space.names, values, strict=True))
-        if variation.edits_base and _same(variation.space, dict.fromkeys(given, 0.0), given):
-            return self.base
-        known = ((s.appearance, dict(zip(given, s.values, strict=True))) for s in variation.settings)
-        return next((name for name, values in known if _same(variation.space, values, given)), None)
+        known = self._settings(variation)
+        found = _same(variation.space, values, np.array([*known.values()]))
+        return None if found is None else [*known][found]
 
     def _view_at(self, camera: Camera, member: Member) -> int | None:
-        _, forms = self._views(member)
-        differences = np.abs(forms - _form(camera, self.middle)).max(axis=1)  # [V]
+        differences = np.abs(self._forms(member) - _form(camera, self.middle)).max(axis=1)  # [V]
         nearest = int(differences.argmin())
         return nearest if differences[nearest] <= SAME_CAMERA else None
 
 
-def _same(space: ParameterSpace, known: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
-    """Whether all parameters agree, to a relative 1e-9 of themselves or of their ranges."""
-    return all(
-        abs(known[p.name] - wanted[p.name]) <= SAME_VALUE * max(abs(known[p.name]), p.high - p.low)
-        for p in space.parameters
-    )
+def _same(space: ParameterSpace, wanted: Sequence[float], known: NDArray[np.float64]) -> int | None:
+    """The first of the `known` (N, P) that agrees with what is `wanted` (P,), to 1e-9 of itself or of the parameters' ranges."""
+    slack = SAME_VALUE * np.maximum(np.abs(known), [p.high - p.low for p in space.parameters])  # [N, P]
+    found = np.flatnonzero((np.abs(known - wanted) <= slack).all(axis=1))
+    return int(found[0]) if len(found) else None
 
 
 def _form(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -206,7 +198,7 @@ def _form(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([camera.rotation.ravel(), to_middle / scale, [math.log(scale)], np.log(focal), center])
 
 
-def _unit(vector: ArrayLike) -> NDArray[np.float64]:
-    """The vector (3,) with length 1; zero stays zero."""
-    vector = np.asarray(vector, dtype=np.float64)
-    return vector / max(float(np.linalg.norm(vector)), 1e-300)
+def _directions(forms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors (V, 3) from the middle to the cameras of these `_form`s (V, 17); zero for one in the middle."""
+    rotations, to_middle = forms[:, :9].reshape(-1, 3, 3), forms[:, 9:12]
+    return -np.einsum("vij,vi->vj", rotations, to_middle)
