@@ -75,7 +75,7 @@ def opened(browser: Browser, address: str) -> Page:
     """A tab in a profile of its own, once it shows a picture."""
     page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
     page.goto(address)
-    page.wait_for_function("document.documentElement.dataset.shown")
+    page.wait_for_function("() => document.documentElement.dataset.shown")
     page.evaluate(WATCH)
     return page
 

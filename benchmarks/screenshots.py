@@ -46,7 +46,7 @@ def explored(browser: Browser, runs: Path) -> None:
         test = page.locator("#member optgroup[label=test] option").first.get_attribute("value")
         page.locator("#member").select_option(test)
         page.locator("#nearest-picture").click()
-        page.wait_for_function("document.getElementById('compared').textContent.includes('PSNR')")
+        page.wait_for_function("() => document.getElementById('compared').textContent.includes('PSNR')")
         page.wait_for_function(STILL)
         page.screenshot(path=DOCS / "explorer_compare.png")
         print(DOCS / "explorer_compare.png")

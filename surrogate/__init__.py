@@ -10,7 +10,7 @@ _HOMES = {
     "TrainingSettings": "settings",
     "train": "training.run",
     "render": "splatting",
-    "show": "explore.notebook",
+    "show": "explore.server.notebook",
 }
 
 __all__ = list(_HOMES)

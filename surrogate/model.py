@@ -156,13 +156,14 @@ class Surrogate:
             deformed = known[0].under(self.gaussians, self.deformation, normalized, transfer_function)
         return DeformedGaussians(deformed, named, self.normalization, self.rasterizer)
 
-    def show(self, run: str | os.PathLike[str] | None = None, *, height: int = 720) -> Any:
+    def show(self, run: str | os.PathLike[str] | None = None, *, height: int = 720, base_url: str | None = None) -> Any:
         """Explore this surrogate in Jupyter, `height` pixels tall; needs the extra `[explore]`.
 
-        With the folder of its `run` (such as "runs/tgv-dvr") the page also shows the stored pictures beside it.  What comes back
-        has an `address`, and `close` stops it.
+        With the folder of its `run` (such as "runs/tgv-dvr") the page also shows the stored pictures beside it.  `base_url` is
+        that of a Jupyter server with jupyter-server-proxy, where the browser can't reach this machine; JupyterHub tells its own.
+        What comes back has an `address`, and `close` stops it.
         """
-        return surrogate.show(self, run, height=height)
+        return surrogate.show(self, run, height=height, base_url=base_url)
 
     @property
     def visualization_names(self) -> tuple[str, ...]:

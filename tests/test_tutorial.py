@@ -19,7 +19,7 @@ PROJECT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 1_000_000
 MACHINE = re.compile(r"/(?:home|tmp|root|work|usr|var|Users|private)/|127\.0\.0\.1|localhost")
 MEMBER = re.compile(r"^(\S+): surrogate ([\d.]+) dB, stored (\S+) ([\d.]+) dB$", re.MULTILINE)
-EXPLORER = ("trame", "aiohttp", "PIL")
+EXPLORER = ("aiohttp", "PIL")
 
 
 def read() -> Any:

@@ -26,15 +26,17 @@ class Access:
     ----------
     host : the address that it listens on.
     token : what must be brought; "" where only this machine reaches the server.
+    base_url : that of a Jupyter server whose proxy passes requests on, whatever name they call it by; "" without.
     """
 
     host: str
     token: str
+    base_url: str = ""
 
     @classmethod
-    def of(cls, host: str) -> Access:
-        """Access to `host`, with a new random token unless only this machine can reach it."""
-        return cls(host, "" if is_local(host) else secrets.token_urlsafe(24))
+    def of(cls, host: str, base_url: str = "") -> Access:
+        """Access to `host`, with a new random token unless only this machine can reach it, and through no proxy."""
+        return cls(host, "" if is_local(host) and not base_url else secrets.token_urlsafe(24), base_url)
 
     @property
     def cookie(self) -> str:
@@ -42,18 +44,22 @@ class Access:
         return f"gs-surrogate-{hashlib.sha256(self.token.encode()).hexdigest()[:8]}"
 
     def address(self, port: int) -> str:
-        """What to open, with the token where one is needed."""
+        """What to open, with the token where one is needed; behind a proxy it is a path, below that of Jupyter."""
+        brought = f"?token={self.token}" if self.token else ""
+        if self.base_url:
+            return f"{'/'.join(['', *filter(None, self.base_url.split('/'))])}/proxy/{port}/{brought}"
         name = socket.gethostname() if is_any(self.host) else self.host
         name = f"[{name}]" if ":" in name else name
-        return f"http://{name}:{port}/{f'?token={self.token}' if self.token else ''}"
+        return f"http://{name}:{port}/{brought}"
 
     def is_named_by(self, header: str) -> bool:
         """Whether a request's Host header names this server.
 
-        Plain addresses need no such care where there is a token; without one only loopback ones are answered.
+        Plain addresses need no such care where there is a token; without one only loopback ones are answered.  Behind a proxy
+        the name is that of the proxy, and the token alone counts.
         """
         named = named_host(header)
-        if named in self._names():
+        if self.base_url or named in self._names():
             return True
         try:
             return ipaddress.ip_address(named).is_loopback or bool(self.token)

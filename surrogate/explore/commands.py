@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -15,15 +16,21 @@ from surrogate.command_line import RUN, one_line_errors
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need the printed token."
 )
 @click.option("--port", default=0, help="Port to listen on.  [default: any that is free]")
+@click.option(
+    "--base-url",
+    default="",
+    envvar="JUPYTERHUB_SERVICE_PREFIX",
+    help="That of a Jupyter server whose jupyter-server-proxy leads here; JupyterHub tells it by itself.",
+)
 @click.option("--open/--no-open", "open_page", default=False, help="Open the page in this machine's browser.")
-def explore(run: Path, host: str, port: int, open_page: bool) -> None:
+def explore(run: Path, **options: Any) -> None:
     """Fly through the surrogate in RUN (such as runs/tgv-dvr) in a browser, until Ctrl-C."""
     try:
-        from surrogate.explore.application import explore as serve
         from surrogate.explore.run import Run
+        from surrogate.explore.server.terminal import explore as serve
 
         with one_line_errors():
-            serve(Run.open(run), host=host, port=port, open_page=open_page, announce=click.echo)
+            serve(Run.open(run), announce=click.echo, **options)
     except ModuleNotFoundError as error:
         raise click.ClickException(
             f"the explorer needs the package {error.name}: pip install 'gs-surrogate[explore]'"

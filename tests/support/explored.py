@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,3 +59,13 @@ def assert_shown(page: Page, surrogate: Surrogate, number: int = 0) -> NDArray[n
     assert pixels.shape == expected.shape
     assert np.abs(pixels - expected).max() <= 0.51 / 255
     return pixels
+
+
+def saved(page: Page, kind: str, folder: Path) -> Path:
+    """What the page saves, as a file."""
+    page.locator("#export-kind").select_option(kind)
+    with page.expect_download() as coming:
+        page.locator("#export").click()
+    path = folder / coming.value.suggested_filename
+    coming.value.save_as(path)
+    return path

@@ -1,9 +1,8 @@
-"""A tab without a browser: speaks wslink's protocol, politely or not, from a thread that has a loop of its own."""
+"""A tab without a browser: calls as the page does, politely or not, from a thread that has a loop of its own."""
 
 from __future__ import annotations
 
 import asyncio
-import itertools
 import json
 import socket
 import struct
@@ -17,14 +16,11 @@ from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import aiohttp
-import msgpack
-from wslink.chunking import UnChunker
 
 from tests.support.requests import message
 
 T = TypeVar("T")
 PATIENCE = 30.0  # seconds
-MOST = 1 << 30
 
 
 @cache
@@ -39,15 +35,16 @@ def wait(work: Coroutine[Any, Any, T], seconds: float = PATIENCE) -> T:
     return asyncio.run_coroutine_threadsafe(asyncio.wait_for(work, seconds), _loop()).result(seconds + 5)
 
 
-def framed(content: bytes, *, offset: int = 0, size: int | None = None, number: int = 7) -> bytes:
-    """A piece of a message as wslink sends it."""
-    return struct.pack("<III", number, offset, len(content) if size is None else size) + content
-
-
-def secret_of(address: str) -> str:
-    with urlopen(Request(f"{address}session", data=b"{}", method="POST")) as answer:
-        found: str = json.load(answer)["secret"]
-    return found
+def unpacked(data: bytes) -> dict[str, Any]:
+    """The answer that a message is, with its pictures as bytes."""
+    (length,) = struct.unpack_from("<I", data)
+    answer: dict[str, Any] = json.loads(data[4 : 4 + length])
+    pictures, start = [], 4 + length
+    for size in answer.pop("pictures"):
+        pictures.append(data[start : start + size])
+        start += size
+    assert start == len(data)
+    return answer | ({"pictures": pictures} if pictures else {})
 
 
 def post(address: str, content: Any, **headers: str) -> tuple[int, Any]:
@@ -63,17 +60,11 @@ def post(address: str, content: Any, **headers: str) -> tuple[int, Any]:
 
 
 class Tab:
-    """An open connection; says hello unless told not to."""
+    """An open connection."""
 
-    def __init__(self, address: str, *, hello: bool = True) -> None:
+    def __init__(self, address: str) -> None:
         self.address = address
-        self._numbers = itertools.count(1)
-        self._pieces = UnChunker()
-        self._pieces.set_max_message_size(MOST)
         wait(self._open())
-        if hello:
-            self.write({"id": "system:c0:0", "method": "wslink.hello", "args": [{"secret": secret_of(address)}]})
-            assert "clientID" in self.receive()["result"]
 
     async def _open(self) -> None:
         self._session = aiohttp.ClientSession()
@@ -116,51 +107,53 @@ class Tab:
 
     def flood(self, call: Any, count: int) -> Future[None]:
         """Send a call very often without reading any answer."""
-        data = framed(msgpack.packb(call))
+        data = json.dumps(call)
 
         async def send() -> None:
             for _ in range(count):
-                await self._socket.send_bytes(data)
+                await self._socket.send_str(data)
 
         return asyncio.run_coroutine_threadsafe(send(), _loop())
 
     def send(self, data: bytes | str) -> None:
         wait(self._socket.send_bytes(data) if isinstance(data, bytes) else self._socket.send_str(data))
 
+    def broken(self, content: bytes, *, announced: int | None = None) -> None:
+        """Send a text message as one frame, whatever its bytes are and however many are announced."""
+        size = len(content) if announced is None else announced
+        long = size > 125 and (struct.pack(">H", size) if size < 1 << 16 else struct.pack(">Q", size))
+        head = bytes([0x81, 0x80 | (size if not long else 126 if len(long) == 2 else 127)]) + (long or b"")
+
+        async def send() -> None:
+            connection = self._socket._response.connection
+            assert connection is not None
+            assert connection.transport is not None
+            connection.transport.write(head + bytes(4) + content)  # a mask of zeros
+
+        wait(send())
+
     def write(self, call: Any) -> None:
-        self.send(framed(msgpack.packb(call)))
+        self.send(json.dumps(call))
 
     def receive(self, seconds: float = PATIENCE) -> dict[str, Any]:
         """The next message; raises ConnectionError where the other side has hung up."""
 
-        async def receive() -> Any:
-            whole = None
-            while whole is None:
-                got = await self._socket.receive()
-                if got.type is not aiohttp.WSMsgType.BINARY:
-                    raise ConnectionError(f"{got.type.name}: {got.data}")
-                whole = self._pieces.process_chunk(got.data)
-            return whole
+        async def receive() -> dict[str, Any]:
+            got = await self._socket.receive()
+            if got.type is not aiohttp.WSMsgType.BINARY:
+                raise ConnectionError(f"{got.type.name}: {got.data}")
+            return unpacked(got.data)
 
-        found: dict[str, Any] = wait(receive(), seconds)
-        return found
+        return wait(receive(), seconds)
 
-    def ask(self, method: str, *args: Any, **kwargs: Any) -> dict[str, Any]:
-        """The answer to a call: a message with `result` or `error`."""
-        number = f"rpc:c0:{next(self._numbers)}"
-        self.write({"wslink": "1.0", "id": number, "method": method, "args": list(args), "kwargs": kwargs})
-        while (answer := self.receive())["id"] != number:
-            pass
-        return answer
-
-    def trigger(self, name: str, *args: Any) -> Any:
-        """What the page's own calls give."""
-        return self.ask("trame.trigger", name, list(args), {})["result"]
+    def ask(self, call: Any, request: Any = None) -> dict[str, Any]:
+        """The answer to a call: what was asked for, or `error`."""
+        self.write({"call": call, "request": request})
+        return self.receive()
 
     def frame(self, **changes: Any) -> dict[str, Any]:
         """The answer to a good request for pictures, with `changes`."""
-        found: dict[str, Any] = self.trigger("frame", message(**changes))
-        return found
+        return self.ask("frame", message(**changes))
 
 
 def lives(tab: Tab) -> None:

@@ -1,30 +1,40 @@
-// What the page asks of the program, over trame's connection and, for exports, over plain HTTP.
+// What the page asks of the program: calls over one WebSocket, and exports over plain HTTP.  The addresses are relative, so that the
+// page works below the path of any proxy.
 
-/** Resolves once trame is there and has put our place into the page. */
-export function ready() {
-  return new Promise(resolve => {
-    const look = () => {
-      const place = document.getElementById("explorer-page");
-      if (place && window.trame) resolve(place);
-      return Boolean(place && window.trame);
-    };
-    if (look()) return;
-    const observer = new MutationObserver(() => { if (look()) observer.disconnect(); });
-    observer.observe(document.documentElement, { childList: true, subtree: true });
+const waiting = []; // { resolve, reject } of calls without an answer yet, in their order, which is that of the answers
+const socket = new WebSocket(new URL("ws", location.href).href.replace(/^http/, "ws"));
+socket.binaryType = "arraybuffer";
+socket.onmessage = event => {
+  const answer = unpacked(event.data), { resolve, reject } = waiting.shift();
+  if (answer.error) reject(new Error(answer.error));
+  else resolve(answer);
+};
+const opened = new Promise(resolve => { socket.onopen = resolve; });
+
+/** Resolves when the program can't be asked any more. */
+export const stopped = new Promise(resolve => { socket.onclose = resolve; });
+
+export const facts = () => call("facts");
+
+/** An answer with pictures; throws an Error that says in a sentence why there is none. */
+export const frame = request => call("frame", request);
+
+/** The stored picture nearest to what a request for pictures shows, or null. */
+export const nearest = async request => (await call("nearest", request)).found;
+
+async function call(name, request) {
+  await opened;
+  return new Promise((resolve, reject) => {
+    waiting.push({ resolve, reject });
+    socket.send(JSON.stringify({ call: name, request }));
   });
 }
 
-export const facts = () => window.trame.trigger("facts");
-
-/** An answer with pictures; throws an Error that says in a sentence why there is none. */
-export const frame = request => asked("frame", request);
-
-/** The stored picture nearest to what a request for pictures shows, or null. */
-export const nearest = async request => (await asked("nearest", request)).found;
-
-async function asked(name, request) {
-  const answer = await window.trame.trigger(name, [request]);
-  if (!answer || answer.error) throw new Error(answer?.error ?? "the explorer gave no answer");
+/** An answer with its pictures as bytes: behind the length of a JSON object come the object and the pictures that it lists by size. */
+function unpacked(buffer) {
+  let start = 4 + new DataView(buffer).getUint32(0, true);
+  const answer = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, start - 4)));
+  answer.pictures = answer.pictures.map(size => new Uint8Array(buffer, (start += size) - size, size));
   return answer;
 }
 

@@ -18,14 +18,14 @@ const MODE_NAMES = { view: "Explore", compare: "Compare", sweep: "Sweep" };
 const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
 
 class Explorer {
-  constructor(place, facts) {
+  constructor(facts) {
     this.facts = facts;
     this.state = stateOf(location.hash, facts);
     this.panes = [];
     this.times = []; // of frames on the screen in the last second
     this.counted = { moving: 0, whole: 0 };
     this.stream = new Stream(moving => this.request(moving), (...shown) => this.show(...shown), error => this.fail(error));
-    this.layOut(place);
+    this.layOut();
     this.arrange();
     this.refresh();
     listen(this.stage, () => this.state.orbit, orbit => this.look(orbit), facts.camera, () => this.stream.settle());
@@ -47,7 +47,7 @@ class Explorer {
 
   // ---- the page
 
-  layOut(place) {
+  layOut() {
     const { facts } = this;
     this.stage = element("div", {
       id: "stage", tabindex: 0, role: "application", "aria-label":
@@ -61,7 +61,7 @@ class Explorer {
     this.colorbar = element("div", { id: "colorbar", hidden: true },
       element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
     this.side = element("aside", { "aria-label": "Controls" });
-    place.replaceChildren(
+    document.body.replaceChildren(
       element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs),
       element("main", { id: "stage-panel", role: "tabpanel" }, this.stage, this.alert, this.colorbar,
         element("footer", { id: "caption" }, this.expected, this.status)),
@@ -389,5 +389,9 @@ function stepTab(event) {
   document.getElementById(next.id)?.focus();
 }
 
-const place = await connection.ready();
-window.explorer = new Explorer(place, await connection.facts());
+connection.stopped.then(() => document.body.replaceChildren(element("main", { class: "stopped", role: "alert" },
+  element("h1", {}, "The explorer has stopped"),
+  element("p", {}, "Start it again on its machine and reload this page: the address keeps what you saw."))));
+const facts = await connection.facts();
+document.title = `${facts.title} · gs-surrogate`;
+window.explorer = new Explorer(facts);

@@ -40,9 +40,9 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def explorer(run_folder: Path) -> Iterator[str]:
-    """The address of the run's explorer; skips without trame."""
-    pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
-    from surrogate.explore.notebook import Shown
+    """The address of the run's explorer; skips without aiohttp."""
+    pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
+    from surrogate.explore.server.notebook import Shown
 
     shown = Shown(Run.open(run_folder))
     yield shown.address

@@ -17,7 +17,7 @@ from surrogate import Surrogate
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.run import Run
 from tests.support.browsers import NewPage, serious_findings
-from tests.support.explored import assert_shown, drawn, open_explorer, request_of, settled, shown
+from tests.support.explored import assert_shown, drawn, open_explorer, request_of, saved, settled, shown
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -306,7 +306,7 @@ def test_frames_are_small_while_something_moves_and_whole_at_rest(
 
 def test_what_to_expect_is_said(page: Page, explorer: str) -> None:
     open_explorer(page, explorer)
-    page.wait_for_function("document.getElementById('expected').textContent.includes('dB')")
+    page.wait_for_function("() => document.getElementById('expected').textContent.includes('dB')")
     assert "ms" in page.locator("#status").inner_text()
 
 
@@ -364,16 +364,6 @@ def test_the_page_asks_nobody_else(page: Page, explorer: str) -> None:
     assert all(url.startswith((explorer, "blob:", "data:")) for url in asked)
 
 
-def saved(page: Page, kind: str, folder: Path) -> Path:
-    """What the page saves, as a file."""
-    page.locator("#export-kind").select_option(kind)
-    with page.expect_download() as coming:
-        page.locator("#export").click()
-    path = folder / coming.value.suggested_filename
-    coming.value.save_as(path)
-    return path
-
-
 def test_what_is_seen_can_be_saved(page: Page, explorer: str, surrogate: Surrogate, tmp_path: Path) -> None:
     open_explorer(page, explorer, "a.p.p=0.3")
     drag(page, "#stage", 50, 20)
@@ -401,7 +391,7 @@ def test_links_and_cameras_go_to_the_clipboard(new_page: NewPage, explorer: str,
     assert link.startswith(explorer)
     assert "a.p.p=0.3" in link
     page.get_by_role("button", name="Copy camera").click()
-    page.wait_for_function("navigator.clipboard.readText().then(text => text.startsWith('{'))")
+    page.wait_for_function("() => navigator.clipboard.readText().then(text => text.startsWith('{'))")
     camera = json.loads(page.evaluate("navigator.clipboard.readText()"))
     assert camera == request_of(page)["camera"]
 
@@ -410,15 +400,15 @@ def test_what_cannot_be_saved_is_said(page: Page, explorer: str, complaints: lis
     open_explorer(page, explorer)
     page.evaluate("document.querySelector('#export-kind option').value = 'nonsense'")
     page.locator("#export").click()
-    page.wait_for_function("document.getElementById('alert').textContent.includes('kind must be one of')")
-    page.wait_for_function("!document.getElementById('export').disabled")
+    page.wait_for_function("() => document.getElementById('alert').textContent.includes('kind must be one of')")
+    page.wait_for_function("() => !document.getElementById('export').disabled")
     page.close()  # it complains no more
     assert all("400" in complaint for complaint in complaints)
     complaints.clear()
 
 
 def test_a_program_that_stops_is_told_of(page: Page, run_folder: Path, complaints: list[str]) -> None:
-    from surrogate.explore.notebook import Shown
+    from surrogate.explore.server.notebook import Shown
 
     running = Shown(Run.open(run_folder))
     open_explorer(page, running.address)

@@ -198,7 +198,7 @@ def test_mistakes_are_named_in_one_line_and_nothing_is_written(
 def test_the_commands_load_nothing_heavy() -> None:
     program = (
         "import sys, surrogate.explore.exporting.commands\n"
-        "print([n for n in ('torch', 'numpy', 'matplotlib', 'PIL', 'av', 'trame') if n in sys.modules])"
+        "print([n for n in ('torch', 'numpy', 'matplotlib', 'PIL', 'av', 'aiohttp') if n in sys.modules])"
     )
     project = Path(__file__).resolve().parents[4]
     result = subprocess.run([sys.executable, "-c", program], cwd=project, capture_output=True, text=True, timeout=60)

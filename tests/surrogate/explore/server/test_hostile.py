@@ -16,21 +16,20 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import msgpack
+import aiohttp
 import psutil
 import pytest
 
-pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
+pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
-from surrogate.explore.notebook import Shown
 from surrogate.explore.run import Run
+from surrogate.explore.server.notebook import Shown
 from tests.support import exports, requests
 from tests.support.models import plain
 from tests.support.requests import message
-from tests.support.tabs import Tab, framed, lives, post
+from tests.support.tabs import Tab, lives, post, wait
 
-ROOT = str(Path(__file__).parents[3])
-HELLO = {"id": "system:c0:0", "method": "wslink.hello", "args": [{"secret": "wrong"}]}
+ROOT = str(Path(__file__).parents[4])
 
 
 @pytest.fixture
@@ -50,40 +49,36 @@ def harmless(answer: Any) -> str:
 
 
 def test_a_tab_gets_facts_and_frames(tab: Tab) -> None:
-    facts = tab.trigger("facts")
+    facts = tab.ask("facts")
     assert facts["title"] == "blobs"
+    assert ROOT not in json.dumps(facts)
     lives(tab)
-    assert tab.trigger("nearest", message())["found"]["member"] in ("train-0", "train-1", "validation-0")
-    state = tab.ask("trame.state.get")["result"]
-    assert ROOT not in json.dumps(state, default=repr)
+    assert tab.ask("nearest", message())["found"]["member"] in ("train-0", "train-1", "validation-0")
 
 
 NO_MESSAGES: dict[str, bytes | str] = {
-    "nothing": b"",
+    "nothing": "",
+    "no bytes": b"",
     "text": "hello",
     "a long text": "x" * 100_000,
-    "a header alone": framed(b""),
-    "half a header": b"\x00" * 7,
     "noise": random.Random(1).randbytes(5000),
-    "framed noise": framed(random.Random(2).randbytes(5000)),
-    "an int": framed(msgpack.packb(3)),
-    "a list": framed(msgpack.packb([1, 2])),
-    "null": framed(msgpack.packb(None)),
-    "no id": framed(msgpack.packb({"method": "trame.state.get"})),
-    "a number as id": framed(msgpack.packb({"id": 3, "method": "trame.state.get"})),
-    "a list as id": framed(msgpack.packb({"id": ["system"], "method": "trame.state.get"})),
-    "a huge id": framed(msgpack.packb({"id": "x" * 10**6, "method": "trame.state.get"})),
-    "no method": framed(msgpack.packb({"id": "rpc:c0:1"})),
-    "a list as method": framed(msgpack.packb({"id": "rpc:c0:1", "method": ["trame.trigger"]})),
-    "args of text": framed(msgpack.packb({"id": "rpc:c0:1", "method": "trame.trigger", "args": "facts"})),
-    "kwargs of numbers": framed(msgpack.packb({"id": "rpc:c0:1", "method": "trame.trigger", "kwargs": {1: 2}})),
-    "no UTF-8": framed(b"\xa2\xff\xfe"),
-    "nested 10,000 deep": framed(b"\x91" * 10_000 + b"\x00"),
-    "an array of four billion": framed(b"\xdd\xff\xff\xff\xff"),
-    "text of four gigabytes": framed(b"\xdb\xff\xff\xff\xff"),
-    "two messages": framed(msgpack.packb({}) * 2),
-    "numbers as names": framed(msgpack.packb({"id": "rpc:c0:1", "method": "trame.trigger", "args": [{1: 2}]})),
-    "a date that is none": framed(b"\xd7\xff" + b"\xff" * 8),
+    "a message as bytes": b'{"call": "facts"}',
+    "an int": "3",
+    "a list": "[1, 2]",
+    "a text": '"facts"',
+    "null": "null",
+    "half a message": '{"call": "facts"',
+    "two messages": '{"call": "facts"}{"call": "facts"}',
+    "no call": "{}",
+    "a number as call": '{"call": 3}',
+    "a list as call": '{"call": ["facts"]}',
+    "an object as call": '{"call": {"facts": 1}}',
+    "a huge name": json.dumps({"call": "x" * 10**6}),
+    "half a character": '{"call": "\\ud800"}',
+    "no escape": '{"call": "\\x"}',
+    "nested 100,000 deep": "[" * 100_000,
+    "nested 10,000 deep in a request": '{"call": "frame", "request": ' + "[" * 10_000 + "]" * 10_000 + "}",
+    "a number of 100,000 digits": '{"call": "facts", "request": ' + "1" * 100_000 + "}",
 }
 
 
@@ -94,35 +89,46 @@ def test_what_is_no_message_gets_an_error_and_the_tab_lives_on(tab: Tab, name: s
     lives(tab)
 
 
-@pytest.mark.parametrize("name", NO_MESSAGES)
-def test_strangers_get_nothing_else(explorer: str, name: str) -> None:
-    with Tab(explorer, hello=False) as stranger:
-        stranger.send(NO_MESSAGES[name])
-        harmless(stranger.receive())
-        assert "Unauthorized" in harmless(stranger.ask("trame.state.get"))
-        assert "Unauthorized" in harmless(stranger.ask("trame.trigger", "frame", [message()], {}))
+def test_text_that_is_none_ends_the_connection_of_its_sender_alone(explorer: str, tab: Tab) -> None:
+    with Tab(explorer) as mad:
+        mad.broken(b"\xff\xfe")  # said to be UTF-8
+        with pytest.raises(ConnectionError):
+            mad.receive()
+    lives(tab)
 
 
-@pytest.mark.parametrize("secret", ["", "wrong", "wslink-secret", None, 3, ["x"], {"x": 1}, b"\xff", "ü" * 50])
-def test_only_the_secret_opens(explorer: str, secret: Any) -> None:
-    with Tab(explorer, hello=False) as stranger:
-        stranger.write({**HELLO, "args": [{"secret": secret}]})
-        assert "Authentication failed" in harmless(stranger.receive())
-        for args in ([], [[]], [3], [{}], [None, {"secret": secret}]):
-            stranger.write({**HELLO, "args": args})
-            assert "Authentication failed" in harmless(stranger.receive())
-        stranger.write({"id": "system:c0:0", "method": "application.exit"})
-        harmless(stranger.receive())
-        assert "Unauthorized" in harmless(stranger.ask("trame.state.get"))
+@pytest.mark.parametrize("token", ["", "wrong", "None", "0", "[]", "{}", "%00", "%ff", "ü" * 50, "x" * 4000])
+@pytest.mark.parametrize("place", ["query", "cookie"])
+def test_only_the_token_opens(guarded: str, place: str, token: str) -> None:
+    """Where one is needed: no connection, so that no message is ever read."""
+    target, headers = (f"ws?token={token}", {}) if place == "query" else ("ws", {"Cookie": f"gs-surrogate={token}"})
+
+    async def attempt() -> int:
+        async with aiohttp.ClientSession() as session:
+            try:
+                async with session.ws_connect(f"{guarded.replace('http', 'ws')}{target}", headers=headers):
+                    return 101
+            except aiohttp.WSServerHandshakeError as error:
+                return error.status
+
+    assert wait(attempt()) == 403
+
+
+@pytest.fixture(scope="module")
+def guarded() -> Iterator[str]:
+    """The address, without its token, of a server that wants one."""
+    shown = Shown(Run("plain", plain()), base_url="/jupyter/")
+    yield f"http://127.0.0.1:{shown._explorer.port}/"
+    shown.close()
 
 
 CLOSED = [
-    "trame.state.update",
-    "trame.force.push",
-    "trame.error.client",
-    "application.exit",
-    "application.exit.later",
-    "application.kill",
+    "trame.state.get",
+    "Facts",
+    "frame ",
+    "_frame",
+    "serve",
+    "close",
     "wslink.hello",
     "__class__",
     "",
@@ -130,71 +136,44 @@ CLOSED = [
 ]
 
 
-@pytest.mark.parametrize("method", CLOSED)
-def test_no_other_method_can_be_called(explorer: str, tab: Tab, method: str) -> None:
-    with Tab(explorer) as other:
-        before = other.ask("trame.state.get")["result"]
-        for args in ([], [[{"key": "trame__title", "value": "<b>mine</b>"}]], ["trame__title"]):
-            assert "Unregistered method" in harmless(tab.ask(method, *args))
-        assert other.ask("trame.state.get")["result"] == before
-        lives(other)
-
-
-@pytest.mark.parametrize("name", ["server_ready", "server_bind", "server_exited", "client_connected", 3, ["x"], None])
-def test_the_life_of_a_tab_does_nothing_here(explorer: str, tab: Tab, name: Any) -> None:
-    threads = threading.active_count()
-    for _ in range(20):
-        assert tab.ask("trame.lifecycle.update", name)["result"] is None
-    assert threading.active_count() <= threads + 1
+@pytest.mark.parametrize("name", CLOSED)
+def test_nothing_else_can_be_called(tab: Tab, name: str) -> None:
+    before = tab.ask("facts")
+    for request in (None, [], {}, [{"key": "title", "value": "<b>mine</b>"}], "title"):
+        assert "call is one of facts, frame, nearest" in harmless(tab.ask(name, request))
+    assert tab.ask("facts") == before
     lives(tab)
 
 
-TRIGGERS: list[tuple[Any, ...]] = [
-    (),
-    ("frame",),
-    ("frame", None, None),
-    ("frame", "abc", {}),
-    ("frame", [message()], {"message": message()}),
-    ("frame", 3, {}),
-    (["frame"], [], {}),
-    ({"x": 1}, [], {}),
-    ("frame", [], {}, "more"),
-]
-
-
-@pytest.mark.parametrize("args", TRIGGERS)
-def test_triggers_that_are_called_wrongly_say_so(tab: Tab, args: tuple[Any, ...]) -> None:
-    answer = tab.ask("trame.trigger", *args)
-    harmless(answer if "error" in answer else answer["result"])
+def test_more_than_a_call_and_its_request_is_not_minded(tab: Tab) -> None:
+    tab.write({"call": "facts", "request": [1], "id": 3, "args": {}, "kwargs": [], "__class__": "x"})
+    assert tab.receive()["title"] == "blobs"
+    tab.write({"request": message(), "call": "frame", "message": 3})
+    assert "pictures" in tab.receive()
+    for request in (None, "abc", 3, [message()], {"message": message()}, [[]]):
+        harmless(tab.ask("frame", request))
+    tab.write({"call": "frame"})
+    harmless(tab.receive())
     lives(tab)
 
 
-def test_triggers_that_are_not_there_do_nothing(tab: Tab) -> None:
-    for name in ("nothing", "__init__", "on_server_ready", "x" * 10_000, None):
-        assert tab.ask("trame.trigger", name, [], {})["result"] is None
-    assert tab.trigger("facts", *range(5), [1], {})["title"] == "blobs"
-    lives(tab)
+def test_answers_come_in_the_order_of_the_calls(tab: Tab) -> None:
+    for size in range(16, 48, 2):
+        tab.write({"call": "frame", "request": message(size=[size, 16])})
+        tab.send("noise")
+    for size in range(16, 48, 2):
+        assert tab.receive()["size"] == [size, 16]
+        harmless(tab.receive())
 
 
-@pytest.mark.parametrize("trigger", ["frame", "nearest"])
-def test_wrong_requests_get_their_sentence(tab: Tab, trigger: str) -> None:
+@pytest.mark.parametrize("call", ["frame", "nearest"])
+def test_wrong_requests_get_their_sentence(tab: Tab, call: str) -> None:
     for changes, complaint in requests.WRONG:
-        try:
-            content = framed(
-                msgpack.packb(
-                    {"id": "rpc:c0:1", "method": "trame.trigger", "args": [trigger, [message(**changes)], {}]}
-                )
-            )
-        except OverflowError:  # MessagePack has no such numbers
-            continue
-        tab.send(content)
-        answer = tab.receive()
-        if "result" in answer:
-            assert complaint in answer["result"]["error"]
-            answer = answer["result"]
+        answer = tab.ask(call, message(**changes))
+        assert complaint in answer["error"] or "'1'" in answer["error"]  # JSON has no other names
         harmless(answer)
-    for nothing in (None, 3, "x", [], b"\x00", [[]], {}, "x" * 900_000, [message()] * 100):
-        harmless(tab.trigger(trigger, nothing))
+    for nothing in (None, 3, "x", [], [[]], {}, "x" * 900_000, [message()] * 100):
+        harmless(tab.ask(call, nothing))
     lives(tab)
 
 
@@ -213,31 +192,31 @@ def test_depth_and_length_are_no_trouble(tab: Tab) -> None:
 def test_announced_gigabytes_are_not_laid_out(explorer: str, tab: Tab) -> None:
     process = psutil.Process()
     before = process.memory_info().vms
-    for who in (tab, Tab(explorer, hello=False)):
-        for number in range(20):
-            who.send(framed(b"\x91" * 100, size=2**31, number=number))
-            harmless(who.receive())
-            who.send(framed(b"\x91" * 100, size=2**31, offset=2**30, number=number))
-            harmless(who.receive())
-        for number in range(200):  # as many halves of messages as one likes
-            who.send(framed(b"\x91" * 100, size=500, number=number))
-            harmless(who.receive())
-    who.close()
+    for size in (2**31, 2**62):
+        with Tab(explorer) as who:
+            who.broken(b"[" * 100, announced=size)
+            with pytest.raises(ConnectionError):
+                who.receive()
+    halves = [Tab(explorer) for _ in range(20)]
+    for who in halves:  # as many halves of messages as one likes
+        who.broken(b"[" * 100, announced=500)
     assert process.memory_info().vms - before < 2**28
     lives(tab)
+    for who in halves:
+        who.vanish()
 
 
 def test_one_message_is_at_most_a_megabyte(explorer: str, tab: Tab) -> None:
     with Tab(explorer) as loud:
         with suppress(ConnectionError):  # while it is still being sent
-            loud.send(b"\x00" * (3 << 20))
+            loud.send("x" * (3 << 20))
         with pytest.raises(ConnectionError):
             loud.receive()
     lives(tab)
 
 
 def call_for(**changes: Any) -> dict[str, Any]:
-    return {"id": "rpc:c0:1", "method": "trame.trigger", "args": ["frame", [message(**changes)], {}]}
+    return {"call": "frame", "request": message(**changes)}
 
 
 def prompt(tab: Tab, seconds: float = 2.0) -> None:
@@ -254,7 +233,7 @@ def test_a_flood_holds_up_no_one_else(explorer: str, tab: Tab) -> None:
         reading = pool.submit(lambda: [mad.receive() for _ in range(300)])
         while not reading.done():
             prompt(tab)
-    assert all("error" not in answer["result"] for answer in reading.result())
+    assert all("error" not in answer for answer in reading.result())
     sending.cancel()
     mad.vanish()
     prompt(tab)
@@ -326,7 +305,7 @@ def test_tabs_that_come_and_go_leave_nothing(explorer: str) -> None:
     process = psutil.Process()
 
     def visit(number: int) -> None:
-        tab = Tab(explorer, hello=number % 4 != 3)
+        tab = Tab(explorer)
         if number % 4 == 0:
             lives(tab)
         elif number % 4 == 1:

@@ -18,11 +18,11 @@ from urllib.request import urlopen
 import psutil
 import pytest
 
-pytest.importorskip("trame.app", reason="the extra [explore] is not installed")
+pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
-from surrogate.explore import application
-from surrogate.explore.notebook import Shown, show
 from surrogate.explore.run import Run
+from surrogate.explore.server import explorer
+from surrogate.explore.server.notebook import Shown, show
 from surrogate.explore.setting import Setting
 from tests.support.models import plain
 from tests.support.requests import message
@@ -62,8 +62,8 @@ def test_two_at_once_do_not_know_each_other(shown: Shown, run_folder: Path) -> N
     second = show(Run.open(run_folder).surrogate, run_folder)
     assert second.address != shown.address
     with Tab(shown.address) as tab, Tab(second.address) as other:
-        assert tab.trigger("facts")["title"] == "surrogate"
-        assert other.trigger("facts")["title"] == "blobs"
+        assert tab.ask("facts")["title"] == "surrogate"
+        assert other.ask("facts")["title"] == "blobs"
         second.close()
         lives(tab)
     assert not listens(second.address)
@@ -73,7 +73,7 @@ def test_two_at_once_do_not_know_each_other(shown: Shown, run_folder: Path) -> N
 def test_closing_frees_its_port_and_its_threads() -> None:
     before = names()
     opened = show(plain())
-    tab, stranger = Tab(opened.address), Tab(opened.address, hello=False)
+    tab, stranger = Tab(opened.address), Tab(opened.address)
     lives(tab)
     for _ in range(3):
         with pytest.raises(OSError, match="400"):
@@ -98,8 +98,7 @@ def test_closing_waits_for_nobody() -> None:
     opened = show(plain())
     deaf = Tab(opened.address)
     deaf.narrow()
-    call = {"id": "rpc:c0:1", "method": "trame.trigger", "args": ["frame", [message(size=[1024, 1024])], {}]}
-    flood = deaf.flood(call, 200)
+    flood = deaf.flood({"call": "frame", "request": message(size=[1024, 1024])}, 200)
     film = message(kind="gif", size=[1600, 1600], sweep={"name": "p", "count": 3})
     making = threading.Thread(target=lambda: _suppressed(opened.address, film))
     making.start()
@@ -153,7 +152,7 @@ def test_what_does_not_start_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise OSError("no more ports")
 
-    monkeypatch.setattr(application.Explorer, "start", fail)
+    monkeypatch.setattr(explorer.Explorer, "serve", fail)
     with pytest.raises(RuntimeError, match=r"^the explorer did not start: no more ports$"):
         show(plain())
     assert len(names()) <= len(before)
@@ -165,8 +164,8 @@ def test_what_takes_too_long_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     async def sleep() -> None:
         await asyncio.sleep(60)
 
-    monkeypatch.setattr(application.Explorer, "start", lambda *_, **__: sleep())
-    monkeypatch.setattr("surrogate.explore.notebook.PATIENCE", 0.5)
+    monkeypatch.setattr(explorer.Explorer, "serve", lambda *_, **__: sleep())
+    monkeypatch.setattr("surrogate.explore.server.notebook.PATIENCE", 0.5)
     with pytest.raises(RuntimeError, match=r"^the explorer did not start: no answer in 0\.5 s$"):
         show(plain())
     assert len(names()) <= len(before)
@@ -184,7 +183,7 @@ def test_a_notebook_shows_it(run_folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("ipykernel")
     code = f"""
 from surrogate import Surrogate
-from surrogate.explore.notebook import show
+from surrogate.explore.server.notebook import show
 from urllib.request import urlopen
 shown = show(Surrogate.load({str(run_folder / "surrogate")!r}), {str(run_folder)!r})
 print(len(urlopen(shown.address + "explore/explore.js").read()) > 100)
@@ -193,7 +192,7 @@ shown
     notebook = nbformat.v4.new_notebook(
         cells=[nbformat.v4.new_code_cell(code), nbformat.v4.new_code_cell("shown.address")]
     )
-    root = str(Path(__file__).parents[3])
+    root = str(Path(__file__).parents[4])
     here = {**os.environ, "PYTHONPATH": root, "JUPYTER_PLATFORM_DIRS": "1"}
 
     def execute() -> None:  # nbclient runs a loop of its own

@@ -5,7 +5,7 @@ from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
 from catalogs.browse.access import Access
-from surrogate.explore.guard import Guard
+from surrogate.explore.server.guard import Guard
 
 LOCAL = Guard(Access.of("127.0.0.1"))
 OPEN = Guard(Access.of("0.0.0.0"))
@@ -59,3 +59,21 @@ def test_a_local_server_has_no_token() -> None:
     assert LOCAL.access.token == ""
     assert Access.of("localhost").token == ""
     assert Access.of("192.168.0.7").token != ""
+
+
+@pytest.mark.parametrize("base_url", ["/user/name/", "user/name", "/user/name"])
+def test_behind_a_proxy_the_token_counts_and_not_the_name(base_url: str) -> None:
+    guard = Guard(Access.of("127.0.0.1", base_url))
+    token = guard.access.token
+    assert guard.access.address(80) == f"/user/name/proxy/80/?token={token}"
+    for host in ("hub.example", "127.0.0.1:80", "localhost"):
+        assert "token" in guard.refusal(request(Host=host))
+        assert guard.refusal(request(f"/?token={token}", Host=host)) == ""
+        assert (
+            guard.refusal(request(Host=host, Origin=f"https://{host}", Cookie=f"{guard.access.cookie}={token}")) == ""
+        )
+    assert "other sites" in guard.refusal(request(f"/?token={token}", Host="hub.example", Origin="http://evil.example"))
+
+
+def test_jupyter_without_a_path_is_a_proxy_as_well() -> None:
+    assert Access.of("127.0.0.1", "/").address(80).startswith("/proxy/80/?token=")

@@ -8,32 +8,28 @@ import html
 import os
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from surrogate.explore.run import Run
+from surrogate.explore.server.explorer import Explorer
 from surrogate.model import Surrogate
 
-if TYPE_CHECKING:
-    from surrogate.explore.application import Explorer
-
 PATIENCE = 30.0  # seconds for a server to start
+HUB = "JUPYTERHUB_SERVICE_PREFIX"  # the variable in which JupyterHub tells Jupyter's base URL
 
 
 class Shown:
-    """An explorer that runs in this process until `close` is called or the kernel ends.
+    """An explorer that runs in this process until `close` is called or the kernel ends; in Jupyter it shows itself.
 
-    In Jupyter it shows itself.  The browser must reach this machine's 127.0.0.1: where the kernel runs elsewhere, forward the
-    port of `address` as well (`ssh -L`).
+    The browser must reach this machine's 127.0.0.1: where the kernel runs elsewhere, forward the port of `address` as well
+    (`ssh -L`), or give the `base_url` of a Jupyter that has jupyter-server-proxy.
     """
 
-    def __init__(self, run: Run, *, height: int = 720) -> None:
-        from surrogate.explore.application import Explorer
-
+    def __init__(self, run: Run, *, height: int = 720, base_url: str = "") -> None:
         self._height = height
         self._ready = threading.Event()
-        self._explorer: Explorer = Explorer(run)
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._serving: asyncio.Task[Any] | None = None
+        self._explorer = Explorer(run, base_url=base_url)
+        self._task: asyncio.Task[Any] | None = None
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._serve, name="explorer", daemon=True)
         self._thread.start()
@@ -44,22 +40,16 @@ class Shown:
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """Where the page is: below the address of Jupyter, if it has a `base_url`."""
         return self._explorer.address
 
     def close(self) -> None:
         """Stop the server: its port and its threads are free again."""
-        loop, self._loop = self._loop, None
-        if loop is not None and self._thread.is_alive():
-            asyncio.run_coroutine_threadsafe(self._stop(), loop)
+        if self._task is not None and self._thread.is_alive():
+            self._task.get_loop().call_soon_threadsafe(self._task.cancel)
             self._thread.join(timeout=PATIENCE)
         self._explorer.close()
         atexit.unregister(self.close)
-
-    async def _stop(self) -> None:
-        await self._explorer.stop()
-        if self._serving is not None:
-            self._serving.cancel()
 
     def _serve(self) -> None:
         try:
@@ -71,12 +61,8 @@ class Shown:
             self._ready.set()
 
     async def _live(self) -> None:
-        self._loop, self._serving = asyncio.get_running_loop(), asyncio.current_task()
-        await self._explorer.start(ready=lambda _: self._announce(), exec_mode="coroutine", thread=True)
-
-    def _announce(self) -> None:
-        self._ready.set()
-        self._explorer.measure_expectation()
+        self._task = asyncio.current_task()
+        await self._explorer.serve(ready=lambda _: self._ready.set())
 
     def _repr_html_(self) -> str:
         address = html.escape(self.address, quote=True)
@@ -90,12 +76,19 @@ class Shown:
         return f"<Explorer of {self._explorer.run.title} at {self.address}>"
 
 
-def show(surrogate: Surrogate, run: str | os.PathLike[str] | None = None, *, height: int = 720) -> Shown:
+def show(
+    surrogate: Surrogate,
+    run: str | os.PathLike[str] | None = None,
+    *,
+    height: int = 720,
+    base_url: str | None = None,
+) -> Shown:
     """Explore `surrogate` in this notebook, `height` pixels tall.
 
     With the folder of its `run` (such as "runs/tgv-dvr") the page also knows the stored pictures: trained values, the truth, what
-    error to expect.  Raises ModuleNotFoundError without the extra `[explore]`, RuntimeError where no server can start.
+    error to expect.  `base_url` is that of a Jupyter server with jupyter-server-proxy, through which the page is then reached;
+    JupyterHub tells it by itself, and "" goes to this machine's own port all the same.  Raises ModuleNotFoundError without the
+    extra `[explore]`, RuntimeError where no server can start.
     """
-    if run is None:
-        return Shown(Run("surrogate", surrogate), height=height)
-    return Shown(replace(Run.open(run), surrogate=surrogate), height=height)
+    found = Run("surrogate", surrogate) if run is None else replace(Run.open(run), surrogate=surrogate)
+    return Shown(found, height=height, base_url=os.environ.get(HUB, "") if base_url is None else base_url)

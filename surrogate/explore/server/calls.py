@@ -1,0 +1,86 @@
+"""What the page asks for over its WebSocket, and what comes back.
+
+A message is JSON text, `{"call": name, "request": value}`.  Each gets one answer, in the order in which they came, as one binary
+message: the length of a JSON object (4 bytes, little-endian), the object, and behind it the bytes of the pictures, whose
+sizes the object lists under `pictures`.  What is wrong with a message comes back as `error`, in one sentence, and the
+connection lives on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from surrogate.explore.request import MessageError
+
+LARGEST = 1 << 20  # bytes of a message
+HEARTBEAT = 30.0  # seconds after which a silent connection must show that it lives
+PARTING = 1.0  # seconds in which open connections may say goodbye
+LENGTH = struct.Struct("<I")
+
+Answer = dict[str, Any]
+Call = Callable[[Any], Awaitable[Answer]]
+
+
+class Sockets:
+    """Answers all tabs; one that does not read what it asked for keeps none of the others waiting.
+
+    `calls` by their names take a message's request, give an answer, and raise nothing.
+    """
+
+    def __init__(self, calls: Mapping[str, Call]) -> None:
+        self._calls = calls
+        self._open: set[web.WebSocketResponse] = set()
+
+    async def respond(self, request: web.Request) -> web.StreamResponse:
+        """The route: answers one tab until it leaves."""
+        socket = web.WebSocketResponse(max_msg_size=LARGEST, heartbeat=HEARTBEAT, compress=False)
+        if not socket.can_prepare(request):
+            return web.Response(status=400, text="this is the address of a WebSocket\n")
+        await socket.prepare(request)
+        self._open.add(socket)
+        try:
+            with suppress(ConnectionResetError):  # a tab was closed while its picture was on the way
+                async for message in socket:
+                    await socket.send_bytes(packed(await self._answer(message)))
+        finally:
+            self._open.discard(socket)
+        return socket
+
+    async def close(self, _: web.Application) -> None:
+        """Say goodbye to everybody, and wait for nobody long."""
+        goodbyes = [asyncio.ensure_future(socket.close(code=WSCloseCode.GOING_AWAY)) for socket in self._open]
+        if goodbyes:
+            await asyncio.wait(goodbyes, timeout=PARTING)
+
+    async def _answer(self, message: Any) -> Answer:
+        try:
+            asked = parsed(message.data) if message.type is WSMsgType.TEXT else None
+        except MessageError as error:
+            return {"error": str(error)}
+        name = asked.get("call") if isinstance(asked, dict) else None
+        call = self._calls.get(name) if isinstance(name, str) else None
+        if asked is None or call is None:
+            return {"error": f"a message is JSON text, an object whose call is one of {', '.join(self._calls)}"}
+        return await call(asked.get("request"))
+
+
+def parsed(text: str | bytes) -> Any:
+    """The value of a JSON text; raises MessageError, in a sentence that repeats nothing of it."""
+    try:
+        return json.loads(text)
+    except Exception:  # of its encoding, its syntax, its depth, the length of its numbers
+        raise MessageError("this is no JSON, or nested too deep") from None
+
+
+def packed(answer: Answer) -> bytes:
+    """An answer as one message; its `pictures` are bytes."""
+    pictures = answer.get("pictures", [])
+    head = json.dumps({**answer, "pictures": [len(picture) for picture in pictures]}, allow_nan=False).encode()
+    return b"".join([LENGTH.pack(len(head)), head, *pictures])

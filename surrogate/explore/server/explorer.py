@@ -1,0 +1,188 @@
+"""The explorer of one run as a web application: its page, and what the page asks this program for.
+
+Nothing that one tab sets is kept here.  Each frame is asked for with everything it depends on, so tabs can't disturb each other,
+and what the address holds is the whole state.  Exports go over plain HTTP, so that a film in the making stops no frame.  The page
+names everything by relative addresses, so that it works below the path of any proxy.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import torch
+from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
+
+from catalogs.browse.access import LOCAL, Access
+from catalogs.catalog import CatalogError
+from catalogs.images import ImageError
+from surrogate.explore.exporting.exports import Export, exported
+from surrogate.explore.reliability.expectation import measure
+from surrogate.explore.reliability.facts import facts
+from surrogate.explore.reliability.truth import Truth
+from surrogate.explore.request import frame_request
+from surrogate.explore.run import Run
+from surrogate.explore.server.calls import Answer, Sockets, parsed
+from surrogate.explore.server.frames import Frames
+from surrogate.explore.server.guard import Guard
+
+DRAWING_THREADS = 2
+MOST_EXPORTS = 8  # one is made, the others wait
+PATIENCE = 10.0  # seconds
+PARTING = 2.0  # seconds that answers on the way have when the server stops
+
+log = logging.getLogger(__name__)
+http_log = logging.getLogger(f"{__name__}.http")
+
+
+class Explorer:
+    """What shows one run: `serve` it in a loop, and `close` it afterwards.
+
+    It listens on `host`, and expects tabs from a proxy that Jupyter has below `base_url` where that is not empty.
+    """
+
+    def __init__(self, run: Run, *, host: str = LOCAL, base_url: str = "") -> None:
+        self.run = run
+        self.access = Access.of(host, base_url)
+        self.port = 0  # until it listens
+        self.frames = Frames(run.surrogate, Truth.of(run))
+        self._facts = facts(run)
+        # Torch's own operations are small, and its threads spin while they wait: those of several tabs for each other.
+        alone: dict[str, Any] = {"initializer": torch.set_num_threads, "initargs": (1,)}
+        self._drawing = ThreadPoolExecutor(DRAWING_THREADS, thread_name_prefix="draw", **alone)
+        self._exporting = ThreadPoolExecutor(1, thread_name_prefix="export", **alone)
+        self._exports = 0  # made or waiting
+        self._closed = threading.Event()
+        self._measuring = threading.Thread(target=self._measure, name="expectation", daemon=True)
+
+    @property
+    def address(self) -> str:
+        """Where the page is, once `serve` listens."""
+        return self.access.address(self.port)
+
+    async def serve(self, *, port: int = 0, ready: Callable[[str], Any]) -> None:
+        """Listen (port 0: any that is free), tell `ready` the address, and answer until this task is cancelled.
+
+        Meanwhile it is measured in the background what error to expect, unless that was done before.
+        """
+        http_log.addFilter(_is_ours)
+        runner = web.AppRunner(self._application(), access_log=None, logger=http_log, shutdown_timeout=PARTING)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, self.access.host, port).start()
+            self.port = runner.addresses[0][1]
+            self._measuring.start()
+            ready(self.address)
+            await asyncio.Event().wait()
+        finally:
+            self._closed.set()
+            await runner.cleanup()
+
+    def close(self) -> None:
+        """Draw and measure nothing any more."""
+        self._closed.set()
+        for pool in (self._drawing, self._exporting):
+            pool.shutdown(wait=False, cancel_futures=True)
+        if self._measuring.is_alive():  # at the end of Python a thread inside of a kernel would abort the process
+            self._measuring.join(timeout=PATIENCE)
+        self.frames.forget()  # whoever still holds this object holds no Gaussians
+
+    def _measure(self) -> None:
+        def go_on(*_: object) -> None:
+            if self._closed.is_set():
+                raise InterruptedError
+
+        try:
+            self.frames.expectation = measure(self.run, go_on)
+        except InterruptedError:
+            pass
+        except (CatalogError, ValueError, OSError) as error:
+            log.warning("what error to expect can't be measured: %s", error)
+
+    def _application(self) -> web.Application:
+        sockets = Sockets({"facts": self._tell, "frame": self._frame, "nearest": self._nearest})
+        page = _page_folder()
+        application = web.Application(middlewares=[Guard(self.access).middleware()])
+        application.on_shutdown.append(sockets.close)
+        application.router.add_get("/", _file(page / "index.html"))
+        application.router.add_get("/look.css", _file(Path(str(files("catalogs.browse").joinpath("look.css")))))
+        application.router.add_static("/explore/", page)
+        application.router.add_get("/ws", sockets.respond)
+        application.router.add_post("/export", self._export)
+        return application
+
+    async def _tell(self, _: Any) -> Answer:
+        return self._facts
+
+    async def _frame(self, message: Any) -> Answer:
+        """Answer a request for pictures; what is wrong with it comes back as `error`."""
+        return await self._worked(lambda: self.frames.answer(frame_request(message, self.run.surrogate)))
+
+    async def _nearest(self, message: Any) -> Answer:
+        """The stored picture nearest to what a request for pictures shows; `found` is None without one."""
+        return await self._worked(lambda: {"found": self.frames.nearest(frame_request(message, self.run.surrogate))})
+
+    async def _worked(self, work: Callable[[], Answer]) -> Answer:
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._drawing, work)
+        except Exception as error:
+            return {"error": _said(error)}
+
+    async def _export(self, request: web.Request) -> web.Response:
+        def go_on(*_: Any) -> None:
+            if self._closed.is_set() or request.transport is None:
+                raise InterruptedError("nobody waits for this export any more")
+
+        def work() -> Export:
+            go_on()
+            return exported(parsed(content), self.run, go_on)
+
+        content = await request.read()
+        if self._exports >= MOST_EXPORTS:
+            return web.json_response({"error": "other exports are still being made: try again later"}, status=503)
+        self._exports += 1
+        try:
+            made = await asyncio.get_running_loop().run_in_executor(self._exporting, work)
+        except InterruptedError:
+            return web.Response(status=503)
+        except Exception as error:
+            return web.json_response({"error": _said(error)}, status=400 if isinstance(error, ValueError) else 500)
+        finally:
+            self._exports -= 1
+        headers = {"Content-Disposition": f'attachment; filename="{made.name}"'}
+        return web.Response(body=made.content, content_type=made.media_type, headers=headers)
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether aiohttp's complaint is about this program, not about what strangers sent that is no HTTP."""
+    theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError
+    return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
+
+
+def _said(error: Exception) -> str:
+    """What a tab is told; what names files of this machine only its terminal hears."""
+    if isinstance(error, CatalogError | ImageError):
+        log.warning("%s", error)
+        return "a stored picture can't be read: the explorer's terminal says which"
+    if isinstance(error, ValueError):
+        return str(error)
+    log.exception("an answer failed", exc_info=error)
+    return f"this failed inside the explorer ({type(error).__name__}); its terminal says more"
+
+
+def _page_folder() -> Path:
+    return Path(str(files("surrogate.explore").joinpath("page")))
+
+
+def _file(path: Path) -> Callable[[web.Request], Any]:
+    async def answer(_: web.Request) -> web.FileResponse:
+        return web.FileResponse(path)
+
+    return answer
