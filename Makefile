@@ -2,6 +2,7 @@
 SCENE   ?= tgv-dvr
 PYTHON  ?= python3
 RUNS    ?= runs
+RECORDS ?= docs/records
 WORKERS ?=
 SEEDS   ?= 3
 SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $(RUNS)/%/dataset.json,%,$(wildcard $(RUNS)/*/dataset.json)))
@@ -14,8 +15,8 @@ SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
 	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, ceiling and report of each scene that has a data set -> docs/results.md"
-	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RUNS)/<scene>/seeds/"
-	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS)/<scene>/ablation/"
+	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RECORDS)/<scene>/seeds/"
+	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS), $(RECORDS)/<scene>/ablation/"
 	@echo "make test                        every test (make test-fast: the quick ones)"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
@@ -36,37 +37,37 @@ dataset: $(SETUP)
 # Training implies its data and its report; each step does nothing when nothing changed.
 train: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
+	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
 
 # The same, and in the report what the same Gaussians could reach at all: it takes as long as training again.
 evaluate: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate ceiling scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
+	$(BIN)/surrogate ceiling scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
+	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
 
-# The same training with other seeds; what is finished is not trained again.
+# The same training with other seeds; what is finished, or known from a record of the same settings and code, is not trained again.
 repeat: dataset
-	$(BIN)/surrogate repeat scenes/$(SCENE).toml --runs $(RUNS) --seeds $(SEEDS)
+	$(BIN)/surrogate repeat scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS)
 
 # Hours where little is there yet; interrupted, it goes on.  A scene that fails leaves the others, and one may have no ceiling.
 results: $(SETUP)
 	@failed=; for scene in $(SCENES); do \
 	    { $(BIN)/insitu dataset scenes/$$scene.toml --runs $(RUNS) $(if $(WORKERS),--workers $(WORKERS)) && \
-	        $(BIN)/surrogate repeat scenes/$$scene.toml --runs $(RUNS) --seeds $(SEEDS) && \
-	        { $(BIN)/surrogate ceiling scenes/$$scene.toml --runs $(RUNS) || true; } && \
-	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS); } || failed="$$failed $$scene"; \
-	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) || failed="$$failed page"; \
+	        $(BIN)/surrogate repeat scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS) && \
+	        { $(BIN)/surrogate ceiling scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) || true; } && \
+	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS); } || failed="$$failed $$scene"; \
+	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) --records $(RECORDS) || failed="$$failed page"; \
 	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
 # About five hours on two cores; an interrupted study goes on with what is missing, and processes share it out:
 # `taskset -c 0 make ablate`, `taskset -c 1 make ablate`, ...
 ablate: dataset
-	$(BIN)/surrogate ablate scenes/$(SCENE).toml --runs $(RUNS)
+	$(BIN)/surrogate ablate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
 
 # The designs of F_vis, trained on the same finished surrogate.
 ablate-visualization: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate ablate scenes/$(SCENE).toml --visualization --runs $(RUNS)
+	$(BIN)/surrogate ablate scenes/$(SCENE).toml --visualization --runs $(RUNS) --records $(RECORDS)
 
 browse: dataset
 	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb

@@ -30,19 +30,18 @@ SHOWING = (
 
 
 def commit() -> str:
-    """The commit of this checkout, with "+dirty" when it has changes; "unknown" outside one."""
-    folder = Path(__file__).resolve().parent
+    """The commit of this checkout, with "+dirty" when it has changes (but for measured records); "unknown" outside one."""
     try:
-        found = subprocess.run(
-            ["git", "-C", str(folder), "describe", "--always", "--abbrev=12", "--dirty=+dirty", "--exclude=*"],
-            capture_output=True,
-            text=True,
-            timeout=10,
-            check=True,
-        )
+        found = _git("rev-parse", "--short=12", "HEAD")
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":(top,exclude)docs/records")
     except (OSError, subprocess.SubprocessError):
         return "unknown"
-    return found.stdout.strip()
+    return f"{found}+dirty" if changed else found
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(Path(__file__).resolve().parent), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
 
 
 @functools.cache

@@ -1,1 +1,1 @@
-"""All scenes' results on one page, read from runs/."""
+"""All scenes' results on one page, read from their records."""

@@ -30,6 +30,8 @@ def group_of(variant: Variant) -> str:
 
 def study_lines(study: StudyResults) -> list[str]:
     """A study as Markdown: a table by groups, the best of a group first, and what it says in sentences."""
+    if study.published:
+        return [*study.published["lines"], ""]
     rows = [row for row in study.rows if row.results]
     groups = {name: [row for row in rows if group_of(row.variant) == name] for name in GROUPS}
     cells = [

@@ -3,65 +3,86 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 from benchmarks.results.ablations import study_lines
 from benchmarks.results.cost import cost_table
+from benchmarks.results.gaps import Gap, gaps_of
 from benchmarks.results.parts import parts_of
 from benchmarks.results.quality import QualityTable, quality_tables
-from benchmarks.results.scenes import Gap, SceneResults
+from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import report_sources, study_sources
 from catalogs import durable
 from surrogate.evaluation.tables import table
-from surrogate.studies.ablation.table import PICTURE
+from surrogate.report.report import RECORD
+from surrogate.storage.records import read_json
+from surrogate.studies.ablation.plot import plot
 
 PAGE = "results.md"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")
 INTRODUCTION = (
-    "Every number on this page was read from `runs/` by `python -m benchmarks.results`, which `make results` ends with; what is "
-    "missing stands at the end, with the command that makes it.  Means over test images, which no choice was made on; PSNR of the "
-    "full frame, on white or on the data's own background, by the definitions that stand in every report.  Where there are several "
-    "seeds, ± is their sample standard deviation.  A *ceiling* is what as many Gaussians reach that are fitted, for as many "
-    "steps, to one unseen member (and setting) alone, at its unseen views; in brackets the surrogate on the same images.  "
-    "*Trivial predictors* mix stored pictures at the very same view: ones that the surrogate is not given and that need not exist; "
-    "those of settings are on the images that they can predict."
+    "Every number on this page was read from [records](records/README.md) by `python -m benchmarks.results`, which `make results` "
+    "ends with; what is missing stands at the end, with the command that makes it.  Means over test images, which no choice was "
+    "made on; PSNR of the full frame, on white or on the data's own background, by the definitions that stand in every report.  "
+    "Where there are several seeds, ± is their sample standard deviation.  A *ceiling* is what as many Gaussians reach that are "
+    "fitted, for as many steps, to one unseen member (and setting) alone, at its unseen views; in brackets the surrogate on the "
+    "same images.  *Trivial predictors* mix stored pictures at the very same view: ones that the surrogate is not given and that "
+    "need not exist; those of settings are on the images that they can predict."
 )
 
 
-def page(scenes: Sequence[SceneResults], pictures: Mapping[Path, str]) -> str:
-    """The page; `pictures` says under which name each picture of runs/ lies beside it."""
+def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
+    """The page; `pictures` are the names of those that lie beside it."""
     shown = {scene.name: scene for scene in scenes}
-    lines = ["# Results", "", INTRODUCTION, ""]
+    lines = ["# Results", "", INTRODUCTION, "", *_if_any(_earlier([scene.name for scene in scenes if scene.earlier]))]
     for quality in quality_tables(parts_of(scenes)):
         lines += _quality_section(quality, [shown[name] for name in quality.scenes])
     lines += ["## How large, how fast", "", "Times are medians, one picture at a time.", "", *cost_table(scenes), ""]
     lines += [report_sources(scenes), "", *_pictures_section(scenes, pictures), *_ablation_sections(scenes, pictures)]
-    return "\n".join([*lines, *_gaps_section([gap for scene in scenes for gap in scene.gaps])])
+    return "\n".join([*lines, *_gaps_section([gap for scene in scenes for gap in gaps_of(scene)])])
 
 
-def pictures_of(scenes: Sequence[SceneResults]) -> dict[Path, str]:
-    """The pictures that belong on the page, and their names there: of a scene's variations, or else its comparison."""
-    found = {}
+def pictures_of(scenes: Sequence[SceneResults], output: Path) -> dict[str, bytes]:
+    """The pictures that belong on the page, by name: of a scene's variations, or else its comparison, and of its ablations.
+
+    Those of reports come from runs/, where these are the reports that are shown; else what lies in `output` stays.
+    """
+    found: dict[str, bytes | None] = {}
     for scene in scenes:
-        for name in _sheets(scene):
-            found[scene.run / "report" / name] = f"results_{scene.name}_{name}"
-        for study in scene.studies:
-            found[study.folder / PICTURE] = f"results_{scene.name}_{study.kind.folder}.png"
-    return {path: name for path, name in found.items() if path.is_file()}
+        folder = scene.run / "report"
+        same = (
+            scene.report is not None
+            and (read_json(folder / RECORD) or {}).get("fingerprint") == scene.report["fingerprint"]
+        )
+        for sheet in _sheets(scene):
+            found[_picture(scene, sheet)] = (
+                (folder / sheet).read_bytes() if same and (folder / sheet).is_file() else None
+            )
+        found |= {_picture(scene, f"{study.kind.folder}.png"): plot(study.rows) for study in scene.studies}
+    kept = {
+        name: (output / name).read_bytes()
+        for name, content in found.items()
+        if content is None and (output / name).is_file()
+    }
+    return {name: content for name, content in found.items() if content is not None} | kept
 
 
 def write(output: Path, scenes: Sequence[SceneResults]) -> Path:
-    """Write the page and copies of its pictures into the folder `output`, each whole; pictures of an earlier page that are
-    no longer shown are removed."""
-    pictures, earlier = pictures_of(scenes), _pictures_on(output / PAGE)
+    """Write the page and its pictures into the folder `output`, each whole; pictures of an earlier page that are no longer
+    shown are removed."""
+    pictures, earlier = pictures_of(scenes, output), _pictures_on(output / PAGE)
     durable.make_folder(output)
-    for path, name in pictures.items():
-        durable.replace(output / name, path.read_bytes())
+    for name, content in pictures.items():
+        durable.replace(output / name, content)
     durable.replace(output / PAGE, page(scenes, pictures).encode())
-    for name in earlier - set(pictures.values()):
+    for name in earlier - set(pictures):
         (output / name).unlink(missing_ok=True)
     return output / PAGE
+
+
+def _picture(scene: SceneResults, name: str) -> str:
+    return f"results_{scene.name}_{name}"
 
 
 def _pictures_on(path: Path) -> set[str]:
@@ -79,25 +100,34 @@ def _sheets(scene: SceneResults) -> list[str]:
     return [f"{varied['kind']}.png" for varied in scene.report["variations"]] or ["comparison.png"]
 
 
-def _pictures_section(scenes: Sequence[SceneResults], pictures: Mapping[Path, str]) -> list[str]:
+def _pictures_section(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
     lines = []
     for scene in scenes:
-        names = [pictures[path] for sheet in _sheets(scene) if (path := scene.run / "report" / sheet) in pictures]
-        lines += [
-            text for name in names for text in (f"`{scene.name}`: {scene.title}", "", f"![{scene.name}]({name})", "")
-        ]
+        for name in (_picture(scene, sheet) for sheet in _sheets(scene)):
+            if name in pictures:
+                lines += [f"`{scene.name}`: {scene.title}", "", f"![{scene.name}]({name})", ""]
     return ["## Truth, prediction and difference", "", *lines] if lines else []
 
 
-def _ablation_sections(scenes: Sequence[SceneResults], pictures: Mapping[Path, str]) -> list[str]:
+def _ablation_sections(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
     lines = ["## What each choice of training is worth", ""]
     for scene in scenes:
         for study in scene.studies:
-            name = pictures.get(study.folder / PICTURE)
-            picture = [] if name is None else [f"![{scene.name}]({name})", ""]
-            lines += [f"### `{scene.name}`, {study.kind.title}", "", *study_lines(study), *picture]
+            name = _picture(scene, f"{study.kind.folder}.png")
+            lines += [f"### `{scene.name}`, {study.kind.title}", "", *study_lines(study)]
+            lines += [f"![{scene.name}]({name})", ""] if name in pictures else []
             lines += [study_sources(scene.name, study), ""]
     return lines if len(lines) > 2 else [*lines, "No scene has an ablation yet.", ""]
+
+
+def _earlier(names: Sequence[str]) -> str:
+    """Of which scenes something was not measured by the present code."""
+    return (
+        "The code that trains and evaluates has changed since some was measured of "
+        f"{', '.join(f'`{name}`' for name in names)}: these figures are of the commits beneath their tables."
+        if names
+        else ""
+    )
 
 
 def _gaps_section(gaps: Sequence[Gap]) -> list[str]:

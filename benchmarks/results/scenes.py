@@ -1,36 +1,26 @@
-"""What runs/ holds of a scene: its report, ceilings, seeds and ablations, each only where it is of the scene as it now is."""
+"""What was measured of a scene: report, ceilings, seeds and ablations, each only where it is of the scene's present settings."""
 
 from __future__ import annotations
 
-import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.results.studies import StudyKind, StudyResults, kinds_of, read_study
-from catalogs.appearance import appearance_to_json
-from catalogs.catalog import Catalog
+from benchmarks.results.studies import StudyResults, published_study, read_studies
+from catalogs.appearance import ImportedImages, appearance_to_json
 from catalogs.scene import Scene
-from surrogate.evaluation.evaluate import VERSION
-from surrogate.report.report import RECORD
+from surrogate.provenance import code
+from surrogate.report.records import load_report
 from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
-from surrogate.studies.ceiling import load_ceilings, subjects
-from surrogate.studies.repeats.records import load_scores
+from surrogate.storage.records import Record
+from surrogate.studies.ceiling import load_ceilings
+from surrogate.studies.repeats.records import Scores, load_scores
 from surrogate.studies.repeats.spread import summarize_repeats
-from surrogate.training.source import Source
 
 APPEARANCES = {"volume": "volume rendering", "isosurface": "isosurface", "imported": "pictures made elsewhere"}
-
-
-@dataclass(frozen=True)
-class Gap:
-    """What is missing of a scene, and the command that makes it."""
-
-    scene: str
-    what: str
-    command: str
+PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION = "published.json", "published", 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,104 +29,70 @@ class SceneResults:
 
     Attributes
     ----------
-    run : its folder of results.
+    run : its folder of results, where the pictures of its report are.
     base : what its base appearance is, in words.
-    report : contents of `report.json`; None without one of the present settings, data and evaluation.
-    ceilings : entries of `ceiling.json` beside the same model.
+    variations : how many its surrogate follows.
+    report : figures of its report; None without one.
+    ceilings : entries about the same model, as `load_ceilings` has them.
     repeats : `summarize_repeats` of the seeds of the same settings; None for fewer than two.
     studies : its ablations.
-    gaps : all that is missing.
+    earlier : whether any of it was measured by other code than the present, or is known from an earlier page alone.
     """
 
     name: str
     title: str
     run: Path
     base: str = ""
+    variations: int = 0
     report: Mapping[str, Any] | None = None
     ceilings: Sequence[Mapping[str, Any]] = ()
     repeats: Mapping[str, Any] | None = None
     studies: Sequence[StudyResults] = ()
-    gaps: Sequence[Gap] = ()
+    earlier: bool = False
 
 
-def read_scenes(scenes: Path, runs: Path) -> list[SceneResults]:
+def read_scenes(scenes: Path, records: Path, runs: Path) -> list[SceneResults]:
     """All scenes of a folder of TOML files, by name; nothing is written.
 
     Raises ValueError naming a scene that can't be read.
     """
-    return [read_scene(path, runs) for path in sorted(scenes.glob("*.toml"))]
+    return [read_scene(path, records, runs) for path in sorted(scenes.glob("*.toml"))]
 
 
-def read_scene(path: Path, runs: Path) -> SceneResults:
+def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     """What there is of one scene.  Raises ValueError for one that can't be read."""
     scene = Scene.load(path)
-    settings, run = TrainingSettings(**scene.training), scene.run_directory(runs)
-    source = _source(settings, run / "catalog.cdb")
-    if source is None:
-        gap = Gap(scene.name, "everything", f"make results SCENES={scene.name}")
-        return SceneResults(scene.name, scene.title, run, gaps=[gap])
-    mark = fingerprint(settings, source.catalog)
-    studies = {kind: read_study(kind, run, settings, source.catalog) for kind in kinds_of(len(source.variations))}
-    found = SceneResults(
-        scene.name,
-        scene.title,
-        run,
-        _base(source),
-        _read_report(run / "report" / RECORD, mark),
-        [entry for entry in load_ceilings(run) if (entry["surrogate"] or {}).get("fingerprint") == mark],
-        summarize_repeats(load_scores(run, base=mark)),
-        [study for study in studies.values() if study is not None],
+    settings, folder, run = TrainingSettings(**scene.training), records / scene.name, scene.run_directory(runs)
+    base = next((a for a in scene.appearances if settings.appearance in ("", a.name)), ImportedImages(""))
+    learnt = [v for v in scene.variations if v.base in ("", base.name) and settings.steps.visualization]
+    of_scene = scene.name, scene.title, run, APPEARANCES[appearance_to_json(base)["kind"]], len(learnt)
+    asked = {"settings": settings.to_json()}
+    scores = load_scores(folder, **asked)
+    known = load_report(folder, settings.seed)
+    report = known if known is not None and known.agrees(asked) else None
+    studies = read_studies(folder, settings)
+    published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
+    if published is not None:
+        measured = {study.kind for study in studies}
+        old = [published_study(name, of) for name, of in published.values["studies"].items()]
+        studies = [*studies, *(study for study in old if study.kind not in measured)]
+    if report is None and not scores and published is not None:
+        figures = {name: published.values[name] for name in ("report", "ceilings", "repeats")}
+        return SceneResults(*of_scene, **figures, studies=studies, earlier=True)
+    mark = _base(scores) if report is None else report.key["mark"]
+    seeds = [one for one in scores if one.base == mark]
+    ceilings = [entry for entry in load_ceilings(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark]
+    made_by = {one.provenance.code for one in seeds} | ({report.provenance.code} if report else set())
+    return SceneResults(
+        *of_scene,
+        None if report is None else report.values,
+        ceilings,
+        summarize_repeats(seeds),
+        studies,
+        earlier=not made_by <= {code()} or any(study.earlier for study in studies),
     )
-    without = [kind for kind, study in studies.items() if study is None]
-    return replace(
-        found, gaps=[*_gaps(found, _without_ceiling(source, found.ceilings)), *_study_gaps(scene.name, without)]
-    )
 
 
-def _source(settings: TrainingSettings, path: Path) -> Source | None:
-    """The data set with what is learnt from it; None where it is not there, or not whole."""
-    if not path.is_dir():
-        return None
-    try:
-        return Source(settings, Catalog.open(path))
-    except ValueError:
-        return None
-
-
-def _base(source: Source) -> str:
-    appearance = next(a for a in source.catalog.plan.appearances if a.name == source.appearance)
-    return APPEARANCES[appearance_to_json(appearance)["kind"]]
-
-
-def _gaps(found: SceneResults, without_ceiling: Sequence[str]) -> list[Gap]:
-    """What is missing of one scene's numbers, but for ablations."""
-    name, gaps = found.name, []
-    if found.report is None:
-        gaps.append(Gap(name, "the report", f"make results SCENES={name}"))
-    if without_ceiling:
-        gaps.append(Gap(name, f"the ceiling of {', '.join(without_ceiling)}", f"surrogate ceiling scenes/{name}.toml"))
-    if found.repeats is None:
-        gaps.append(Gap(name, "other seeds", f"surrogate repeat scenes/{name}.toml"))
-    return gaps
-
-
-def _study_gaps(name: str, kinds: Sequence[StudyKind]) -> list[Gap]:
-    return [Gap(name, f"the ablation of {kind.title}", kind.command(name)) for kind in kinds]
-
-
-def _read_report(path: Path, mark: str) -> dict[str, Any] | None:
-    """A report's contents; None for nothing, or for one of another model or by another evaluation."""
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        return record if record["fingerprint"].split(":")[:2] == [str(VERSION), mark] else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-
-
-def _without_ceiling(source: Source, ceilings: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Names of the appearances that should have a ceiling and have none; none where there can't be any."""
-    try:
-        wanted = [subject.appearance for subject in subjects(source)]
-    except ValueError:
-        return []
-    return [name for name in wanted if name not in {entry["appearance"] for entry in ceilings}]
+def _base(scores: Sequence[Scores]) -> str:
+    """The fingerprint that most seeds are of; "" without any."""
+    return max(counts, key=counts.__getitem__) if (counts := Counter(one.base for one in scores)) else ""

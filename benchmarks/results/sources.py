@@ -44,6 +44,8 @@ def report_sources(scenes: Sequence[SceneResults]) -> str:
 
 def study_sources(scene: str, study: StudyResults) -> str:
     """Of the table of an ablation."""
+    if study.published:
+        return str(study.published["sources"])
     results = study.results
     seeds = sorted({int(result.settings["seed"]) for result in results})
     command = f"{study.kind.command(scene)} --seconds {study.budget:g} --seeds {len(seeds)}"

@@ -1,26 +1,28 @@
-"""The ablations of a scene as they lie in runs/, as far as they are of its present settings and data."""
+"""The ablations of a scene, as far as they are of its present settings."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from catalogs.catalog import Catalog
-from surrogate.model import Surrogate
+from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.studies.ablation.comparison import Row, compared
-from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
-from surrogate.studies.ablation.records import Records, Result, load_results
+from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER
+from surrogate.studies.ablation.records import DECIDING, Result, load_results
+from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS, Variant
 
 
 @dataclass(frozen=True)
 class StudyKind:
-    """What is varied: the folder in runs/<scene>, a title, and what `surrogate ablate` is told besides the scene."""
+    """What is varied: the folder of a scene's records, a title, and what `surrogate ablate` is told besides the scene."""
 
     folder: str
     title: str
+    variants: tuple[Variant, ...]
     option: str = ""
 
     def command(self, scene: str) -> str:
@@ -28,8 +30,9 @@ class StudyKind:
         return " ".join(filter(None, ["surrogate ablate", f"scenes/{scene}.toml", self.option]))
 
 
-BASE = StudyKind(BASE_FOLDER, "the base appearance")
-VISUALIZATION = StudyKind(VISUALIZATION_FOLDER, "F_vis alone", "--visualization")
+BASE = StudyKind(BASE_FOLDER, "the base appearance", VARIANTS)
+VISUALIZATION = StudyKind(VISUALIZATION_FOLDER, "F_vis alone", VISUALIZATION_VARIANTS, "--visualization")
+KINDS = (BASE, VISUALIZATION)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,20 +41,25 @@ class StudyResults:
 
     Attributes
     ----------
-    folder : that keeps its results and its plot.
     budget : seconds that each fit was given.
-    rows : of its table, the best first; at least one.
+    rows : of its table, the best first.
+    published : the "lines" of an earlier page about it, and its "sources", where nothing else is known.
     """
 
     kind: StudyKind
-    folder: Path
-    budget: float
-    rows: Sequence[Row]
+    budget: float = 0.0
+    rows: Sequence[Row] = ()
+    published: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def results(self) -> list[Result]:
         """All fits that have a result."""
         return [result for row in self.rows for result in row.results]
+
+    @property
+    def earlier(self) -> bool:
+        """Whether other code than the present made any of it."""
+        return bool(self.published) or {result.provenance.code for result in self.results} != {code(DECIDING)}
 
 
 def kinds_of(variations: int) -> list[StudyKind]:
@@ -59,23 +67,22 @@ def kinds_of(variations: int) -> list[StudyKind]:
     return [BASE, VISUALIZATION] if variations else [BASE]
 
 
-def read_study(kind: StudyKind, run: Path, settings: TrainingSettings, catalog: Catalog) -> StudyResults | None:
-    """The study of that kind with the most results; None without any of these settings and this catalog."""
-    folder = run / kind.folder
-    if not any(folder.glob("*.json")):
-        return None
-    try:
-        fits: Fits = (
-            BaseFits(settings, catalog)
-            if kind == BASE
-            else VisualizationFits(settings, catalog, Surrogate.load(run / "surrogate"))
-        )
-    except (ValueError, FileNotFoundError):  # such a study can't be of this scene
-        return None
-    results = load_results(folder, mark=fits.mark)
-    counts = Counter(result.budget for result in results)
-    budget = max(
-        counts, key=lambda budget: (counts[budget], budget), default=0.0
-    )  # of most results, the largest of several
-    rows = compared(Records(folder, fits, budget).all(), fits.variants)
-    return StudyResults(kind, folder, budget, rows) if any(row.results for row in rows) else None
+def read_studies(records: Path, settings: TrainingSettings) -> list[StudyResults]:
+    """The studies in the folder of a scene's records with any result of these settings."""
+    found = [_read_study(kind, records, settings) for kind in KINDS]
+    return [study for study in found if study.results]
+
+
+def _read_study(kind: StudyKind, records: Path, settings: TrainingSettings) -> StudyResults:
+    """Of several with other data or budgets, that with the most results."""
+    results = load_results(records / kind.folder, scene=settings.to_json())
+    counts = Counter((result.mark, result.budget) for result in results)
+    mark, budget = max(counts, key=lambda one: (counts[one], one[1]), default=("", 0.0))
+    same = [result for result in results if (result.mark, result.budget) == (mark, budget)]
+    return StudyResults(kind, budget, compared(same, kind.variants))
+
+
+def published_study(folder: str, published: Mapping[str, Any]) -> StudyResults:
+    """What an earlier page said of a study."""
+    kind = next(kind for kind in KINDS if kind.folder == folder)
+    return StudyResults(kind, published=published)

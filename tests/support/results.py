@@ -13,6 +13,7 @@ from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION
 from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS
 from surrogate.provenance import code
+from surrogate.report.records import report_path
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
@@ -122,16 +123,21 @@ def save_ceiling(records: Path, entry: dict[str, Any]) -> None:
 
 
 def make_results(root: Path, name: str, value: float, *, seeds: tuple[float, ...] = ()) -> Catalog:
-    """A scene with its data set, report, ceiling and, with these values, seeds."""
+    """A scene with its data set, report, ceiling and, with these values, seeds: of the present code, pictures in runs/."""
     make_scene(root, name)
     catalog = make_catalog(root, name)
-    run, mark = root / "runs" / name, fingerprint(SETTINGS_OF_SCENE, catalog)
-    (run / "report").mkdir()
-    (run / "report" / "report.json").write_text(json.dumps(report_of(name, mark, value)))
-    (run / "report" / "comparison.png").write_bytes(b"a picture")
-    save_ceiling(run, ceiling_entry(mark, value + 2.0))
+    records, mark = root / "records" / name, fingerprint(SETTINGS_OF_SCENE, catalog)
+    report = report_of(name, mark, value)
+    key = {"mark": mark, "seed": 0, "settings": SETTINGS_OF_SCENE.to_json()}
+    Record("evaluation", VERSION, key, report, Provenance("c0ffee", code(), MACHINE)).save(report_path(records, 0))
+    (root / "runs" / name / "report").mkdir()
+    (root / "runs" / name / "report" / "report.json").write_text(json.dumps(report))
+    (root / "runs" / name / "report" / "comparison.png").write_bytes(b"a picture")
+    save_ceiling(records, ceiling_entry(mark, value + 2.0))
     for seed, reached in enumerate(seeds):
-        save(run, scores_of(seed, reached, base=mark))
+        scores = scores_of(seed, reached, base=mark)
+        provenance = replace(scores.provenance, code=code())
+        save(records, replace(scores, settings=SETTINGS_OF_SCENE.to_json(), provenance=provenance))
     return catalog
 
 
@@ -140,7 +146,7 @@ def make_study(
 ) -> None:
     """Results of variants by name, one for each seed."""
     fits = BaseFits(SETTINGS_OF_SCENE, catalog)
-    records = Records(root / "runs" / name / "ablation", fits, budget)
+    records = Records(root / "records" / name / "ablation", fits, budget)
     for variant in VARIANTS:
         for seed, reached in enumerate(psnr.get(variant.name, ())):
             result = records.result(

@@ -1,9 +1,10 @@
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from surrogate import provenance
-from surrogate.provenance import code, machine
+from surrogate.provenance import code, commit, machine
 
 
 @pytest.fixture
@@ -46,6 +47,35 @@ def test_the_code_of_this_project_is_found() -> None:
     assert {"surrogate.training.run", "surrogate.training.loop", "surrogate.settings", "catalogs.catalog"} <= set(found)
     assert not any(name.startswith(("surrogate.explore", "surrogate.studies")) for name in found)
     assert len(code()) == 16
+
+
+def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record, source = tmp_path / "docs" / "records" / "a.json", tmp_path / "surrogate" / "provenance.py"
+
+    def git(*arguments: str) -> str:
+        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        return subprocess.run(
+            ["git", *who, *arguments], cwd=tmp_path, capture_output=True, text=True, check=True
+        ).stdout
+
+    for path in (record, source):
+        path.parent.mkdir(parents=True)
+        path.write_text("1")
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-qm", "Begin")
+    monkeypatch.setattr(provenance, "__file__", str(source))
+    clean = commit()
+    assert git("rev-parse", "HEAD").startswith(clean)
+    assert len(clean) == 12
+    record.write_text("2")
+    assert commit() == clean
+    source.write_text("2")
+    assert commit() == f"{clean}+dirty"
+    monkeypatch.setattr(provenance, "__file__", str(tmp_path.parent / "provenance.py"))
+    assert commit() == "unknown"
 
 
 def test_a_machine_has_cores() -> None:

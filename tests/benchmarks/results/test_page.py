@@ -1,5 +1,6 @@
 """The page from end to end: every table with what made it, pictures beside it, and what is missing."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from click.testing import CliRunner
 
 from benchmarks.page import PROJECT
 from benchmarks.results.__main__ import main as results_main
+from benchmarks.results.gaps import gaps_of
 from benchmarks.results.page import write
 from benchmarks.results.scenes import read_scenes
 from surrogate.cli import main
@@ -16,7 +18,7 @@ from tests.support.results import make_catalog, make_results, make_scene, make_s
 
 
 def page(root: Path) -> str:
-    return write(root / "docs", read_scenes(root / "scenes", root / "runs")).read_text()
+    return write(root / "docs", read_scenes(root / "scenes", root / "records", root / "runs")).read_text()
 
 
 def test_tables_stand_with_what_made_them_and_gaps_with_what_makes_them(tmp_path: Path) -> None:
@@ -65,11 +67,12 @@ def test_what_the_commands_made_stands_on_the_page(tmp_path: Path) -> None:
     scene = make_scene(tmp_path, "blobs")
     make_catalog(tmp_path, "blobs")
     for command in ("train", "repeat", "ceiling", "evaluate"):
-        more = ["--seeds", "2"] if command == "repeat" else []
+        more = [] if command == "train" else ["--records", str(tmp_path / "records")]
+        more += ["--seeds", "2"] if command == "repeat" else []
         result = CliRunner().invoke(main, [command, str(scene), "--runs", str(tmp_path / "runs"), *more])
         assert result.exit_code == 0, result.output
-    (results,) = read_scenes(tmp_path / "scenes", tmp_path / "runs")
-    assert [gap.what for gap in results.gaps] == ["the ablation of the base appearance"]
+    (results,) = read_scenes(tmp_path / "scenes", tmp_path / "records", tmp_path / "runs")
+    assert [gap.what for gap in gaps_of(results)] == ["the ablation of the base appearance"]
     assert results.report is not None
     assert results.report["repeats"] == results.repeats
     spread = results.report["repeats"]["psnr"]["unseen_views"]["unseen_parameters"]
@@ -79,11 +82,11 @@ def test_what_the_commands_made_stands_on_the_page(tmp_path: Path) -> None:
     assert (tmp_path / "docs/results_blobs_comparison.png").stat().st_size > 5000
 
 
-@pytest.mark.parametrize("runs", ["nowhere", "runs"])
-def test_without_results_no_page_is_written(tmp_path: Path, runs: str) -> None:
+@pytest.mark.parametrize("records", ["nowhere", "records"])
+def test_without_results_no_page_is_written(tmp_path: Path, records: str) -> None:
     make_scene(tmp_path, "absent")
-    (tmp_path / "runs").mkdir()
-    folders = ["--runs", tmp_path / runs, "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
+    (tmp_path / "records").mkdir()
+    folders = ["--records", tmp_path / records, "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
     command = [sys.executable, "-m", "benchmarks.results", *map(str, folders)]
     found = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=120)
     assert found.returncode == 2
@@ -91,15 +94,28 @@ def test_without_results_no_page_is_written(tmp_path: Path, runs: str) -> None:
     assert not (tmp_path / "docs").exists()
 
 
-def test_a_data_set_that_lost_a_picture_is_named_in_one_line(
+def test_a_scene_that_is_wrong_is_named_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    catalog = make_results(tmp_path, "vortex", 30.0)
-    lost = catalog.image_path("train-0", "drawn", 0)
-    lost.unlink()
-    folders = ["--runs", tmp_path / "runs", "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
+    make_results(tmp_path, "vortex", 30.0)
+    make_scene(tmp_path, "wrong").write_text('name = "wrong"\nnonsense = 1\n')
+    folders = ["--records", tmp_path / "records", "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
     monkeypatch.setattr(sys, "argv", ["benchmarks.results", *map(str, folders)])
     with pytest.raises(SystemExit):
         results_main()
-    assert str(lost) in capsys.readouterr().err.splitlines()[-1]
+    assert "wrong.toml" in capsys.readouterr().err.splitlines()[-1]
     assert not (tmp_path / "docs").exists()
+
+
+def test_without_runs_the_pictures_that_are_there_stay(tmp_path: Path) -> None:
+    make_results(tmp_path, "vortex", 30.0)
+    before = page(tmp_path)
+    shutil.rmtree(tmp_path / "runs")
+    assert page(tmp_path) == before
+    assert (tmp_path / "docs/results_vortex_comparison.png").read_bytes() == b"a picture"
+
+
+def test_pictures_of_another_report_are_not_taken(tmp_path: Path) -> None:
+    make_results(tmp_path, "vortex", 30.0)
+    (tmp_path / "runs/vortex/report/report.json").write_text('{"fingerprint": "another"}')
+    assert "results_vortex_comparison.png" not in page(tmp_path)

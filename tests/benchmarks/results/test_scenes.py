@@ -1,48 +1,59 @@
 """What is read is of the scene as it now is, and what is missing is named with the command that makes it."""
 
 import json
+import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from benchmarks.results.scenes import Gap, read_scene, read_scenes
-from tests.support.results import make_catalog, make_results, make_scene, make_study
+from benchmarks.results.ablations import study_lines
+from benchmarks.results.gaps import Gap, gaps_of
+from benchmarks.results.scenes import SceneResults, read_scene, read_scenes
+from benchmarks.results.sources import study_sources
+from benchmarks.results.studies import BASE
+from surrogate.storage.records import Provenance, Record
+from tests.support.results import make_results, make_scene, make_study
+
+
+def read(root: Path, name: str) -> SceneResults:
+    return read_scene(root / "scenes" / f"{name}.toml", root / "records", root / "runs")
 
 
 def gaps(root: Path, name: str) -> dict[str, str]:
-    return {gap.what: gap.command for gap in read_scene(root / "scenes" / f"{name}.toml", root / "runs").gaps}
+    return {gap.what: gap.command for gap in gaps_of(read(root, name))}
 
 
-def test_a_scene_without_a_data_set_lacks_everything(tmp_path: Path) -> None:
-    path = make_scene(tmp_path, "absent")
-    found = read_scene(path, tmp_path / "runs")
+def test_a_scene_without_records_lacks_everything(tmp_path: Path) -> None:
+    make_scene(tmp_path, "absent")
+    found = read(tmp_path, "absent")
     assert found.report is None
-    assert found.gaps == [Gap("absent", "everything", "make results SCENES=absent")]
+    assert gaps_of(found) == [Gap("absent", "everything", "make results SCENES=absent")]
     assert not (tmp_path / "runs").exists()
 
 
-def test_an_unfinished_data_set_counts_as_none(tmp_path: Path) -> None:
-    make_scene(tmp_path, "begun")
-    (tmp_path / "runs/begun/catalog.cdb").mkdir(parents=True)
-    assert list(gaps(tmp_path, "begun")) == ["everything"]
-
-
-def test_what_is_missing_of_a_data_set_is_named(tmp_path: Path) -> None:
-    make_scene(tmp_path, "bare")
-    make_catalog(tmp_path, "bare")
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    catalog = make_results(tmp_path, "bare", 30.0)
+    shutil.rmtree(tmp_path / "records/bare/ceiling")
     assert gaps(tmp_path, "bare") == {
-        "the report": "make results SCENES=bare",
-        "the ceiling of drawn": "surrogate ceiling scenes/bare.toml",
+        "the ceiling of pictures made elsewhere": "surrogate ceiling scenes/bare.toml",
         "other seeds": "surrogate repeat scenes/bare.toml",
         "the ablation of the base appearance": "surrogate ablate scenes/bare.toml",
     }
+    shutil.rmtree(tmp_path / "records/bare/evaluation")
+    make_study(tmp_path, "bare", catalog, {"default": (30.0,)})
+    assert gaps(tmp_path, "bare") == {
+        "the report": "make results SCENES=bare",
+        "other seeds": "surrogate repeat scenes/bare.toml",
+    }
 
 
-def test_nothing_is_missing_of_a_whole_scene(tmp_path: Path) -> None:
+def test_nothing_is_missing_of_a_whole_scene_and_no_data_set_is_needed_to_know(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "whole", 30.0, seeds=(30.0, 31.0))
     make_study(tmp_path, "whole", catalog, {"default": (30.0,)})
-    found = read_scene(tmp_path / "scenes/whole.toml", tmp_path / "runs")
-    assert found.gaps == []
+    shutil.rmtree(tmp_path / "runs")
+    found = read(tmp_path, "whole")
+    assert gaps_of(found) == []
     assert found.report is not None
     assert found.report["gaussians"] == 1234
     assert found.base == "pictures made elsewhere"
@@ -56,18 +67,13 @@ def test_results_of_other_settings_count_as_missing(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "changed", 30.0, seeds=(30.0, 31.0))
     make_study(tmp_path, "changed", catalog, {"default": (30.0,)})
     make_scene(tmp_path, "changed", gaussians=21)
-    assert list(gaps(tmp_path, "changed")) == [
-        "the report",
-        "the ceiling of drawn",
-        "other seeds",
-        "the ablation of the base appearance",
-    ]
+    assert list(gaps(tmp_path, "changed")) == ["everything"]
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"fingerprint": 3}', '{"fingerprint": "2:old"}'])
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"kind": "evaluation"}', '{"kind": "evaluation", "version": 2}'])
 def test_a_report_that_is_damaged_or_of_an_earlier_evaluation_counts_as_missing(tmp_path: Path, content: str) -> None:
-    make_results(tmp_path, "damaged", 30.0)
-    (tmp_path / "runs/damaged/report/report.json").write_text(content)
+    make_results(tmp_path, "damaged", 30.0, seeds=(30.0, 31.0))
+    (tmp_path / "records/damaged/evaluation/0.json").write_text(content)
     assert "the report" in gaps(tmp_path, "damaged")
 
 
@@ -75,21 +81,64 @@ def test_the_budget_with_most_results_is_shown(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "studied", 30.0)
     make_study(tmp_path, "studied", catalog, {"default": (30.0, 31.0), "joint": (29.0,)}, budget=60.0)
     make_study(tmp_path, "studied", catalog, {"no-decay": (20.0,)}, budget=5.0)
-    (tmp_path / "runs/studied/ablation/notes.json").write_text(json.dumps({"mark": 1}))
-    (study,) = read_scene(tmp_path / "scenes/studied.toml", tmp_path / "runs").studies
+    (tmp_path / "records/studied/ablation/notes.json").write_text(json.dumps({"mark": 1}))
+    (study,) = read(tmp_path, "studied").studies
     assert study.budget == 60.0
     assert [row.variant.name for row in study.rows] == ["default", "joint"]
+
+
+def changed(path: Path, change: Any) -> None:
+    record = json.loads(path.read_text())
+    change(record)
+    path.write_text(json.dumps(record))
+
+
+@pytest.mark.parametrize("place", ["evaluation/0.json", "seeds/1.json", "ablation/default.seed0.json"])
+def test_what_other_code_measured_is_shown_and_said_to_be_earlier(tmp_path: Path, place: str) -> None:
+    catalog = make_results(tmp_path, "aged", 30.0, seeds=(30.0, 31.0))
+    make_study(tmp_path, "aged", catalog, {"default": (30.0,)})
+    assert not read(tmp_path, "aged").earlier
+    changed(tmp_path / "records/aged" / place, lambda record: record["provenance"].update(code="before"))
+    found = read(tmp_path, "aged")
+    assert found.earlier
+    assert gaps_of(found) == []
+
+
+def test_what_an_earlier_page_said_stands_until_it_is_measured(tmp_path: Path) -> None:
+    make_scene(tmp_path, "old")
+    values = {
+        "report": {
+            "gaussians": 7,
+            "variations": [],
+            "images": {"unseen_views": {"seen_parameters": 0, "unseen_parameters": 0}},
+        },
+        "ceilings": [],
+        "repeats": None,
+        "studies": {"ablation": {"lines": ["| default | 31.5 |"], "sources": "<sub>once</sub>"}},
+    }
+    Record("published", 1, {"scene": "old"}, values, Provenance("abc")).save(tmp_path / "records/old/published.json")
+    old = read(tmp_path, "old")
+    assert (old.report or {})["gaussians"] == 7
+    assert study_lines(old.studies[0]) == ["| default | 31.5 |", ""]
+    assert study_sources("old", old.studies[0]) == "<sub>once</sub>"
+    assert old.earlier
+    catalog = make_results(tmp_path, "old", 30.0)
+    make_study(tmp_path, "old", catalog, {"default": (30.0,)})
+    new = read(tmp_path, "old")
+    assert (new.report or {})["gaussians"] == 1234
+    assert [(study.kind, len(study.rows)) for study in new.studies] == [(BASE, 1)]
+    assert not new.earlier
 
 
 def test_a_scene_that_is_wrong_is_named(tmp_path: Path) -> None:
     make_scene(tmp_path, "wrong").write_text('name = "wrong"\nnonsense = 1\n')
     with pytest.raises(ValueError, match=r"wrong\.toml"):
-        read_scenes(tmp_path / "scenes", tmp_path / "runs")
+        read_scenes(tmp_path / "scenes", tmp_path / "records", tmp_path / "runs")
 
 
 def test_reading_writes_nothing(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "read", 30.0, seeds=(30.0, 31.0))
     make_study(tmp_path, "read", catalog, {"default": (30.0,)})
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
-    read_scenes(tmp_path / "scenes", tmp_path / "runs")
+    read_scenes(tmp_path / "scenes", tmp_path / "records", tmp_path / "runs")
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before

@@ -1,0 +1,47 @@
+"""What is missing of a scene, and what makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from benchmarks.results.parts import BASE, Part, parts_of
+from benchmarks.results.scenes import SceneResults
+from benchmarks.results.studies import kinds_of
+
+
+class Gap(NamedTuple):
+    """What is missing of a scene, and the command that makes it."""
+
+    scene: str
+    what: str
+    command: str
+
+
+def gaps_of(scene: SceneResults) -> list[Gap]:
+    """All that is missing of a scene."""
+    name = scene.name
+    if scene.report is None and scene.repeats is None and not scene.studies:
+        return [Gap(name, "everything", f"make results SCENES={name}")]
+    return [Gap(name, what, command) for what, command in _missing(scene)]
+
+
+def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
+    if scene.report is None:
+        yield "the report", f"make results SCENES={scene.name}"
+    without = [part.what for part in parts_of([scene]) if part.ceiling is None and _can_have_ceiling(part)]
+    if without:
+        yield f"the ceiling of {', '.join(without)}", f"surrogate ceiling scenes/{scene.name}.toml"
+    if scene.repeats is None:
+        yield "other seeds", f"surrogate repeat scenes/{scene.name}.toml"
+    there = {study.kind for study in scene.studies}
+    for kind in kinds_of(scene.variations):
+        if kind not in there:
+            yield f"the ablation of {kind.title}", kind.command(scene.name)
+
+
+def _can_have_ceiling(part: Part) -> bool:
+    """Whether a member has views that train and others that test, under a setting that tests where it is about one."""
+    if part.kind == BASE:
+        return part.has("unseen_views", "seen_parameters") or part.has("unseen_views", "unseen_parameters")
+    return part.has("unseen_settings", "unseen_parameters")
