@@ -4,18 +4,16 @@
     parameters     [{name, unit, low, high, train, validation}]: the last two are the values of members, sorted, for marks
     variations     [{kind: "isovalue", unit, low, high, train, validation},
                     {kind: "transfer_function", unit, bounds: {name: {low, high}}, opacity_points: [[value, opacity] * 4],
-                     opacity_unit_distance, gradient, color_maps: [{name, gradient}]},
+                     gradient, color_maps: [{name, gradient}]},
                     {kind: "field", names}]: of a field the base's name first
-    histogram      {field, low, high, edges: [65], heights: [64]}: of the base's field over all members, heights the logarithms of
-                   counts in [0, 1]; null without
+    histogram      {edges: [65], heights: [64]}: of the base's field over all members, heights the logarithms of counts in [0, 1];
+                   null without
     camera         {direction, up, distance, target, field}: unit vectors, world units, vertical degrees
-    viewpoints     [{direction, up, split, ...}]: stored views; distance, target and field where they differ from `camera`
     members        [{name, split, values}]: values in the order of `parameters`
     background     "#rrggbb" that the training images stand on; null where they have alpha
     size           [width, height] of the training images; null without a catalog
     truth          whether there is a catalog whose pictures can be shown
-    base           {appearance, field}: what is shown without visualization parameters
-    model          {gaussians, megabytes, seconds, steps, deformation}
+    model          {gaussians, megabytes, seconds}
 
 A gradient is a list of CSS colour stops whose places are percentages between the first and the last opacity point.
 """
@@ -42,10 +40,9 @@ from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
 
-MOST_TICKS, MOST_VIEWPOINTS, MOST_MEMBERS, MOST_SUMMARIES = 300, 2000, 5000, 200
+MOST_TICKS, MOST_MEMBERS, MOST_SUMMARIES = 300, 5000, 200
 BINS = 64
 MARKED = ("train", "validation")  # whose values the page marks
-SAME_DIRECTION = 4  # decimals by which viewpoints of different members are the same
 
 Json = dict[str, Any]
 
@@ -56,11 +53,7 @@ def facts(run: Run) -> Json:
     Raises as `Run.members` does.
     """
     surrogate, catalog, members = run.surrogate, run.catalog, run.members
-    views = _views(run)
-    camera = max(views, key=lambda view: float(np.dot(view["direction"], OBLIQUE)), default=_whole_volume(surrogate))
-    field = "" if catalog is None else _base_field(surrogate, catalog)
-    shared = () if catalog is None else catalog.plan.cameras
-    size = next(([c.width, c.height] for c in (*shared, *(m.cameras[0] for m in members[:1]))), None)
+    cameras = _cameras(run)
     found = {
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
@@ -69,23 +62,19 @@ def facts(run: Run) -> Json:
             for v in surrogate.visualizations
             if (found := _variation(surrogate, v.variation, catalog)) is not None
         ],
-        "histogram": _histogram(field, members),
-        "camera": {name: value for name, value in camera.items() if name != "split"},
-        "viewpoints": [_shortened(view, camera) for view in views],
+        "histogram": None if catalog is None else _histogram(_base_field(surrogate, catalog), members),
+        "camera": _first_orbit(run, cameras),
         "members": [
             {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in surrogate.space.names]}
             for m in (members[i] for i in spread(len(members), MOST_MEMBERS))
         ],
         "background": None if surrogate.background is None else _hexadecimal(surrogate.background),
-        "size": size,
+        "size": [cameras[0].width, cameras[0].height] if cameras else None,
         "truth": bool(members),
-        "base": {"appearance": base_name(surrogate), "field": field},
         "model": {
             "gaussians": len(surrogate.gaussians),
             "megabytes": surrogate.megabytes,
             "seconds": surrogate.training.get("seconds"),
-            "steps": surrogate.training.get("steps"),
-            "deformation": surrogate.deformation.kind,
         },
     }
     clean: Json = _clean(found)
@@ -134,7 +123,6 @@ def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | No
         "unit": next((p.unit for p in variation.space.parameters if p.unit), ""),
         "bounds": {p.name: {"low": p.low, "high": p.high} for p in variation.space.parameters},
         "opacity_points": [list(point) for point in base.opacity_points],
-        "opacity_unit_distance": base.opacity_unit_distance,
         "gradient": _gradient(base.color_points, low, high),
         "color_maps": [{"name": n, "gradient": _gradient(color_points(n, *spanned), low, high)} for n in maps],
     }
@@ -176,26 +164,24 @@ def _histogram(field: str, members: Sequence[Member]) -> Json | None:
     below = [np.interp(places, edges, np.concatenate([[0.0], np.cumsum(counts)])) for counts, edges in found]
     heights = np.log1p(np.diff(np.sum(below, axis=0)).clip(0.0))  # [BINS]
     heights = heights / max(float(heights.max()), 1e-300)
-    return {"field": field, "low": low, "high": high, "edges": places.tolist(), "heights": heights.tolist()}
+    return {"edges": places.tolist(), "heights": heights.tolist()}
 
 
 # ---- cameras
 
 
-def _views(run: Run) -> list[Json]:
-    """The stored viewpoints as orbits with their split: the shared ones, or those of all members, each direction once."""
-    if run.catalog is None:
-        return []
-    plan = run.catalog.plan
-    middle = np.mean(np.array(plan.bounds), axis=0)  # [3]
-    shared = [(plan.cameras, plan.view_splits)] if plan.cameras else [(m.cameras, m.view_splits) for m in run.members]
-    found: dict[tuple[float, ...], Json] = {}
-    for cameras, splits in shared:
-        for camera, split in zip(cameras, splits, strict=True):
-            view = {**orbit_of(camera, middle), "split": split}
-            found.setdefault(tuple(round(x, SAME_DIRECTION) + 0.0 for x in [*view["direction"], *view["up"]]), view)
-    views = list(found.values())
-    return [views[i] for i in spread(len(views), MOST_VIEWPOINTS)]
+def _cameras(run: Run) -> Sequence[Camera]:
+    """The cameras that all members share, or those of each."""
+    shared = () if run.catalog is None else run.catalog.plan.cameras
+    return shared or [camera for member in run.members for camera in member.cameras]
+
+
+def _first_orbit(run: Run, cameras: Sequence[Camera]) -> Json:
+    """What the page starts with: the stored view that is nearest to `OBLIQUE`."""
+    if run.catalog is None or not cameras:
+        return _whole_volume(run.surrogate)
+    first = max(cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE)))
+    return orbit_of(first, np.mean(np.array(run.catalog.plan.bounds), axis=0))
 
 
 def orbit_of(camera: Camera, middle: NDArray[np.float64]) -> Json:
@@ -225,16 +211,6 @@ def _whole_volume(surrogate: Surrogate) -> Json:
     position = center + np.linalg.norm(around.position - center) * np.array(OBLIQUE) / np.linalg.norm(OBLIQUE)  # [3]
     degrees = around.vertical_fov_degrees
     return orbit_of(Camera.look_at(position, center, vertical_fov_degrees=degrees, width=1, height=1), center)
-
-
-def _shortened(view: Mapping[str, Any], camera: Mapping[str, Any]) -> Json:
-    """The view without what it shares with `camera`; every view keeps its direction, up and split."""
-    kept = ("direction", "up", "split")
-    return {name: value for name, value in view.items() if name in kept or not _alike(value, camera[name])}
-
-
-def _alike(first: Any, second: Any) -> bool:
-    return bool(np.allclose(first, second, rtol=1e-9, atol=0.0))
 
 
 # ---- JSON

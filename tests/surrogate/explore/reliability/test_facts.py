@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from catalogs.appearance import ImportedImages
-from catalogs.cameras import Camera
+from catalogs.cameras import OBLIQUE, Camera
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.explore.color_maps import NAMES
 from surrogate.explore.reliability import facts as module
-from surrogate.explore.reliability.facts import facts
+from surrogate.explore.reliability.facts import facts, orbit_of
 from surrogate.explore.run import Run
 from tests.support.blobs import Blobs
-from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, VIEW_SPLITS, field_catalog
+from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, field_catalog
 from tests.support.models import following, plain
 from tests.surrogate.conftest import MakeCatalog
 
@@ -95,7 +95,7 @@ def test_fields_are_named_base_first(tmp_path: Path, surrogate: Surrogate) -> No
 
 def test_the_histogram_is_of_all_members_and_logarithmic(told: dict[str, Any]) -> None:
     histogram = told["histogram"]
-    assert (histogram["low"], histogram["high"]) == FUNCTION.bounds
+    assert (histogram["edges"][0], histogram["edges"][-1]) == FUNCTION.bounds
     assert (len(histogram["edges"]), len(histogram["heights"])) == (65, 64)
     counts, _ = np.histogram(BLOBS.values, bins=64, range=FUNCTION.bounds)
     heights = np.log1p(4.0 * counts)  # members
@@ -111,9 +111,8 @@ def test_damaged_summaries_are_left_out(tmp_path: Path, surrogate: Surrogate) ->
     assert facts(Run("", surrogate, catalog=catalog))["histogram"] is None
 
 
-def orbiting(view: dict[str, Any], told: dict[str, Any], size: int) -> Camera:
-    """The camera that the page makes of a viewpoint."""
-    orbit = {**told["camera"], **view}
+def orbiting(orbit: dict[str, Any], size: int) -> Camera:
+    """The camera that the page makes of an orbit."""
     position = np.array(orbit["target"]) + orbit["distance"] * np.array(orbit["direction"])
     return Camera.look_at(
         position, orbit["target"], vertical_fov_degrees=orbit["field"], width=size, height=size, up=orbit["up"]
@@ -125,15 +124,16 @@ def assert_same(first: Camera, second: Camera) -> None:
     assert first.fx == pytest.approx(second.fx, rel=1e-9)
 
 
-def test_viewpoints_are_the_stored_cameras(told: dict[str, Any], catalog: Catalog) -> None:
-    assert [view["split"] for view in told["viewpoints"]] == list(VIEW_SPLITS)
-    for view, camera in zip(told["viewpoints"], catalog.plan.cameras, strict=True):
-        assert_same(orbiting(view, told, BLOBS.size), camera)
-        assert set(view) == {"direction", "up", "split"}  # all else is that of the first camera
+def test_the_page_makes_the_stored_cameras_of_their_orbits(catalog: Catalog) -> None:
+    for camera in catalog.plan.cameras:
+        orbit = orbit_of(camera, np.zeros(3))
+        assert_same(orbiting(orbit, BLOBS.size), camera)
+        np.testing.assert_allclose(orbit["target"], [0.0, 0.0, 0.0], atol=1e-9)
 
 
-def test_the_first_camera_is_a_stored_one(told: dict[str, Any]) -> None:
-    assert any(told["camera"]["direction"] == view["direction"] for view in told["viewpoints"])
+def test_the_first_camera_is_the_stored_one_seen_from_above_and_aside(told: dict[str, Any], catalog: Catalog) -> None:
+    towards = [camera.position @ OBLIQUE / np.linalg.norm(camera.position) for camera in catalog.plan.cameras]
+    assert_same(orbiting(told["camera"], BLOBS.size), catalog.plan.cameras[int(np.argmax(towards))])
     np.testing.assert_allclose(told["camera"]["target"], [0.0, 0.0, 0.0], atol=1e-9)
 
 
@@ -150,27 +150,28 @@ def own_cameras(path: Path) -> Catalog:
     return Catalog.open(path)
 
 
-def test_members_with_cameras_of_their_own_share_the_list_of_viewpoints(tmp_path: Path) -> None:
+def test_members_may_have_cameras_of_their_own(tmp_path: Path) -> None:
     catalog = own_cameras(tmp_path / "own.cdb")
     told = facts(Run("own", plain(), catalog=catalog))
-    assert len(told["viewpoints"]) == 3
     cameras = [*catalog.members[0].cameras, catalog.members[1].cameras[1]]
-    for view, camera in zip(told["viewpoints"], cameras, strict=True):
-        assert_same(orbiting(view, told, 32), camera)
+    for camera in cameras:
+        assert_same(orbiting(orbit_of(camera, np.zeros(3)), 32), camera)
+    towards = [-camera.forward @ OBLIQUE for camera in cameras]
+    assert_same(orbiting(told["camera"], 32), cameras[int(np.argmax(towards))])
     assert told["histogram"] is None
     assert told["size"] == [32, 32]
 
 
 def test_without_a_catalog_the_camera_sees_the_whole_box(surrogate: Surrogate) -> None:
     told = facts(Run("alone", surrogate))
-    camera = orbiting({}, told, 100)
+    camera = orbiting(told["camera"], 100)
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     world = corners * surrogate.normalization.extent + surrogate.normalization.center
     pixels, depths = camera.project(world)
     assert (depths > 0).all()
     assert ((pixels > 0) & (pixels < 100)).all()
     assert np.ptp(pixels) > 50
-    assert (told["truth"], told["members"], told["viewpoints"], told["size"]) == (False, [], [], None)
+    assert (told["truth"], told["members"], told["size"]) == (False, [], None)
     assert told["histogram"] is None
 
 
@@ -195,10 +196,10 @@ def test_names_from_outside_stay_plain_strings() -> None:
 
 
 def test_of_many_there_are_some(monkeypatch: pytest.MonkeyPatch, make_catalog: MakeCatalog) -> None:
-    for name in ("MOST_TICKS", "MOST_VIEWPOINTS", "MOST_MEMBERS"):
+    for name in ("MOST_TICKS", "MOST_MEMBERS"):
         monkeypatch.setattr(module, name, 4)
     members = [("train", p) for p in np.linspace(0.0, 1.0, 7).tolist()]
     catalog = make_catalog(members=members, view_splits=("train",) * 9, blank=True)
     told = facts(Run("many", plain(), catalog=catalog))
-    assert [len(told[name]) for name in ("members", "viewpoints")] == [4, 4]
+    assert len(told["members"]) == 4
     assert told["parameters"][0]["train"] == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0])

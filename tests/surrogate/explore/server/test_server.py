@@ -257,7 +257,7 @@ def test_a_run_without_a_catalog_has_no_truth(run_folder: Path, tmp_path: Path) 
     for folder in (tmp_path / "alone", tmp_path / "alone" / "surrogate"):
         with shown(Run.open(folder)) as address, Tab(address) as tab:
             facts = tab.ask("facts")
-            assert (facts["truth"], facts["members"], facts["viewpoints"], facts["size"]) == (False, [], [], None)
+            assert (facts["truth"], facts["members"], facts["size"]) == (False, [], None)
             assert [p["train"] + p["validation"] for p in facts["parameters"]] == [[]]
             answer = tab.frame(truth=True)
             assert answer["truth"] is None
