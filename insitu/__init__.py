@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "RenderedMember": "insitu.hook",
+    "RenderedMember": "insitu.rendered",
     "Session": "insitu.hook",
     "render_member": "insitu.hook",
     "EnsembleResult": "insitu.ensemble",

@@ -12,6 +12,11 @@ from typing import Any
 
 import click
 
+from catalogs.progress import ProgressLine
+
+NAN = click.option(
+    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
+)
 WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
 SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
 
@@ -30,12 +35,11 @@ def main() -> None:
 @SHARD
 def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> None:
     """Make the data set of SCENE (a TOML file); goes on where it was interrupted."""
-    with _plain_errors():
+    with _command() as line:
         from catalogs.scene import Scene
         from insitu.dataset import make_dataset
 
-        with _line() as line:
-            result = make_dataset(Scene.load(scene), runs, workers=workers, shard=_shard(shard), progress=line)
+        result = make_dataset(Scene.load(scene), runs, workers=workers, shard=_shard(shard), progress=line)
         _fail_on(result.failures)
     if result.made:
         click.echo(f"{result.catalog}: {result.members} members, {result.made} new, {result.seconds:.0f} s in all")
@@ -64,9 +68,7 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> 
 @click.option("--target-decibels", type=float, help="PSNR that volume rendering must reach.  [default: 50]")
 @click.option("--validation", default=0, show_default=True, help="Training members to set aside for validation.")
 @click.option("--seed", default=0, show_default=True, help="Draws the validation members.")
-@click.option(
-    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
-)
+@NAN
 @WORKERS
 @SHARD
 def ensemble(
@@ -88,45 +90,34 @@ def ensemble(
     A new catalog is shown as --scene or --appearance say, else as `insitu probe` suggests, which is printed.  With a
     catalog that exists, what is left out is the catalog's; members that it holds are skipped.
     """
-    with _plain_errors():
+    with _command() as line:
+        from catalogs.catalog import Catalog
+        from catalogs.scene import Scene, ViewPlan
         from insitu.ensemble import run_ensemble
         from insitu.planning import PlanOptions, appearances_from_toml, is_catalog
-        from insitu.readers.hdf5 import Hdf5Source
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
             raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
-        asked = None if scene is None else _renderable(scene)
-        appearances = None if appearance is None else appearances_from_toml(appearance)
-        new = not is_catalog(catalog)
-        shown = asked.appearances if asked is not None else appearances or (() if new else _appearances_of(catalog))
-        stored = _stored(file, datasets, shown)
+        asked = None if scene is None else Scene.load(scene)
+        known = Catalog.open(catalog).plan.appearances if is_catalog(catalog) else ()
+        given = appearances_from_toml(appearance) if appearance else asked.appearances if asked else None
+        stored = _stored(file, datasets, given or known)
         members = stored.members(validation, seed)
         click.echo(str(stored))
         if asked is not None:
-            members, options = asked.assigned(members), _plan_options(asked, stored.space)
+            members, options = asked.assigned(members), PlanOptions.of_scene(asked, stored.space)
         else:
-            if not shown:
-                pilots = _pilots(stored.space, members, Hdf5Source(stored), 5, nan)
-                suggestions = [suggestion for _, suggestion in _suggested(pilots).values()]
+            if not given and not known:
+                suggestions = [suggestion for _, suggestion in _suggested(_pilots(stored, members, 5, nan)).values()]
                 click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
-                appearances = tuple(suggestion.appearance for suggestion in suggestions)
-            options = PlanOptions(
-                stored.space,
-                appearances,
-                _square(size or 256) if new or size else None,
-                target_decibels=target_decibels,
-            )
-        with _line() as line:
-            result = run_ensemble(
-                catalog,
-                members,
-                Hdf5Source(stored),
-                options,
-                workers=workers,
-                shard=_shard(shard),
-                nan=nan,
-                progress=line,
-            )
+                given = tuple(suggestion.appearance for suggestion in suggestions)
+            size = size or (None if known else 256)
+            views = None if size is None else ViewPlan(width=size, height=size)
+            options = PlanOptions(stored.space, given, views, target_decibels=target_decibels)
+        result = run_ensemble(
+            catalog, members, stored, options, workers=workers, shard=_shard(shard), nan=nan, progress=line
+        )
+        line.close()
         click.echo(str(result))
         _fail_on(dict(result.failures))
 
@@ -142,9 +133,7 @@ def ensemble(
     help="Which of several fields: an array of VTK files, a data set of HDF5, a field of a scene; several, one by one.",
 )
 @click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
-@click.option(
-    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
-)
+@NAN
 @click.option("--preview", type=click.Path(path_type=Path), help="Write a picture of the suggestion (PNG).")
 def probe(
     sources: tuple[Path, ...],
@@ -160,19 +149,17 @@ def probe(
     SOURCES: a scene's TOML file (its simulation is run, or its file read), an ensemble in HDF5, or one file per member
     (.npy, or whatever pyvista reads).
     """
-    with _plain_errors():
-        from insitu.readers.hdf5 import Hdf5Source
-
+    with _command():
         first = sources[0]
         if len(sources) == 1 and first.suffix == ".toml":
             from catalogs.scene import Scene
             from insitu.sources import ensemble_of
 
             asked = ensemble_of(Scene.load(first))
-            fields = _chosen(_pilots(asked.space, asked.members, asked.source, count, nan), arrays)
+            fields = _chosen(_pilots(asked.source, asked.members, count, nan, asked.space), arrays)
         elif len(sources) == 1 and first.suffix in (".h5", ".hdf5"):
             stored = _stored(first, arrays, ())
-            fields = _pilots(stored.space, stored.members(), Hdf5Source(stored), count, nan)
+            fields = _pilots(stored, stored.members(), count, nan)
         else:
             fields = _read_fields(sources, arrays, spacing, nan)
         for name, (found, suggestion) in _suggested(fields, alpha).items():
@@ -221,51 +208,13 @@ def _stored(path: Path, datasets: tuple[str, ...], shown: Any) -> Any:
     return stored
 
 
-def _appearances_of(catalog: Path) -> Any:
-    from catalogs.catalog import Catalog
-
-    return Catalog.open(catalog).plan.appearances
-
-
-def _renderable(path: Path) -> Any:
-    """The scene of a TOML file; raises ValueError where it says nothing about rendering."""
-    from catalogs.scene import Scene
-
-    scene = Scene.load(path)
-    if not scene.appearances:
-        raise ValueError(f"scene {path} has no [[appearance]]: its images were made elsewhere")
-    return scene
-
-
-def _plan_options(scene: Any, space: Any) -> Any:
-    """What a scene says about rendering, for an ensemble of its own."""
-    from insitu.planning import PlanOptions
-
-    distance = scene.render.sample_distance
-    target = scene.render.target_decibels if distance is None else None
-    return PlanOptions(
-        space,
-        scene.appearances,
-        scene.views,
-        target_decibels=target,
-        sample_distance=distance,
-        variations=scene.variations,
-    )
-
-
-def _square(size: int) -> Any:
-    from catalogs.scene import ViewPlan
-
-    return ViewPlan(width=size, height=size)
-
-
-def _pilots(space: Any, members: Any, source: Any, count: int, nan: str) -> dict[str, dict[str, Any]]:
+def _pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -> dict[str, dict[str, Any]]:
     """Grids by field and member of `count` members that lie far apart."""
     from insitu.ensemble import pilot_members
     from render.datasets import as_grid
 
     fields: dict[str, dict[str, Any]] = {}
-    for member in pilot_members(members, space, count):
+    for member in pilot_members(members, space or source.space, count):
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
         for name, field in source.field(member, lambda fraction: None).items():
             try:
@@ -312,29 +261,12 @@ def _fail_on(failures: dict[str, str]) -> None:
 
 
 @contextmanager
-def _line() -> Iterator[Any]:
-    from catalogs.progress import ProgressLine
-
-    line = ProgressLine()
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: line.say(f"Warning: {message}")
-        try:
-            yield line
-        finally:
-            line.close()
-
-
-@contextmanager
-def _plain_errors() -> Iterator[None]:
-    """Turn what a user can mend into one line, and warnings into plain sentences."""
-
-    def show(message: Any, *_: Any, **__: Any) -> None:
-        click.echo(f"Warning: {message}", err=True)
-
+def _command() -> Iterator[ProgressLine]:
+    """The line for a command's progress; what a user can mend and warnings are told in plain sentences, one line each."""
     try:
-        with warnings.catch_warnings(), _termination_interrupts():
-            warnings.showwarning = show
-            yield
+        with ProgressLine() as line, warnings.catch_warnings(), _termination_interrupts():
+            warnings.showwarning = lambda message, *_, **__: line.say(f"Warning: {message}")
+            yield line
     except (ValueError, OSError, RuntimeError) as error:
         raise click.ClickException(str(error)) from error
     except KeyboardInterrupt:

@@ -74,16 +74,8 @@ def _render(
     ensemble = ensemble_of(scene)
     _check_fields(scene, ensemble.fields)
     members = scene.assigned(ensemble.members)
-    distance = scene.render.sample_distance
-    options = PlanOptions(
-        space=ensemble.space,
-        appearances=scene.appearances,
-        views=scene.views,
-        target_decibels=None if distance is not None else scene.render.target_decibels,
-        sample_distance=distance,
-        provenance={"scene": scene.name, "source": dict(ensemble.source.identity)},
-        variations=scene.variations,
-    )
+    provenance = {"scene": scene.name, "source": dict(ensemble.source.identity)}
+    options = PlanOptions.of_scene(scene, ensemble.space, provenance)
     _check_unchanged(scene, folder / CATALOG, options, members)
     result = run_ensemble(
         folder / CATALOG,

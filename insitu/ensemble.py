@@ -19,7 +19,7 @@ from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
 from insitu.field_cache import drop_field, load_field, save_field
 from insitu.fields import as_fields, time_of
-from insitu.hook import RenderedMember, Session, warn_caller
+from insitu.hook import Session, warn_caller
 from insitu.planning import (
     Pilot,
     PlanOptions,
@@ -31,6 +31,7 @@ from insitu.planning import (
     misplaced,
 )
 from insitu.progress import EnsembleProgress, Tracker
+from insitu.rendered import RenderedMember
 from insitu.workers import Report, WorkerPool, channel, single_threaded
 
 PILOTS = 2

@@ -24,7 +24,7 @@ from catalogs.appearance import (
 from catalogs.catalog import Catalog, CatalogPlan, Member
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.plan import shortened
-from catalogs.scene import PlannedMember, ViewPlan
+from catalogs.scene import PlannedMember, Scene, ViewPlan
 from catalogs.variations import Variation
 from insitu.boxes import Box, box_around, cameras_around, check_inside, checked_box, same_box
 from insitu.summarize import value_range
@@ -64,6 +64,22 @@ class PlanOptions:
     image_format: str | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     variations: tuple[Variation, ...] | None = None
+
+    @classmethod
+    def of_scene(cls, scene: Scene, space: ParameterSpace, provenance: Mapping[str, Any] | None = None) -> PlanOptions:
+        """What a scene says about rendering an ensemble; raises ValueError where it says nothing."""
+        if not scene.appearances:
+            raise ValueError(f"scene {scene.path} has no [[appearance]]: its images were made elsewhere")
+        distance = scene.render.sample_distance
+        return cls(
+            space,
+            scene.appearances,
+            scene.views,
+            target_decibels=scene.render.target_decibels if distance is None else None,
+            sample_distance=distance,
+            provenance=provenance or {},
+            variations=scene.variations,
+        )
 
     def __post_init__(self) -> None:
         if self.bounds is not None:

@@ -10,7 +10,7 @@ from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember, Scene
 from insitu.ensemble import FieldSource
 from insitu.field import Field
-from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
+from insitu.readers.hdf5 import Hdf5Ensemble
 from insitu.simulations import simulation
 
 KEYS = {  # of a scene's `[source]`: those that must be there, and those that may
@@ -86,7 +86,7 @@ def ensemble_of(scene: Scene) -> Ensemble:
             )
         stored = Hdf5Ensemble.open(scene.data_path(), fields or (table.get("dataset", "field"),))
         members = stored.members(scene.validation_members, scene.seed)
-        return Ensemble(stored.space, members, Hdf5Source(stored), stored.datasets)
+        return Ensemble(stored.space, members, stored, stored.datasets)
     found = simulation(table["simulation"])
     if set(found.parameters) != set(scene.space.names):
         raise ValueError(

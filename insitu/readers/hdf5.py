@@ -19,7 +19,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import h5py
 import numpy as np
@@ -32,7 +32,7 @@ from insitu.field import Field
 
 @dataclass(frozen=True)
 class Hdf5Ensemble:
-    """What the file says about its ensemble; fields are read one member at a time.
+    """What the file says about its ensemble; fields are read one member at a time.  A source of fields for `run_ensemble`.
 
     Attributes
     ----------
@@ -97,6 +97,18 @@ class Hdf5Ensemble:
             for i, (row, split) in enumerate(zip(self.parameters, self.splits, strict=True))
         )
 
+    expensive: ClassVar[bool] = False
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        first, *others = self.datasets
+        held = {"datasets": [first, *others]} if others else {"dataset": first}
+        return {"kind": "hdf5", "file": self.path.name, **held}
+
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
+        """The fields of a member that `members` named."""
+        return self.read(int(member.name.rsplit("-", 1)[1]))
+
     def read(self, index: int) -> dict[str, Field]:
         """The fields of one member by data set, (z, y, x) float32; IndexError out of range, ValueError on damaged data."""
         if not 0 <= index < len(self):
@@ -111,23 +123,6 @@ class Hdf5Ensemble:
             name = dataset if len(self.datasets) > 1 else self.field_name
             found[dataset] = Field(values, self.spacing, self.origin, name, time=self.time)
         return found
-
-
-@dataclass(frozen=True)
-class Hdf5Source:
-    """The fields of an `Hdf5Ensemble` for `run_ensemble`; members are found by the number in their name."""
-
-    ensemble: Hdf5Ensemble
-    expensive: bool = False
-
-    @property
-    def identity(self) -> Mapping[str, Any]:
-        first, *others = self.ensemble.datasets
-        held = {"datasets": [first, *others]} if others else {"dataset": first}
-        return {"kind": "hdf5", "file": self.ensemble.path.name, **held}
-
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
-        return self.ensemble.read(int(member.name.rsplit("-", 1)[1]))
 
 
 def _described(file: h5py.File, path: Path, datasets: tuple[str, ...]) -> Hdf5Ensemble:

@@ -23,7 +23,7 @@ from catalogs.catalog import Catalog
 from catalogs.check import check
 from catalogs.plan import name_problem
 from catalogs.scene import ViewPlan
-from insitu.hook import RenderedMember, Session, member_name
+from insitu.hook import Session, member_name
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -324,37 +324,6 @@ def test_parameters_that_are_no_name_get_one(tmp_path: Path) -> None:
     assert names[-1] == "Re-1.5"
     assert len(set(names)) == 4
     assert all(name_problem(name) is None for name in names)
-
-
-@pytest.mark.parametrize(
-    ("names", "lines"),
-    [
-        (("",), ["  values -1 to 3, 25.00 % clipped"]),
-        (("q", "speed"), ["  q -1 to 3, 25.00 % clipped", "  speed 0 to 0.5, 0.00 % clipped"]),
-    ],
-)
-def test_each_field_of_a_member_has_a_line(names: tuple[str, ...], lines: list[str]) -> None:
-    ranges, clipped = ((-1.0, 3.0), (0.0, 0.5)), (0.25, 0.0)
-    member = RenderedMember(
-        name="a",
-        path=Path("x.cdb/members/a"),
-        images=20,
-        render_seconds=1.0,
-        write_seconds=0.5,
-        seconds=2.0,
-        extra_memory=3_000_000,
-        ranges=dict(zip(names, ranges, strict=False)),
-        clipped_fractions=dict(zip(names, clipped, strict=False)),
-        warnings=("beware",),
-    )
-    assert (member.range, member.clipped_fraction, member.images_per_second) == ((-1.0, 3.0), 0.25, 10.0)
-    first, *rest = str(member).splitlines()
-    assert (
-        first
-        == repr(member)
-        == "RenderedMember a: 20 images in 2.0 s (10/s; render 1.0 s, write 0.5 s), 3 MB extra memory"
-    )
-    assert rest == [*lines, "  x.cdb/members/a", "  warning: beware"]
 
 
 def test_the_hook_shows_every_argument_that_it_takes() -> None:

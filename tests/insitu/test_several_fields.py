@@ -27,7 +27,7 @@ from insitu.ensemble import run_ensemble
 from insitu.field import Field
 from insitu.field_cache import load_field, save_field
 from insitu.planning import PlanOptions
-from insitu.readers.hdf5 import Hdf5Ensemble, Hdf5Source
+from insitu.readers.hdf5 import Hdf5Ensemble
 from insitu.summarize import value_range_of
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
@@ -286,8 +286,8 @@ def test_several_data_sets_are_read_by_name(stored: Path) -> None:
     assert list(found) == ["speed", "q"]
     assert np.array_equal(found["speed"].values, speed(0.5))
     assert found["q"].time == 3.0
-    assert Hdf5Source(opened).identity == {"kind": "hdf5", "file": "ensemble.h5", "datasets": ["speed", "q"]}
-    one = Hdf5Source(Hdf5Ensemble.open(stored, ["q"])).identity
+    assert opened.identity == {"kind": "hdf5", "file": "ensemble.h5", "datasets": ["speed", "q"]}
+    one = Hdf5Ensemble.open(stored, ["q"]).identity
     assert one == {"kind": "hdf5", "file": "ensemble.h5", "dataset": "q"}, "as it was: catalogs go on"
     assert "speed, q" in repr(opened)
 

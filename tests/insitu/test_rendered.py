@@ -1,0 +1,40 @@
+"""What a rendered member says of itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from insitu.rendered import RenderedMember
+
+
+@pytest.mark.parametrize(
+    ("names", "lines"),
+    [
+        (("",), ["  values -1 to 3, 25.00 % clipped"]),
+        (("q", "speed"), ["  q -1 to 3, 25.00 % clipped", "  speed 0 to 0.5, 0.00 % clipped"]),
+    ],
+)
+def test_each_field_of_a_member_has_a_line(names: tuple[str, ...], lines: list[str]) -> None:
+    ranges, clipped = ((-1.0, 3.0), (0.0, 0.5)), (0.25, 0.0)
+    member = RenderedMember(
+        name="a",
+        path=Path("x.cdb/members/a"),
+        images=20,
+        render_seconds=1.0,
+        write_seconds=0.5,
+        seconds=2.0,
+        extra_memory=3_000_000,
+        ranges=dict(zip(names, ranges, strict=False)),
+        clipped_fractions=dict(zip(names, clipped, strict=False)),
+        warnings=("beware",),
+    )
+    assert (member.range, member.clipped_fraction, member.images_per_second) == ((-1.0, 3.0), 0.25, 10.0)
+    first, *rest = str(member).splitlines()
+    assert (
+        first
+        == repr(member)
+        == "RenderedMember a: 20 images in 2.0 s (10/s; render 1.0 s, write 0.5 s), 3 MB extra memory"
+    )
+    assert rest == [*lines, "  x.cdb/members/a", "  warning: beware"]
