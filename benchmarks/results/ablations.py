@@ -39,7 +39,7 @@ def study_lines(study: StudyResults) -> list[str]:
         for name, members in groups.items()
         for place, row in enumerate(members)
     ]
-    return [_introduction(study), "", *table(HEADER, cells), "", " ".join(_sentences(study.rows)), ""]
+    return [_introduction(study), "", table(HEADER, cells), "", " ".join(_sentences(study.rows)), ""]
 
 
 def _introduction(study: StudyResults) -> str:

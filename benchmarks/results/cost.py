@@ -24,7 +24,7 @@ HEADER = (
 def cost_table(scenes: Sequence[SceneResults]) -> list[str]:
     """A row for each scene with a report; times are medians of single pictures, of the scene's own seed."""
     rows = [_row(scene.name, scene.report, scene.repeats) for scene in scenes if scene.report is not None]
-    return table(HEADER, rows) if rows else ["No scene has a report yet."]
+    return [table(HEADER, rows)] if rows else ["No scene has a report yet."]
 
 
 def _row(name: str, report: Mapping[str, Any], repeats: Mapping[str, Any] | None) -> tuple[str, ...]:

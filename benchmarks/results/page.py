@@ -134,7 +134,7 @@ def _gaps_section(gaps: Sequence[Gap]) -> list[str]:
     if not gaps:
         return []
     rows = [(f"`{gap.scene}`", gap.what, f"`{gap.command}`") for gap in gaps]
-    return ["## What is missing", "", *table(("scene", "what", "made by"), rows), ""]
+    return ["## What is missing", "", table(("scene", "what", "made by"), rows), ""]
 
 
 def _if_any(text: str) -> list[str]:

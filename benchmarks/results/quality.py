@@ -146,7 +146,7 @@ def _made(title: str, text: str, parts: Iterable[Part], *columns: Column) -> Qua
     parts = list(parts)
     rows = [(f"`{part.scene}`", *(value(part) for _, value in columns)) for part in parts]
     lines = (
-        table(("scene", *(name for name, _ in columns)), rows)
+        table(("scene", *(name for name, _ in columns)), rows).splitlines()
         if rows
         else ["No scene has a report of such images yet."]
     )

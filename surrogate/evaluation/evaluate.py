@@ -81,8 +81,8 @@ class VariedEvaluation:
 
     @property
     def scored(self) -> list[Scored]:
-        """All images of all cells."""
-        return [s for row in self.cells.values() for group in row.values() for s in group]
+        """All images, of all cells and for validation."""
+        return [*(s for row in self.cells.values() for group in row.values() for s in group), *self.validation]
 
 
 @dataclass(frozen=True, eq=False)

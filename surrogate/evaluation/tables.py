@@ -1,11 +1,11 @@
-"""Tables of metrics, as JSON values and as lines of Markdown: what every section of a report shares."""
+"""Tables of metrics, as JSON values and in Markdown: what reports, studies and the page of results share."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
-from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS, Cells, mean
+from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS, Cells, Scored, mean
 from surrogate.evaluation.timing import Milliseconds
 
 ALL_METRICS = (*METRICS, *PERCEPTUAL_METRICS)
@@ -22,21 +22,40 @@ HEADINGS = {
 DECIBELS = ("psnr", "psnr_of_mean_error", "psnr_foreground")
 NOTHING = "–"
 
+Entry = TypeVar("Entry")
+
+
+def means(scored: Iterable[Scored], metrics: Sequence[str] = METRICS) -> dict[str, float | None]:
+    """The mean of each metric; None where there is no such image."""
+    images = list(scored)
+    return {metric: mean(images, metric) for metric in metrics}
+
 
 def cell_means(cells: Cells, metric: str) -> dict[str, dict[str, float | None]]:
     """The mean of a metric by row and column; None where there is no such image."""
     return {row: {column: mean(scored, metric) for column, scored in columns.items()} for row, columns in cells.items()}
 
 
+def cell_counts(cells: Cells) -> dict[str, dict[str, int]]:
+    """How many images each row and column has."""
+    return {row: {column: len(scored) for column, scored in columns.items()} for row, columns in cells.items()}
+
+
 def cell_tables(cells: Cells) -> dict[str, Any]:
     """The means of all metrics, and how many images they are of."""
-    tables: dict[str, Any] = {metric: cell_means(cells, metric) for metric in ALL_METRICS}
-    return tables | {
-        "images": {row: {c: len(scored) for c, scored in columns.items()} for row, columns in cells.items()},
-        "perceptual_images": {
-            row: {c: sum(s.perceptual is not None for s in scored) for c, scored in columns.items()}
-            for row, columns in cells.items()
-        },
+    looked_at = {
+        row: {column: [s for s in scored if s.perceptual is not None] for column, scored in columns.items()}
+        for row, columns in cells.items()
+    }
+    tables = {metric: cell_means(cells, metric) for metric in ALL_METRICS}
+    return {**tables, "images": cell_counts(cells), "perceptual_images": cell_counts(looked_at)}
+
+
+def timings(milliseconds: Mapping[str, Milliseconds]) -> dict[str, Any]:
+    """The median of everything that was measured, and its lowest and highest."""
+    return {
+        "milliseconds": {name: taken.median for name, taken in milliseconds.items()},
+        "milliseconds_spread": {name: [taken.lowest, taken.highest] for name, taken in milliseconds.items()},
     }
 
 
@@ -60,53 +79,53 @@ def spread_number(metric: str, spread: Mapping[str, float | None] | None) -> str
     return mean if spread["deviation"] is None else f"{mean} ± {deviation}"
 
 
-def timings(milliseconds: Mapping[str, Milliseconds]) -> dict[str, Any]:
-    """The median of everything that was measured, and its lowest and highest."""
-    return {
-        "milliseconds": {name: taken.median for name, taken in milliseconds.items()},
-        "milliseconds_spread": {name: [taken.lowest, taken.highest] for name, taken in milliseconds.items()},
-    }
+def plain_spread(spread: Mapping[str, float], digits: int) -> str:
+    """The mean of a size or time over seeds and its standard deviation, as tables show them."""
+    return f"{spread['mean']:,.{digits}f} ± {spread['deviation']:,.{digits}f}"
 
 
-def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, str]:
-    """A row about one of a record's `timings`."""
-    lowest, highest = record["milliseconds_spread"][name]
-    return label, f"{record['milliseconds'][name]:.2f} ms (median; {lowest:.2f} to {highest:.2f})"
+def terminal_line(label: str, psnr: float, ssim: float) -> str:
+    """PSNR and SSIM of a group of images, for a terminal."""
+    return f"{label:<38} {psnr:6.2f} dB   SSIM {ssim:.4f}"
 
 
-def row(*cells: str) -> str:
-    """A row of a table."""
-    return f"| {' | '.join(cells)} |"
+def document(*blocks: str) -> str:
+    """Headings, paragraphs and tables as a page of Markdown; empty ones are left out."""
+    return "\n\n".join(filter(None, blocks)) + "\n"
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A whole table."""
-    return [row(*header), row(*["---"] * len(header)), *(row(*cells) for cells in rows)]
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *rows))
 
 
-def cell_table(record: Mapping[str, Any], names: tuple[str, str], *, also: Sequence[str] = ()) -> list[str]:
-    """`cell_tables` in Markdown, a row for each cell; `names` head what its rows and columns are."""
-    metrics = (*ALL_METRICS, *also)
+def table_of(entries: Iterable[Entry], *columns: tuple[str, Callable[[Entry], str]]) -> str:
+    """A table with a row for each entry: each column is its heading and what it says of an entry."""
+    return table([heading for heading, _ in columns], [[cell(entry) for _, cell in columns] for entry in entries])
+
+
+def cell_table(
+    record: Mapping[str, Any],
+    names: tuple[str, str],
+    metrics: Sequence[str] = ALL_METRICS,
+    form: Callable[[str, Any], str] = metric_number,
+) -> str:
+    """The `cell_tables` of a record, with a row for each cell; `names` head what its rows and columns are."""
     return table(
         (*names, *(HEADINGS[m] for m in metrics), "images"),
         (
-            (
-                first.split("_")[0],
-                second.split("_")[0],
-                *(metric_number(m, record[m][first][second]) for m in metrics),
-                str(count),
-            )
-            for first, columns in record["images"].items()
-            for second, count in columns.items()
+            (_short(row), _short(column), *(form(m, record[m][row][column]) for m in metrics), str(count))
+            for row, columns in record["images"].items()
+            for column, count in columns.items()
         ),
     )
 
 
-def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]) -> list[str]:
-    """Lines below a `cell_table`: how many images the perceptual metrics looked at, and why a column is empty."""
+def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]) -> str:
+    """What stands below a `cell_table`: how many images the perceptual metrics looked at, and why a column is empty."""
     counts = [count for columns in record["perceptual_images"].values() for count in columns.values()]
     if not any(counts):
-        return []
+        return ""
     empty = [
         m for m in PERCEPTUAL_METRICS if all(v is None for columns in record[m].values() for v in columns.values())
     ]
@@ -115,4 +134,25 @@ def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]
     for metric in empty:
         reason = unavailable.get(metric, "these images are too small for it")
         sentences.append(f"{HEADINGS[metric]} is missing: {reason}.")
-    return ["", "  \n".join(sentences)]
+    return "  \n".join(sentences)
+
+
+def validation_line(record: Mapping[str, Any], what: str) -> str:
+    """How well a record's validation images are shown; `what` says which they are."""
+    found = record["validation"]
+    return f"Validation ({found['images']} images{what}): {number(found['psnr'])} dB, SSIM {number(found['ssim'], 4)}."
+
+
+def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, str]:
+    """A row about one of a record's `timings`."""
+    lowest, highest = record["milliseconds_spread"][name]
+    return label, f"{record['milliseconds'][name]:.2f} ms (median; {lowest:.2f} to {highest:.2f})"
+
+
+def lead(own: float | None, other: float | None) -> float | None:
+    """By how much a value exceeds another; None where one is missing."""
+    return None if own is None or other is None else own - other
+
+
+def _short(name: str) -> str:
+    return name.split("_")[0]

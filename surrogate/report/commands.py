@@ -64,13 +64,14 @@ def _dataset_seconds(folder: Path) -> float | None:
 
 
 def _summary(report: Mapping[str, Any]) -> Iterator[str]:
+    from surrogate.evaluation.tables import terminal_line
     from surrogate.report.variations import variation_line
 
-    for views in ("seen_views", "unseen_views"):
-        for parameters in ("seen_parameters", "unseen_parameters"):
+    for views, columns in report["images"].items():
+        for parameters in columns:
             values = [report[metric][views][parameters] for metric in ("psnr", "ssim")]
             if None not in values:
-                yield f"{f'{views}, {parameters}'.replace('_', ' '):<38} {values[0]:6.2f} dB   SSIM {values[1]:.4f}"
+                yield terminal_line(f"{views}, {parameters}".replace("_", " "), *values)
     for entry in report["trivial_predictors"]:
         value = entry["psnr"]["unseen_views"]["unseen_parameters"]
         if value is not None:

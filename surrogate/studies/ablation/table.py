@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs import durable
-from surrogate.evaluation.tables import NOTHING, number, table
+from surrogate.evaluation.tables import NOTHING, document, number, table, table_of
 from surrogate.studies.ablation.comparison import SURE, Row
 from surrogate.studies.ablation.plot import plot
 from surrogate.studies.ablation.records import TIME_TOLERANCE
@@ -14,7 +14,6 @@ from surrogate.studies.ablation.variants import DEFAULT, VARIANTS, VISUALIZATION
 
 ORDER = (*VARIANTS, *VISUALIZATION_VARIANTS)
 PAGE, PICTURE = "ablation.md", "ablation.png"
-HEADER = ("variant", "changed", "PSNR, dB", "difference, dB", "SSIM", "steps", "seconds", "Gaussians", "seeds")
 
 
 def write(scene: str, folder: Path, budget: float, rows: Sequence[Row]) -> None:
@@ -24,28 +23,25 @@ def write(scene: str, folder: Path, budget: float, rows: Sequence[Row]) -> None:
     drawn = plot(rows)
     if drawn is not None:
         durable.replace(folder / PICTURE, drawn)
-    durable.replace(folder / PAGE, "\n".join(page(scene, budget, rows, drawn is not None)).encode())
+    durable.replace(folder / PAGE, page(scene, budget, rows, drawn is not None).encode())
 
 
-def page(scene: str, budget: float, rows: Sequence[Row], pictured: bool) -> list[str]:
-    """The page's lines."""
+def page(scene: str, budget: float, rows: Sequence[Row], pictured: bool) -> str:
+    """The page in Markdown."""
     done = [row for row in rows if row.results]
-    return [
+    return document(
         f"# What each choice of training is worth: {scene}",
-        "",
-        *([_introduction(budget, done), ""] if done else []),
-        *table(HEADER, map(_cells, done)),
-        "",
+        _introduction(budget, done) if done else "",
+        table_of(done, *COLUMNS),
         " ".join([verdict(rows), *equal_steps(rows), *unequal_times(rows)]),
-        "",
-        *([f"![PSNR of every seed]({PICTURE})", ""] if pictured else []),
-        *_failures(rows),
+        f"![PSNR of every seed]({PICTURE})" if pictured else "",
+        _failures(rows),
         "Why each is there:",
-        "",
-        *(f"- {row.variant.name}: {row.variant.why}" for row in sorted(rows, key=lambda row: ORDER.index(row.variant))),
-        "",
-        *_made_by(scene, budget, rows),
-    ]
+        "\n".join(
+            f"- {row.variant.name}: {row.variant.why}" for row in sorted(rows, key=lambda row: ORDER.index(row.variant))
+        ),
+        _made_by(scene, budget, rows),
+    )
 
 
 def verdict(rows: Sequence[Row]) -> str:
@@ -100,20 +96,6 @@ def _is_of_visualization(rows: Sequence[Row]) -> bool:
     return any(row.variant in VISUALIZATION_VARIANTS for row in rows)
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        f"**{row.variant.name}**" if row.variant.name == DEFAULT else row.variant.name,
-        row.variant.what,
-        decibels_cell(row),
-        difference_cell(row),
-        number(row.mean("ssim"), 4),
-        f"{row.mean('steps'):,.0f}",
-        f"{row.mean('seconds'):,.1f}",
-        f"{row.mean('gaussians'):,.0f}",
-        str(len(row.results)),
-    )
-
-
 def decibels_cell(row: Row) -> str:
     """PSNR and its standard deviation over seeds."""
     return number(row.psnr) + _plus_minus(row.spread)
@@ -131,22 +113,34 @@ def _plus_minus(value: float | None) -> str:
     return "" if value is None else f" ± {value:.2f}"
 
 
-def _failures(rows: Sequence[Row]) -> list[str]:
+def _failures(rows: Sequence[Row]) -> str:
     lines = []
     for row in rows:
         for error in dict.fromkeys(result.error for result in row.failures):
             seeds = ", ".join(str(result.seed) for result in row.failures if result.error == error)
             lines.append((row.variant.name, seeds, error.replace("|", "/")))
-    return [*table(("no result", "seeds", "because"), lines), ""] if lines else []
+    return table(("no result", "seeds", "because"), lines) if lines else ""
 
 
-def _made_by(scene: str, budget: float, rows: Sequence[Row]) -> list[str]:
+def _made_by(scene: str, budget: float, rows: Sequence[Row]) -> str:
     results = [result for row in rows for result in row.results]
     machines = dict.fromkeys(", ".join(map(str, result.provenance.machine.values())) for result in results)
     commits = dict.fromkeys(result.provenance.commit for result in results)
     of = " --visualization" if _is_of_visualization(rows) else ""
-    return [
+    return (
         f"<sub>`surrogate ablate scenes/{scene}.toml{of} --seconds {budget:g}`; {'; '.join(machines)}; commit "
-        f"{', '.join(commits)}</sub>",
-        "",
-    ]
+        f"{', '.join(commits)}</sub>"
+    )
+
+
+COLUMNS = (
+    ("variant", lambda row: f"**{row.variant.name}**" if row.variant.name == DEFAULT else row.variant.name),
+    ("changed", lambda row: row.variant.what),
+    ("PSNR, dB", decibels_cell),
+    ("difference, dB", difference_cell),
+    ("SSIM", lambda row: number(row.mean("ssim"), 4)),
+    ("steps", lambda row: f"{row.mean('steps'):,.0f}"),
+    ("seconds", lambda row: f"{row.mean('seconds'):,.1f}"),
+    ("Gaussians", lambda row: f"{row.mean('gaussians'):,.0f}"),
+    ("seeds", lambda row: str(len(row.results))),
+)

@@ -10,7 +10,7 @@ from catalogs.catalog import Catalog
 from surrogate.evaluation.cases import all_cases, base_cells, variation_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import METRICS, Cells, Report, by_cell, score_cases
-from surrogate.evaluation.tables import cell_means
+from surrogate.evaluation.tables import cell_counts, cell_means
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
@@ -40,5 +40,4 @@ def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = la
 
 
 def _means(cells: Cells) -> dict[str, Any]:
-    counts = {row: {column: len(scored) for column, scored in of.items()} for row, of in cells.items()}
-    return {**{metric: cell_means(cells, metric) for metric in METRICS}, "images": counts}
+    return {**{metric: cell_means(cells, metric) for metric in METRICS}, "images": cell_counts(cells)}

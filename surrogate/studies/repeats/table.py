@@ -9,7 +9,15 @@ from typing import Any
 from catalogs import durable
 from catalogs.variations import KINDS
 from surrogate.evaluation.scoring import METRICS
-from surrogate.evaluation.tables import HEADINGS, metric_number, spread_number, table
+from surrogate.evaluation.tables import (
+    HEADINGS,
+    cell_table,
+    document,
+    metric_number,
+    plain_spread,
+    spread_number,
+    table_of,
+)
 from surrogate.studies.repeats.records import FOLDER, Scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
@@ -17,39 +25,21 @@ PAGE = "seeds.md"
 
 
 def repeats_section(record: Mapping[str, Any] | None, scene: str) -> list[str]:
-    """Lines of Markdown from a `summarize_repeats` record; none without one."""
+    """Blocks of Markdown from a `summarize_repeats` record; none without one."""
     if record is None:
         return []
-    lines = [
+    blocks = [
         f"## Mean ± standard deviation over {len(record['seeds'])} seeds",
-        "",
-        f"{_introduction(record)}",
-        "",
-        *spread_table(record, ("views", "parameters")),
-        "",
+        _introduction(record),
+        cell_table(record, ("views", "parameters"), METRICS, spread_number),
     ]
     for varied in record["variations"]:
         names = KINDS[varied["kind"]].plural
-        lines += [f"The {names} beside the appearance `{varied['base']}`, at unseen views:", ""]
-        lines += [*spread_table(varied, (names, "parameters")), ""]
-    return [*lines, f"<sub>{made_by(record, scene)}</sub>", ""]
-
-
-def spread_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]:
-    """A row for each cell; `names` head what its rows and columns are."""
-    return table(
-        (*names, *(HEADINGS[metric] for metric in METRICS), "images"),
-        (
-            (
-                first.split("_")[0],
-                second.split("_")[0],
-                *(spread_number(metric, record[metric][first][second]) for metric in METRICS),
-                str(count),
-            )
-            for first, columns in record["images"].items()
-            for second, count in columns.items()
-        ),
-    )
+        blocks += [
+            f"The {names} beside the appearance `{varied['base']}`, at unseen views:",
+            cell_table(varied, (names, "parameters"), METRICS, spread_number),
+        ]
+    return [*blocks, f"<sub>{made_by(record, scene)}</sub>"]
 
 
 def made_by(record: Mapping[str, Any], scene: str) -> str:
@@ -64,9 +54,10 @@ def write_page(run: Path, scene: str, scores: Sequence[Scores]) -> Path | None:
     record = summarize_repeats(scores)
     if record is None:
         return None
-    lines = [f"# {scene}", "", *repeats_section(record, scene), *_seed_table(scores), ""]
     durable.make_folder(run / FOLDER)
-    durable.replace(run / FOLDER / PAGE, "\n".join(lines).encode())
+    durable.replace(
+        run / FOLDER / PAGE, document(f"# {scene}", *repeats_section(record, scene), *_seeds(scores)).encode()
+    )
     return run / FOLDER / PAGE
 
 
@@ -91,32 +82,26 @@ def _introduction(record: Mapping[str, Any]) -> str:
     gaussians, megabytes, seconds = (record[name] for name in ("gaussians", "megabytes", "seconds"))
     return (
         f"The same training with the seeds {', '.join(map(str, record['seeds']))}, on the same test images; sample standard "
-        f"deviations (n - 1).  Training took {_plain(seconds, 0)} s; {_plain(gaussians, 0)} Gaussians, {_plain(megabytes, 2)} MB."
+        f"deviations (n - 1).  "
+        f"Training took {plain_spread(seconds, 0)} s; {plain_spread(gaussians, 0)} Gaussians, {plain_spread(megabytes, 2)} MB."
     )
 
 
-def _plain(spread: Mapping[str, float], digits: int) -> str:
-    return f"{spread['mean']:,.{digits}f} ± {spread['deviation']:,.{digits}f}"
-
-
-def _seed_table(scores: Sequence[Scores]) -> list[str]:
+def _seeds(scores: Sequence[Scores]) -> list[str]:
     """Each seed, at unseen views and parameters."""
-    at = ("unseen_views", "unseen_parameters")
+
+    def at(metric: str) -> Any:
+        return lambda one: metric_number(metric, one.cells[metric]["unseen_views"]["unseen_parameters"])
+
     return [
         "Each seed, at unseen views and unseen parameters:",
-        "",
-        *table(
-            ("seed", *(HEADINGS[metric] for metric in METRICS), "Gaussians", "MB", "training (s)", "commit"),
-            (
-                (
-                    str(one.seed),
-                    *(metric_number(metric, one.cells[metric][at[0]][at[1]]) for metric in METRICS),
-                    f"{one.gaussians:,}",
-                    f"{one.megabytes:.2f}",
-                    f"{one.seconds:.0f}",
-                    one.provenance.commit,
-                )
-                for one in scores
-            ),
+        table_of(
+            scores,
+            ("seed", lambda one: str(one.seed)),
+            *((HEADINGS[metric], at(metric)) for metric in METRICS),
+            ("Gaussians", lambda one: f"{one.gaussians:,}"),
+            ("MB", lambda one: f"{one.megabytes:.2f}"),
+            ("training (s)", lambda one: f"{one.seconds:.0f}"),
+            ("commit", lambda one: one.provenance.commit),
         ),
     ]

@@ -60,7 +60,7 @@ def test_the_surrogate_that_drew_the_images_is_perfect_on_all_of_them(perfect) -
     _, _, evaluation = perfect
     assert [v.variation for v in evaluation.variations] == [ISOVALUE, FUNCTIONS]
     for varied_evaluation in evaluation.variations:
-        for scored in (*varied_evaluation.scored, *varied_evaluation.validation):
+        for scored in varied_evaluation.scored:
             assert scored.score.psnr == 60.0
             assert scored.squared_error < 1e-6
     assert {s.score.psnr for row in evaluation.cells.values() for group in row.values() for s in group} == {60.0}
@@ -174,7 +174,7 @@ def test_equally_many_of_each_group_are_drawn(perfect) -> None:
 
 
 def summary(evaluation: Evaluation, surrogate: Surrogate) -> dict:
-    from surrogate.report.report import summarize
+    from surrogate.report.summary import summarize
 
     return json.loads(json.dumps(summarize("x", surrogate, evaluation, dataset_seconds=None), allow_nan=False))
 

@@ -86,7 +86,7 @@ def test_the_page_shows_results_and_says_why_there_are_none() -> None:
             NAMED["start-sfm"]: results("start-sfm", [], error="too few points"),
         }
     )
-    lines = page("blobs", 2.0, found, pictured=True)
+    lines = page("blobs", 2.0, found, pictured=True).splitlines()
     assert "| **default** | nothing | 30.10 ± 0.14 | – | 0.9000 | 40 | 2.0 | 50 | 2 |" in lines
     assert "| joint | canonical_steps = 0 | 29.00 | -1.10 | 0.9000 | 40 | 2.0 | 50 | 1 |" in lines
     assert "| joint | 1 | out of / luck |" in lines
@@ -97,7 +97,7 @@ def test_the_page_shows_results_and_says_why_there_are_none() -> None:
 
 def test_nothing_but_failures_still_makes_a_page() -> None:
     found = rows_of({NAMED["start-sfm"]: results("start-sfm", [], error="too few points")})
-    lines = page("blobs", 2.0, found, pictured=False)
+    lines = page("blobs", 2.0, found, pictured=False).splitlines()
     assert "| start-sfm | 0 | too few points |" in lines
     assert any("surrogate ablate scenes/blobs.toml --seconds 2`" in line for line in lines)
     assert plot(found) is None

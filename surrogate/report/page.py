@@ -1,0 +1,153 @@
+"""`report.md`: what `report.json` holds, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from surrogate.evaluation.cases import VALIDATION
+from surrogate.evaluation.tables import (
+    NOTHING,
+    cell_table,
+    document,
+    lead,
+    metric_number,
+    number,
+    perceptual_remarks,
+    table,
+    table_of,
+    timing_row,
+    validation_line,
+)
+from surrogate.report.variations import variation_section
+from surrogate.studies.repeats.table import repeats_section
+
+
+def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
+    """The page of a report; `pictures` are file names by title."""
+    machine = f"{record['machine']['processor']}, {record['machine']['cores']} cores"
+    return document(
+        f"# {record['scene']}",
+        f"Commit `{record['commit']}`, {machine}, seed {record['seed']}, {record['made']}.",
+        "## How good",
+        cell_table(record, ("views", "parameters")),
+        perceptual_remarks(record, record["unavailable"]),
+        validation_line(record, "; all choices were made on these"),
+        "## Beside trivial predictors",
+        *_baselines(record),
+        *_ceilings(record),
+        *repeats_section(record["repeats"], record["scene"]),
+        "## How fast, how large",
+        _costs(record),
+        *(block for varied in record["variations"] for block in variation_section(varied, record["unavailable"])),
+        *_needs(record),
+        *(block for title, name in pictures.items() for block in (f"## {title}", f"![{title}]({name})")),
+        "## Definitions",
+        "\n".join(f"- **{name}**: {text}." for name, text in record["definitions"].items()),
+    )
+
+
+def _baselines(record: Mapping[str, Any]) -> list[str]:
+    entries = record["trivial_predictors"]
+    if not entries:
+        return ["The data set has no unseen parameters, or no training members to predict them from."]
+
+    def at(metric: str, views: str = "unseen_views") -> Any:
+        return lambda entry: metric_number(metric, entry[metric][views]["unseen_parameters"])
+
+    def ahead(entry: Mapping[str, Any]) -> str:
+        psnr, other = (one["psnr"]["unseen_views"]["unseen_parameters"] for one in (record, entry))
+        gained = None if entry is own else lead(psnr, other)
+        return "" if gained is None else f"{gained:+.2f}"
+
+    own = {**record, "name": "**surrogate**"}
+    borrowed = max(entry["borrowed_view_degrees"] for entry in entries)
+    return [
+        "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
+        "the lead is the surrogate's at unseen views (negative: behind).",
+        table_of(
+            [own, *entries],
+            ("", lambda entry: entry["name"]),
+            ("PSNR, seen views", at("psnr", "seen_views")),
+            ("PSNR, unseen views", at("psnr")),
+            ("foreground, unseen views", at("psnr_foreground")),
+            ("SSIM, unseen views", at("ssim")),
+            ("lead (dB)", ahead),
+            ("PSNR, validation", lambda entry: number(entry[VALIDATION]["psnr"])),
+        ),
+        f"The training members lack some of these views; the nearest one, up to {borrowed:.1f}° away, stands in."
+        if borrowed
+        else "",
+    ]
+
+
+def _ceilings(record: Mapping[str, Any]) -> list[str]:
+    """What limits the figures: the same Gaussians, fitted to one unseen member alone."""
+    if not record["ceilings"]:
+        return []
+    return [
+        "## Beside the ceiling",
+        "As many Gaussians, fitted for as many steps to one member alone, on the same test views of that member: an unseen one, "
+        "or a training member where the data set has no unseen one with views to learn from.",
+        table_of(
+            record["ceilings"],
+            ("appearance", lambda entry: entry["appearance"]),
+            ("member", lambda entry: f"{entry['member']} ({'unseen' if entry['split'] == 'test' else 'seen'})"),
+            ("fitted alone (dB)", lambda entry: number(entry["psnr"])),
+            ("surrogate (dB)", lambda entry: number(entry["surrogate"]["psnr"])),
+            ("SSIM alone", lambda entry: number(entry["ssim"], 4)),
+            ("SSIM", lambda entry: number(entry["surrogate"]["ssim"], 4)),
+        ),
+    ]
+
+
+def _costs(record: Mapping[str, Any]) -> str:
+    seconds, settings = record["seconds"], record["settings"]
+    steps = [settings["canonical_steps"], settings["deformation_steps"]]
+    steps += [settings["visualization_steps"] for _ in record["variations"]]
+    return table(
+        ("", ""),
+        [
+            ("making the data set", f"{number(seconds['dataset'], 0)} s"),
+            ("training", f"{number(seconds['train'], 0)} s, {' + '.join(map(str, steps))} steps"),
+            ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
+            timing_row(record, "parameter_change", "a parameter change"),
+            timing_row(record, "view_change", "a view change"),
+        ],
+    )
+
+
+def _needs(record: Mapping[str, Any]) -> list[str]:
+    if not record["choices"]:
+        return []
+
+    def change(name: str, form: str) -> Any:
+        return lambda choice: (
+            form.format(choice["before"][name], choice["after"][name])
+            if choice["before"] and choice["after"]
+            else NOTHING
+        )
+
+    def gained(choice: Mapping[str, Any]) -> str:
+        before, after = choice["before"], choice["after"]
+        return f"{after['psnr'] - before['psnr']:+.3f}" if before and after else NOTHING
+
+    def tried(choice: Mapping[str, Any]) -> str:
+        return " · ".join(f"{option['name']}: {option['psnr']:.2f}" for option in choice["options"]) or NOTHING
+
+    return [
+        "## What this scene needed",
+        "Chosen on validation images; each choice after the first was allowed to cost "
+        f"{record['settings']['need_tolerance']:g} dB.  The columns at the right "
+        "say how the model changed with it: negative decibels were lost, megabytes are those of the tensors, milliseconds those "
+        "of deforming and drawing one picture.",
+        table_of(
+            record["choices"],
+            ("", lambda choice: choice["name"]),
+            ("kept", lambda choice: choice["kept"]),
+            ("tried (validation PSNR, dB)", tried),
+            ("dB", gained),
+            ("MB", change("megabytes", "{:.2f} → {:.2f}")),
+            ("ms", change("milliseconds", "{:.2f} → {:.2f}")),
+        ),
+    ]

@@ -1,0 +1,127 @@
+"""The contents of `report.json`; null where the data set has no such images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from catalogs.variations import Setting
+from surrogate.evaluation import evaluate, metrics, perceptual, scoring
+from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS
+from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
+from surrogate.evaluation.scoring import METRICS, mean
+from surrogate.evaluation.tables import cell_means, cell_tables, lead, means, timings
+from surrogate.evaluation.trivial.settings import Trained
+from surrogate.model import Surrogate
+from surrogate.provenance import commit, machine
+from surrogate.studies.repeats.records import Scores
+from surrogate.studies.repeats.spread import summarize_repeats
+
+
+def fingerprint(
+    surrogate: Surrogate,
+    unavailable: Iterable[str],
+    ceilings: Sequence[Mapping[str, Any]] = (),
+    repeats: Sequence[Scores] = (),
+) -> str:
+    """Changes with the model, its catalog, the evaluation's version, the metrics that can't be had, and what stands beside."""
+    training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in ceilings]
+    seeds = [f"{scores.seed}={scores.fingerprint}" for scores in repeats if len(repeats) > 1]
+    marks = [str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable), *limits, *seeds]
+    return ":".join(marks)
+
+
+def summarize(
+    scene: str,
+    surrogate: Surrogate,
+    evaluation: Evaluation,
+    *,
+    dataset_seconds: float | None,
+    ceilings: Sequence[Mapping[str, Any]] = (),
+    repeats: Sequence[Scores] = (),
+) -> dict[str, Any]:
+    """An evaluation with what made it, and the ceilings and seeds beside it."""
+    judged = [s for row in evaluation.cells.values() for s in row["unseen_parameters"]]
+    return {
+        "scene": scene,
+        "commit": commit(),
+        "machine": machine(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "fingerprint": fingerprint(surrogate, evaluation.unavailable, ceilings, repeats),
+        "seed": surrogate.training["settings"]["seed"],
+        "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
+        "model_megabytes": surrogate.megabytes,
+        "gaussians": len(surrogate.gaussians),
+        **timings(evaluation.milliseconds),
+        **cell_tables(evaluation.cells),
+        "unavailable": dict(evaluation.unavailable),
+        "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
+        "validation": {**means(evaluation.validation), "images": len(evaluation.validation)},
+        "trivial_predictors": [_member_baseline(baseline) for baseline in evaluation.baselines],
+        "ceilings": [dict(entry) for entry in ceilings],
+        "repeats": summarize_repeats(repeats),
+        "variations": [_variation(v) for v in evaluation.variations],
+        "choices": surrogate.training.get("choices", []),
+        "settings": surrogate.training["settings"],
+        "curve": surrogate.training["curve"],
+        "definitions": metrics.DEFINITIONS
+        | scoring.DEFINITIONS
+        | perceptual.DEFINITIONS
+        | (evaluate.DEFINITIONS if evaluation.variations else {}),
+    }
+
+
+def _member_baseline(baseline: Baseline) -> dict[str, Any]:
+    return {
+        "name": baseline.name,
+        "borrowed_view_degrees": baseline.degrees,
+        **{m: {v: {"unseen_parameters": mean(baseline.scores[v], m)} for v in VIEWS} for m in METRICS},
+        "validation": means(baseline.scores[VALIDATION]),
+    }
+
+
+def _variation(evaluation: VariedEvaluation) -> dict[str, Any]:
+    variation, psnr = evaluation.variation, cell_means(evaluation.cells, "psnr")
+    return {
+        "kind": variation.kind,
+        "base": variation.base,
+        "parameters": variation.space.to_json(),
+        "deformation": evaluation.deformation,
+        **cell_tables(evaluation.cells),
+        "covered": cell_means(evaluation.cells, "covered"),
+        "behind": {c: lead(psnr["seen_settings"][c], psnr["unseen_settings"][c]) for c in PARAMETERS},
+        "validation": {**means(evaluation.validation, (*METRICS, "covered")), "images": len(evaluation.validation)},
+        "settings_trained": len(Trained.of(variation)),
+        "trivial_predictors": [_setting_baseline(baseline, evaluation) for baseline in evaluation.baselines],
+        "settings": [_setting(setting, evaluation) for setting in variation.settings],
+        **timings(evaluation.milliseconds),
+    }
+
+
+def _setting_baseline(baseline: Baseline, evaluation: VariedEvaluation) -> dict[str, Any]:
+    own = {s.target: s for s in evaluation.scored}
+    scores = {column: baseline.scores.get(column, ()) for column in (*PARAMETERS, VALIDATION)}
+    same = {column: [own[s.target] for s in scored] for column, scored in scores.items()}
+    return {
+        "name": baseline.name,
+        "settings_shown": {column: list(span) for column, span in baseline.shown.items()},
+        "images": {column: len(scored) for column, scored in scores.items()},
+        "lead": {c: lead(mean(same[c], "psnr"), mean(scored, "psnr")) for c, scored in scores.items()},
+        **{m: {column: mean(scored, m) for column, scored in scores.items()} for m in METRICS},
+    }
+
+
+def _setting(setting: Setting, evaluation: VariedEvaluation) -> dict[str, Any]:
+    shown = [s for s in evaluation.scored if s.target.appearance == setting.appearance]
+    by_column = {c: [s for s in shown if s.target.member.split in splits] for c, splits in PARAMETERS.items()}
+    return {
+        "name": setting.appearance,
+        "split": setting.split,
+        "values": list(setting.values),
+        "psnr": {column: mean(scored, "psnr") for column, scored in by_column.items()},
+        "worst": {c: min((s.score.psnr for s in scored), default=None) for c, scored in by_column.items()},
+        "covered": mean(shown, "covered"),
+        "images": {column: len(scored) for column, scored in by_column.items()},
+    }
