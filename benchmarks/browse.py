@@ -7,7 +7,6 @@ the grid the next frame is.  Medians, with the fastest and the slowest.  Browser
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 import threading
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.page import command_line
 from benchmarks.timing import Measured
 from catalogs.appearance import ImportedImages
 from catalogs.browse import CatalogServer, page_of
@@ -186,7 +186,7 @@ def main() -> None:
 
     from tests.support.browsers import FLAGS, find_browser
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line("browse", __doc__)
     parser.add_argument(
         "--folder", type=Path, help="where the catalogs are made and stay (default: a temporary folder)"
     )

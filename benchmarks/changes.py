@@ -8,7 +8,6 @@ degree 0 at the base and of degree 1 on isosurfaces.  Every call goes to a place
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from benchmarks.page import commit, table
+from benchmarks.page import command_line, made_by, table
 from benchmarks.splatting.setup import limited_to
 from benchmarks.timing import measured
 from catalogs.appearance import TransferFunction, VolumeRendering
@@ -27,7 +26,6 @@ from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 
@@ -97,7 +95,7 @@ def changes(surrogate: Surrogate) -> dict[str, Callable[[], object]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line("changes", __doc__)
     parser.add_argument("--gaussians", type=int, default=20_000)
     parser.add_argument("--seconds", type=float, default=5.0, help="for each kind of change")
     options = parser.parse_args(arguments)
@@ -106,8 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         calls = changes(made_up(options.gaussians))
         rows = [[what, str(measured(call, options.seconds, most=MOST))] for what, call in calls.items()]
     sys.stdout.write(table([f"parameters of {options.gaussians:,} Gaussians", "ms"], rows))
-    code = commit("native", "surrogate", "catalogs", "benchmarks")
-    sys.stdout.write(f"\nCommit {code}, {machine()['processor']}, one core. Times: median (fastest to slowest).\n")
+    sys.stdout.write(f"\n{made_by('changes')}, one core. Times: median (fastest to slowest).\n")
 
 
 if __name__ == "__main__":

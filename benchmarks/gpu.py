@@ -8,27 +8,23 @@ GPU is, and writes to runs/bench/.
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import torch
 
-from benchmarks.page import DOCS, PROJECT, commit, fill, table
+from benchmarks.page import DOCS, PROJECT, command_line, fill, made_by, page_in, stopwatch, table
 from benchmarks.splatting.drawing import ERROR_HEADER, measure
-from benchmarks.splatting.twin import ask, patches
+from benchmarks.splatting.twin import ask
 from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from benchmarks.timing import Measured, digits, measured
-from catalogs import durable
 from surrogate.deformation.bilinear import BilinearDeformation
 from surrogate.gaussians import Gaussians
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import Constants, Primitives
+from surrogate.splatting import Primitives
 from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, TrainingData
@@ -42,7 +38,7 @@ SETTINGS = TrainingSettings(relocation_interval=0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.gpu", description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser = command_line("gpu", __doc__)
     parser.add_argument("--device", default="cuda", choices=["cuda", "cpu"])
     parser.add_argument("--quick", action="store_true", help="small scenes, for a moment")
     parser.add_argument("--output", type=Path, help="folder of the page; default docs, or runs/bench without a GPU")
@@ -52,11 +48,7 @@ def main() -> None:
     except RuntimeError as error:
         sys.exit(str(error))
     official = device.type == "cuda" and not arguments.quick
-    output = arguments.output or (DOCS if official else PROJECT / "runs" / "bench")
-    output.mkdir(parents=True, exist_ok=True)
-    if output != DOCS:
-        durable.replace(output / PAGE, (DOCS / PAGE).read_bytes())
-    say = partial(_say, time.perf_counter())
+    page, say = page_in(arguments.output or (DOCS if official else PROJECT / "runs" / "bench"), PAGE), stopwatch()
     seconds = 0.2 if arguments.quick else 2.0
     with one_torch_thread():
         for part, body in (
@@ -64,8 +56,8 @@ def main() -> None:
             ("draw", drawing(device, arguments.quick, seconds, say)),
             ("train", training(device, arguments.quick, seconds, say)),
         ):
-            fill(output / PAGE, part, f"{body.rstrip()}\n\n<sub>{provenance(device)}</sub>")
-    say(str(output / PAGE))
+            fill(page, part, f"{body.rstrip()}\n\n<sub>{provenance(device)}</sub>")
+    say(str(page))
 
 
 def explore(device: torch.device, quick: bool, seconds: float, say: Callable[[str], None]) -> str:
@@ -99,12 +91,11 @@ def drawing(device: torch.device, quick: bool, seconds: float, say: Callable[[st
     for workload in [FIXED, *OTHERS, LARGE][: 2 if quick else None]:
         workload = _sized(workload, quick)
         say(workload.title)
-        scene, camera, constants = workload.scene(), workload.camera(), Constants()
-        twin = ask(scene, camera, constants, patches(camera.width, camera.height, 8 if quick else 48))
-        moved = Primitives(*(tensor.to(device) for tensor in scene))
-        drawn = measure(moved, camera, constants, twin, seconds)
-        times = [str(taken) for taken in (drawn.forward, drawn.backward, drawn.both)]
-        rows.append([workload.title, *times, *drawn.error_cells()])
+        view = workload.view()
+        twin = ask(view, 8 if quick else 48)
+        moved = view._replace(scene=Primitives(*(tensor.to(device) for tensor in view.scene)))
+        drawn = measure(moved, twin, seconds)
+        rows.append([workload.title, *drawn.times(), *drawn.error_cells()])
     return table(["scene", "forward, ms", "backward, ms", "both, ms", *ERROR_HEADER], rows)
 
 
@@ -129,8 +120,7 @@ def training(device: torch.device, quick: bool, seconds: float, say: Callable[[s
 def provenance(device: torch.device) -> str:
     """The line under every table."""
     name = torch.cuda.get_device_name() if device.type == "cuda" else machine()["processor"]
-    code = commit("native", "surrogate", "catalogs", "benchmarks")
-    return f"`python -m benchmarks.gpu`, commit {code}, {name}, torch {torch.__version__}. Times: median (fastest to slowest)."
+    return f"{made_by('gpu', on=name)}, torch {torch.__version__}. Times: median (fastest to slowest)."
 
 
 def _sized(workload: Workload, quick: bool) -> Workload:
@@ -139,8 +129,7 @@ def _sized(workload: Workload, quick: bool) -> Workload:
 
 def _model(workload: Workload, device: torch.device) -> tuple[Gaussians, BilinearDeformation]:
     """The workload's Gaussians, and a deformation that moves all of them a little."""
-    scene = workload.scene()
-    gaussians = Gaussians(scene.means, scene.scales.log(), scene.quats, scene.opacities.logit(), scene.colors)
+    gaussians = workload.gaussians()
     deformation = BilinearDeformation.create(gaussians, 1, SETTINGS)
     torch.nn.init.normal_(deformation.weights_out, std=1e-3, generator=torch.Generator().manual_seed(0))
     return gaussians.to(device), deformation.to(device)
@@ -149,10 +138,6 @@ def _model(workload: Workload, device: torch.device) -> tuple[Gaussians, Bilinea
 def _at(deformation: BilinearDeformation, gaussians: Gaussians, parameters: torch.Tensor) -> Gaussians:
     with torch.no_grad():
         return deformation.deformed(gaussians, parameters)
-
-
-def _say(started: float, text: str) -> None:
-    print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,46 @@
-"""Tables of what was measured, written between the markers of a page in docs/, with what made them."""
+"""What every benchmark shares: its command line, and tables between the markers of a page in docs/, with what made them."""
 
 from __future__ import annotations
 
+import argparse
 import subprocess
+import sys
+import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from catalogs import durable
+from surrogate.provenance import machine
 
 PROJECT = Path(__file__).resolve().parent.parent
 DOCS = PROJECT / "docs"
+CODE = ("native", "surrogate", "catalogs", "benchmarks")  # folders that decide what is measured of a surrogate
+
+
+def command_line(name: str, about: str | None) -> argparse.ArgumentParser:
+    """The options of `python -m benchmarks.NAME`, whose help is `about`."""
+    form = argparse.RawDescriptionHelpFormatter
+    return argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=about, formatter_class=form)
+
+
+def stopwatch() -> Callable[[str], None]:
+    """Says on stderr what is being done, with the seconds since now."""
+    started = time.perf_counter()
+    return lambda text: print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
+
+
+def made_by(command: str, *folders: str, on: str = "", environment: str = "") -> str:
+    """The line under a table: the command after `python -m benchmarks.`, the commit of `folders` and the machine."""
+    return f"`{environment}python -m benchmarks.{command}`, commit {commit(*(folders or CODE))}, {on or machine()['processor']}"
+
+
+def page_in(output: Path, name: str) -> Path:
+    """The page `name` of docs/ in the folder `output`, which begins with what docs/ has."""
+    output.mkdir(parents=True, exist_ok=True)
+    if output != DOCS:
+        durable.replace(output / name, (DOCS / name).read_bytes())
+    return output / name
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -58,10 +88,8 @@ def _git(*arguments: str) -> str:
         return ""
 
 
-def write_parts(
-    page: Path, parts: Mapping[str, Callable[[], str]], made_by: str, say: Callable[[str], None]
-) -> list[str]:
-    """Measure each part and write it to `page`, with `made_by` beneath, before the next begins.
+def write_parts(page: Path, parts: Mapping[str, Callable[[], str]], made: str, say: Callable[[str], None]) -> list[str]:
+    """Measure each part and write it to `page`, with what `made` it beneath, before the next begins.
 
     Returns the names of the parts that failed; their tracebacks are shown, and what the page says of them stays.
     """
@@ -69,7 +97,7 @@ def write_parts(
     for name, measure in parts.items():
         say(f"== {name}")
         try:
-            fill(page, name, f"{measure().rstrip()}\n\n<sub>{made_by}</sub>")
+            fill(page, name, f"{measure().rstrip()}\n\n<sub>{made}</sub>")
         except Exception:
             traceback.print_exc()
             failed.append(name)

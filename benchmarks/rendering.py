@@ -8,7 +8,6 @@ reference, then half a minute of two.
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import os
 import sys
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import DOCS, PROJECT, commit, table, titled, write_parts
+from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from catalogs.scene import Scene
@@ -275,15 +274,15 @@ def figure(found: dict[str, Found]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.rendering", description=__doc__.splitlines()[0])
+    parser = command_line("rendering", __doc__)
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
     machine = parser.parse_args().machine
     os.environ.setdefault("LP_NUM_THREADS", "0")  # one thread per process, before the driver starts
-    code = commit("render", "catalogs", "insitu", "benchmarks/rendering.py")
-    made_by = f"`LP_NUM_THREADS=0 python -m benchmarks.rendering`, commit {code}, {machine} ({open_window().backend})"
+    on, folders = f"{machine} ({open_window().backend})", ("render", "catalogs", "insitu", "benchmarks/rendering.py")
+    made = made_by("rendering", *folders, on=on, environment="LP_NUM_THREADS=0 ")
     found: dict[str, Found] = {}
     parts = {name: partial(part, found) for name, part in PARTS.items()}
-    failed = write_parts(PAGE, parts, made_by, lambda text: print(text, flush=True))
+    failed = write_parts(PAGE, parts, made, stopwatch())
     if set(found) == set(appearances()):
         figure(found)
     sys.exit(bool(failed))

@@ -7,7 +7,6 @@ Accuracy does not depend on the machine; times do.  About five minutes of one co
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time as clock
@@ -19,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import DOCS, PROJECT, commit, table, titled, write_parts
+from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import State
 from insitu.simulations.taylor_green import TaylorGreen
@@ -303,16 +302,16 @@ def load_reference() -> NDArray[np.float64]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.taylor_green", description=__doc__.splitlines()[0])
+    parser = command_line("taylor_green", __doc__)
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
     parser.add_argument("--finest", action="store_true", help="also compare with a run on 384³ (six minutes more)")
     arguments = parser.parse_args()
-    code = commit("insitu/simulations", "benchmarks/taylor_green.py")
-    command = "OMP_NUM_THREADS=1 python -m benchmarks.taylor_green" + " --finest" * arguments.finest
     reference = load_reference()
     parts = {name: partial(part, *section) for name, section in sections(reference, arguments.finest).items()}
-    made_by = f"`{command}`, commit {code}, {arguments.machine}"
-    failed = write_parts(PAGE, parts, made_by, lambda text: print(text, flush=True))
+    command = "taylor_green" + " --finest" * arguments.finest
+    folders = "insitu/simulations", "benchmarks/taylor_green.py"
+    made = made_by(command, *folders, on=arguments.machine, environment="OMP_NUM_THREADS=1 ")
+    failed = write_parts(PAGE, parts, made, stopwatch())
     figure(reference, RESOLUTIONS)
     sys.exit(bool(failed))
 

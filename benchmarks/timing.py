@@ -27,15 +27,8 @@ class Measured(NamedTuple):
 def digits(value: float) -> str:
     """`value` with three digits, and never an exponent."""
     size = abs(value)
-    return (
-        f"{value:,.0f}"
-        if size >= 100
-        else f"{value:.1f}"
-        if size >= 10
-        else f"{value:.2f}"
-        if size >= 1
-        else f"{value:.3f}"
-    )
+    decimals = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3
+    return f"{value:,.{decimals}f}"
 
 
 def timed(call: Callable[[], object]) -> float:

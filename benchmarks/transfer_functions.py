@@ -8,14 +8,13 @@ pictures, renders it under functions that were never trained, and writes docs/tr
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import DOCS, PROJECT, commit, table, write_parts
+from benchmarks.page import DOCS, PROJECT, command_line, made_by, table, write_parts
 from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
@@ -25,7 +24,6 @@ from render import render_views
 from render.datasets import as_grid
 from surrogate import Surrogate
 from surrogate.evaluation.metrics import Score, composite, score
-from surrogate.provenance import machine
 
 RUN = PROJECT / "runs" / "tgv-tf"
 OTHER_COLORS = (  # dark blue to green to yellow
@@ -93,16 +91,15 @@ def _mean(scores: Sequence[Score]) -> float:
 
 def main() -> None:
     """Write the page and its picture."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = command_line("transfer_functions", __doc__)
     options.add_argument("--quick", action="store_true", help="few views: does it run?")
     options.add_argument("--output", type=Path, default=DOCS, help="folder that holds transfer_functions.md")
     given = options.parse_args()
     body, sheet = measured(16 if given.quick else 2)
-    code = commit("surrogate", "native", "scenes", "benchmarks")
-    made_by = f"`python -m benchmarks.transfer_functions`, commit {code}, {machine()['processor']}, seed 0."
+    made = f"{made_by('transfer_functions', 'surrogate', 'native', 'scenes', 'benchmarks')}, seed 0."
     opaque = np.concatenate([sheet, np.ones_like(sheet[..., :1])], axis=2)  # [2 H, K W, 4]
     write_image(given.output / "transfer_functions.png", (255.0 * opaque).round().astype(np.uint8))
-    failed = write_parts(given.output / "transfer_functions.md", {"any": lambda: body}, made_by, print)
+    failed = write_parts(given.output / "transfer_functions.md", {"any": lambda: body}, made, print)
     raise SystemExit(bool(failed))
 
 

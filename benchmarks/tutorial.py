@@ -7,7 +7,6 @@ About a minute on two cores.  What the notebook writes goes into a temporary fol
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-from benchmarks.page import DOCS, PROJECT
+from benchmarks.page import DOCS, PROJECT, command_line
 
 NOTEBOOK = DOCS / "tutorial.ipynb"
 LIVE = "live"  # the tag of cells whose output is worth nothing without their kernel
@@ -53,11 +52,7 @@ def kept(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
 
 def main() -> None:
     """Write docs/tutorial.ipynb anew."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.tutorial",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = command_line("tutorial", __doc__)
     parser.add_argument("--output", type=Path, default=NOTEBOOK, help="file that the executed notebook is written to")
     output = parser.parse_args().output
     notebook = nbformat.read(NOTEBOOK, as_version=4)

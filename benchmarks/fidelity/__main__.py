@@ -8,29 +8,24 @@ interrupted.  The page docs/volume_fidelity.md is written at the end, or at once
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
-import time
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks.fidelity import ensembles, page
-from benchmarks.fidelity.fitting import Subject, catalog_of, fit, is_fitted, settings_of
+from benchmarks.fidelity.fitting import Subject, catalog_of, fit, is_fitted, provenance, settings_of
 from benchmarks.fidelity.study import study
 from benchmarks.fidelity.variants import VARIANTS, Variant
-from benchmarks.page import DOCS, PROJECT, commit
-from catalogs import durable
-from surrogate.provenance import machine
+from benchmarks.page import DOCS, PROJECT, command_line, stopwatch
 from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.records import write_json
 
 SCENES = ("tgv-dvr", "cloverleaf")
 QUICK = 0.02  # of the steps
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.fidelity", description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser = command_line("fidelity", __doc__)
     parser.add_argument("--quick", action="store_true", help="a fiftieth of the steps, written beside the real results")
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), metavar="SCENE")
     parser.add_argument("--no-ensembles", dest="ensembles", action="store_false", help="fit single members only")
@@ -38,7 +33,7 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=PROJECT / "runs", help="folder of the scenes' results")
     arguments = parser.parse_args()
     folder = arguments.runs / ("fidelity-quick" if arguments.quick else "fidelity")
-    say = partial(_say, time.perf_counter())
+    say = stopwatch()
     if not arguments.page_only:
         with one_torch_thread():
             for scene in arguments.scenes:
@@ -55,7 +50,7 @@ def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> Non
     if catalog is None:
         say(f"{scene}: not there; make it with `make dataset SCENE={scene}`")
         return
-    subject, made = Subject.of(scene, catalog), _made()
+    subject, made = Subject.of(scene, catalog), provenance()
     for variant in VARIANTS:
         path = folder / scene / f"{variant.key}.json"
         if is_fitted(path, settings_of(variant, scale)):
@@ -64,8 +59,7 @@ def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> Non
         record = outcome.record | {"group": variant.group, "name": variant.name, **made}
         if variant == VARIANTS[0]:
             record |= {"rules": study(subject, outcome.gaussians, settings_of(variant, scale))}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        durable.replace(path, json.dumps(record, indent=1).encode())
+        write_json(path, record)
 
 
 def stored(folder: Path) -> dict[Variant, dict[str, Any]]:
@@ -76,14 +70,6 @@ def stored(folder: Path) -> dict[Variant, dict[str, Any]]:
         if path.exists():
             found[variant] = json.loads(path.read_text())
     return found
-
-
-def _made() -> dict[str, Any]:
-    return {"machine": machine(), "commit": commit("native", "surrogate", "catalogs", "benchmarks/fidelity")}
-
-
-def _say(started: float, text: str) -> None:
-    print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -8,12 +8,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.fidelity.fitting import catalog_of, is_fitted
-from benchmarks.page import PROJECT, commit, table
-from catalogs import durable
+from benchmarks.fidelity.fitting import catalog_of, is_fitted, provenance
+from benchmarks.page import PROJECT, table
 from catalogs.scene import Scene
-from surrogate.provenance import machine
 from surrogate.settings import TrainingSettings
+from surrogate.storage.records import write_json
 from surrogate.training.run import train
 
 SCENES = ("tgv-dvr", "cloverleaf", "nyx")
@@ -43,10 +42,8 @@ def measure(runs: Path, folder: Path, scale: float, say: Callable[[str], None]) 
                 surrogate = train(settings, catalog, Path(place) / "surrogate")
             psnr = surrogate.training["curve"][-1]["psnr"]
             say(f"ensemble {scene}, {name}: {psnr:.2f} dB")
-            made = {"machine": machine(), "commit": commit("native", "surrogate", "catalogs", "benchmarks/fidelity")}
-            path.parent.mkdir(parents=True, exist_ok=True)
-            record = {"scene": scene, "change": name, "settings": settings.to_json(), "psnr": psnr, **made}
-            durable.replace(path, json.dumps(record, indent=1).encode())
+            record = {"scene": scene, "change": name, "settings": settings.to_json(), "psnr": psnr}
+            write_json(path, record | provenance())
 
 
 def stored(folder: Path) -> list[dict[str, Any]]:

@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from benchmarks.fidelity.activations import ACTIVATIONS, with_activation
 from benchmarks.fidelity.variants import GAUSSIANS, STEPS, Variant
+from benchmarks.page import commit
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.points import Points
 from surrogate.initialization.start import initial_gaussians, initial_points
+from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, ImageRow, TrainingData, foreground_color, load_examples
@@ -153,6 +155,11 @@ def _half(camera: Camera) -> Camera:
         camera.width // 2,
         camera.height // 2,
     )
+
+
+def provenance() -> dict[str, Any]:
+    """What made a result: the machine and the commit."""
+    return {"machine": machine(), "commit": commit("native", "surrogate", "catalogs", "benchmarks/fidelity")}
 
 
 def catalog_of(runs: Path, scene: str) -> Catalog | None:

@@ -10,10 +10,9 @@ import numpy as np
 
 from benchmarks.fidelity.ensembles import ensembles_table
 from benchmarks.fidelity.variants import BASE, Variant
-from benchmarks.page import DOCS, fill, table
+from benchmarks.page import fill, page_in, table
 from benchmarks.splatting.figures import COLORS, MARKERS, panels
 from benchmarks.splatting.workloads import thousands
-from catalogs import durable
 
 PAGE, FIGURE = "volume_fidelity.md", "volume_fidelity.png"
 NONE = 1e-3  # where a dilation of zero stands on a logarithmic axis
@@ -31,9 +30,7 @@ def write(output: Path, results: Results, ensembles: list[dict[str, Any]], say: 
     if not results:
         say("there are no results yet")
         return
-    page = output / PAGE
-    if output != DOCS:
-        durable.replace(page, (DOCS / PAGE).read_bytes())
+    page = page_in(output, PAGE)
     first = next(iter(next(iter(results.values())).values()))
     made = (
         f"\n<sub>`python -m benchmarks.fidelity`, commit {first['commit']}, {first['machine']['processor']}, "

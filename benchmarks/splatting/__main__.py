@@ -8,16 +8,14 @@ one that fails leaves the others alone.  `--quick` tries everything in about a m
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 import torch
 
-from benchmarks.page import DOCS, PROJECT, commit, write_parts
+from benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, write_parts
 from benchmarks.simd.compare import compare
 from benchmarks.splatting.budgets import budgets
 from benchmarks.splatting.constants import constants
@@ -29,7 +27,6 @@ from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.step import step
 from benchmarks.splatting.trained import Trained
 from benchmarks.splatting.training_time import training_time
-from catalogs import durable
 from surrogate.provenance import machine
 from surrogate.splatting.threads import one_torch_thread
 
@@ -54,7 +51,7 @@ PARTS: Mapping[str, Part] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.splatting", description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser = command_line("splatting", __doc__)
     parser.add_argument("--quick", action="store_true", help="a few points for a moment, written to runs/bench/")
     parser.add_argument(
         "--only", nargs="+", choices=list(PARTS), default=list(PARTS), metavar="PART", help=", ".join(PARTS)
@@ -63,33 +60,21 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=PROJECT / "runs", help="folder of the scenes' results")
     arguments = parser.parse_args()
     output = arguments.output or (arguments.runs / QUICK if arguments.quick else DOCS)
-    started = time.perf_counter()
-    setup = Setup(arguments.quick, output, arguments.runs, lambda text: say(text, started))
-    page = output / PAGE
-    if setup.quick or not page.exists():
-        output.mkdir(parents=True, exist_ok=True)
-        durable.replace(page, (DOCS / PAGE).read_bytes())
+    setup = Setup(arguments.quick, output, arguments.runs, stopwatch())
+    page = output / PAGE if output.joinpath(PAGE).exists() and not setup.quick else page_in(output, PAGE)
     trained = Trained(setup)
     parts = {name: partial(PARTS[name], setup, trained) for name in arguments.only}
     with one_torch_thread():
         failed = write_parts(page, parts, provenance(setup.quick), setup.say)
-    say(f"{page}" + (f"; failed: {', '.join(failed)}" if failed else ""), started)
+    setup.say(f"{page}" + (f"; failed: {', '.join(failed)}" if failed else ""))
     sys.exit(bool(failed))
 
 
 def provenance(quick: bool) -> str:
     """The line under every table."""
     about = machine()
-    command = "python -m benchmarks.splatting" + (" --quick" if quick else "")
-    code = commit("native", "surrogate", "catalogs", "benchmarks")
-    return (
-        f"`{command}`, commit {code}, {about['processor']}, {about['cores']} cores, {about['system']}, torch "
-        f"{torch.__version__}. Times: median (fastest to slowest), wall clock."
-    )
-
-
-def say(text: str, started: float) -> None:
-    print(f"[{time.perf_counter() - started:5.0f} s] {text}", file=sys.stderr, flush=True)
+    on = f"{about['processor']}, {about['cores']} cores, {about['system']}, torch {torch.__version__}"
+    return f"{made_by('splatting' + ' --quick' * quick, on=on)}. Times: median (fastest to slowest), wall clock."
 
 
 if __name__ == "__main__":

@@ -11,8 +11,7 @@ from torch import Tensor
 from benchmarks.page import table
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained
-from benchmarks.splatting.workloads import FIXED, OTHERS
-from catalogs.cameras import Camera
+from benchmarks.splatting.workloads import FIXED, OTHERS, View
 from surrogate.evaluation.metrics import decibels
 from surrogate.splatting import Constants, Primitives, reference
 
@@ -23,17 +22,12 @@ OURS = "ours"
 
 def constants(setup: Setup, trained: Trained) -> str:
     """PSNR against the picture by our rules, and the largest difference, in float64, by scene and rule."""
-    view = trained.view()
     opaque = next(workload for workload in OTHERS if workload.shells)
-    cases: dict[str, tuple[Primitives, Camera, Constants]] = {
-        FIXED.title: (FIXED.scene(), FIXED.camera(), Constants()),
-        opaque.title: (opaque.scene(), opaque.camera(), Constants()),
-        f"model of {trained.name}": (view.scene, view.camera, view.constants),
-    }
+    cases = {FIXED.title: FIXED.view(), opaque.title: opaque.view(), f"model of {trained.name}": trained.view()}
     rows = []
-    for name, (scene, camera, own) in cases.items():
+    for name, view in cases.items():
         setup.say(f"{name}: other constants")
-        pictures = drawn_by_rule(scene, camera, own, PIXELS // (8 if setup.quick else 1))
+        pictures = drawn_by_rule(view, PIXELS // (8 if setup.quick else 1))
         ours = pictures.pop(OURS)
         for rule, picture in pictures.items():
             difference = (picture - ours).numpy()
@@ -44,9 +38,10 @@ def constants(setup: Setup, trained: Trained) -> str:
     return table(["scene", "what is changed", "PSNR against ours, dB (at most 60)", "largest difference"], rows)
 
 
-def drawn_by_rule(scene: Primitives, camera: Camera, own: Constants, count: int) -> dict[str, Tensor]:
+def drawn_by_rule(view: View, count: int) -> dict[str, Tensor]:
     """Premultiplied RGBA (P, 4) of some pixels, by rule."""
-    pixels = reference.pixel_centers(camera).double()
+    own = view.constants
+    pixels = reference.pixel_centers(view.camera).double()
     chosen = pixels[
         torch.from_numpy(np.random.default_rng(0).choice(len(pixels), min(count, len(pixels)), replace=False))
     ]
@@ -58,11 +53,11 @@ def drawn_by_rule(scene: Primitives, camera: Camera, own: Constants, count: int)
         "alpha cap 0.99 instead of 0.999": (replace(own, alpha_cap=0.99), False),
         "what would leave less than 1e-4 of the light is not drawn (gsplat)": (own, True),
     }
-    return {rule: _drawn(scene, camera, chosen, *how) for rule, how in rules.items()}
+    return {rule: _drawn(view, chosen, *how) for rule, how in rules.items()}
 
 
-def _drawn(scene: Primitives, camera: Camera, pixels: Tensor, rule: Constants, stops_before: bool) -> Tensor:
-    splats = reference.project(Primitives(*(tensor.double() for tensor in scene)), camera, rule)
+def _drawn(view: View, pixels: Tensor, rule: Constants, stops_before: bool) -> Tensor:
+    splats = reference.project(Primitives(*(tensor.double() for tensor in view.scene)), view.camera, rule)
     found = []
     for some in pixels.split(AT_ONCE):
         alphas = reference.alphas_at(some, splats, rule)  # [P, M]

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from benchmarks.page import table
-from benchmarks.splatting.drawing import ERROR_HEADER, Drawn, measure
-from benchmarks.splatting.engine import TIMES, times
+from benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
 from benchmarks.splatting.figures import COLORS, MARKERS, panels
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained
-from benchmarks.splatting.twin import ask, patches
-from benchmarks.splatting.workloads import FIXED
+from benchmarks.splatting.twin import ask
+from benchmarks.splatting.workloads import FIXED, View
 from benchmarks.timing import digits
-from catalogs.cameras import Camera
-from surrogate.splatting import Constants, Primitives
 
 FLOORS = {"1/64": 1 / 64, "1/128": 1 / 128, "1/255": 1 / 255, "1/1024": 1 / 1024, "1e-4": 1e-4}
 ALL = 1e-9  # a floor so low that nothing is left out: 20,000 such contributions are 2e-5 together
@@ -23,12 +20,8 @@ FIGURE = "splatting_cutoffs.png"
 
 def cutoffs(setup: Setup, trained: Trained) -> str:
     """Alpha floors on the fixed scene and on a trained model, against a twin that leaves nothing out."""
-    view = trained.view()
-    cases: dict[str, tuple[Primitives, Camera, Constants]] = {
-        FIXED.title: (FIXED.scene(), FIXED.camera(), Constants()),
-        f"model of {trained.name}": (view.scene, view.camera, view.constants),
-    }
-    found = {name: _measured(name, *case, setup) for name, case in cases.items()}
+    cases = {FIXED.title: FIXED.view(), f"model of {trained.name}": trained.view()}
+    found = {name: _measured(name, view, setup) for name, view in cases.items()}
     with panels(setup.output / FIGURE, height=3.6) as axes:
         for (name, by_floor), color, marker in zip(found.items(), COLORS, MARKERS, strict=False):
             points = [(drawn.both.median, drawn.image.decibels, label) for label, (drawn, _) in by_floor.items()]
@@ -42,24 +35,25 @@ def cutoffs(setup: Setup, trained: Trained) -> str:
         axes.margins(y=0.1)
         axes.legend(loc="lower right")
     rows = [
-        [name, label, digits(pairs), *times(drawn), *drawn.error_cells()]
+        [name, label, digits(pairs), *drawn.times(), *drawn.error_cells()]
         for name, by_floor in found.items()
         for label, (drawn, pairs) in by_floor.items()
     ]
     return table(["scene", "alpha floor", "pairs, M", *TIMES, *ERROR_HEADER], rows)
 
 
-def _measured(
-    name: str, scene: Primitives, camera: Camera, constants: Constants, setup: Setup
-) -> dict[str, tuple[Drawn, float]]:
+def _measured(name: str, view: View, setup: Setup) -> dict[str, tuple[Drawn, float]]:
     """By floor: the drawing, and millions of pairs."""
-    wanted = patches(camera.width, camera.height, setup.patches)
-    everything = ask(scene, camera, replace(constants, alpha_floor=ALL), wanted)
+    everything = ask(_with_floor(view, ALL), setup.patches)
     found = {}
     for label, floor in FLOORS.items():
         setup.say(f"{name}: alpha floor {label}")
-        with_floor = replace(constants, alpha_floor=floor)
-        counted = ask(scene, camera, with_floor, wanted, gradients=False).counted
-        pairs = counted.interactions / counted.pixels * camera.width * camera.height / 1e6
-        found[label] = measure(scene, camera, with_floor, everything, setup.seconds, threads=1), pairs
+        seen = _with_floor(view, floor)
+        counted = ask(seen, setup.patches, gradients=False).counted
+        pairs = counted.interactions / counted.pixels * view.camera.width * view.camera.height / 1e6
+        found[label] = measure(seen, everything, setup.seconds, threads=1), pairs
     return found
+
+
+def _with_floor(view: View, floor: float) -> View:
+    return view._replace(constants=replace(view.constants, alpha_floor=floor))

@@ -8,39 +8,33 @@ import torch
 import native
 from benchmarks.page import table
 from benchmarks.splatting.counting import Peak, Work, backward_work, forward_work
-from benchmarks.splatting.drawing import ERROR_HEADER, Drawn, measure
+from benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
 from benchmarks.splatting.setup import Setup, said
-from benchmarks.splatting.twin import Counted, ask, patches
+from benchmarks.splatting.twin import Counted, ask
 from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from benchmarks.timing import digits, measured
-from surrogate.splatting import Constants, Primitives
+from surrogate.splatting import Primitives
 from surrogate.training.losses import image_loss, image_loss_reference
 
 SMALL = Workload("translucent", 64, 2_000, (2, 6), (0.02, 0.2))
-TIMES = ("forward, ms", "backward, ms", "sum, ms")
-
-
-def times(drawn: Drawn) -> list[str]:
-    return [str(drawn.forward), str(drawn.backward), str(drawn.both)]
-
 
 # ---- the fixed workload ----------------------------------------------------------------------------------------
 
 
 def fixed(setup: Setup) -> str:
     """256², 20k translucent Gaussians, by instruction set and threads, beside what the machine could do at most."""
-    scene, camera, constants = FIXED.scene(), FIXED.camera(), Constants()
+    view = FIXED.view()
     setup.say("the float64 twin, every pixel")
-    whole = ask(scene, camera, constants, patches(camera.width, camera.height), gradients=False).counted
-    twin = ask(scene, camera, constants, patches(camera.width, camera.height, setup.patches))
+    whole = ask(view, gradients=False).counted
+    twin = ask(view, setup.patches)
     rows, limits = [], []
     for name in setup.instruction_sets:
         for threads in setup.threads:
             setup.say(f"{FIXED.title}: {name}, {said(threads)}")
             peak = Peak.measure(name, threads, setup.seconds / 4)
-            drawn = measure(scene, camera, constants, twin, setup.seconds, threads=threads, instruction_set=name)
+            drawn = measure(view, twin, setup.seconds, threads=threads, instruction_set=name)
             ratio = f"{drawn.both.median / peak.loop_ms():.2f}"
-            rows.append([name, str(threads), *times(drawn), ratio, *drawn.error_cells()])
+            rows.append([name, str(threads), *drawn.times(), ratio, *drawn.error_cells()])
             limits.append([name, str(threads), *_peak_cells(peak), *_limit_cells(drawn, whole, peak)])
     header = ["instruction set", "threads", *TIMES, "sum / 10⁹ FMAs", *ERROR_HEADER]
     limit_header = ["instruction set", "threads", "peak, Gflop/s", "memory, GB/s"]
@@ -93,29 +87,29 @@ def others(setup: Setup) -> str:
 
 
 def _row(workload: Workload, setup: Setup) -> list[str]:
-    scene, camera, constants = workload.scene(), workload.camera(), Constants()
-    twin = ask(scene, camera, constants, patches(camera.width, camera.height, setup.patches))
-    drawn = measure(scene, camera, constants, twin, setup.seconds, threads=1)
+    view = workload.view()
+    twin = ask(view, setup.patches)
+    drawn = measure(view, twin, setup.seconds, threads=1)
     pairs = twin.counted.interactions / twin.counted.pixels * workload.size**2  # in the patches, spread over the frame
     counted = [digits(pairs / 1e6), f"{twin.counted.depth:.0f}"]
-    return [workload.title, *counted, *times(drawn), *drawn.error_cells()]
+    return [workload.title, *counted, *drawn.times(), *drawn.error_cells()]
 
 
 def backends(setup: Setup) -> str:
     """The kernels beside the plain-torch definition, on a scene that torch can manage."""
     workload = SMALL.with_count(500) if setup.quick else SMALL
-    scene, camera, constants = workload.scene(), workload.camera(), Constants()
-    twin = ask(scene, camera, constants, patches(camera.width, camera.height))
+    view = workload.view()
+    twin = ask(view)
     cases: list[tuple[str, Primitives, dict[str, object]]] = [
-        (f"cpu, {name}", scene, {"threads": 1, "instruction_set": name}) for name in setup.instruction_sets
+        (f"cpu, {name}", view.scene, {"threads": 1, "instruction_set": name}) for name in setup.instruction_sets
     ]
-    cases.append(("reference, float32", scene, {"backend": "reference"}))
-    cases.append(("reference, float64", Primitives(*(t.double() for t in scene)), {"backend": "reference"}))
+    cases.append(("reference, float32", view.scene, {"backend": "reference"}))
+    cases.append(("reference, float64", Primitives(*(t.double() for t in view.scene)), {"backend": "reference"}))
     rows = []
     for name, tensors, options in cases:
         setup.say(f"{workload.title}: {name}")
-        drawn = measure(tensors, camera, constants, twin, setup.seconds, **options)
-        rows.append([name, *times(drawn), *drawn.error_cells()])
+        drawn = measure(view._replace(scene=tensors), twin, setup.seconds, **options)
+        rows.append([name, *drawn.times(), *drawn.error_cells()])
     return f"{workload.title} Gaussians, one thread.\n\n" + table(["backend", *TIMES, *ERROR_HEADER], rows)
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.page import table
-from benchmarks.splatting.drawing import ERROR_HEADER, Drawn, measure
-from benchmarks.splatting.engine import TIMES, times
+from benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
 from benchmarks.splatting.figures import panels, plain_ticks, with_spread
 from benchmarks.splatting.setup import Setup, said
-from benchmarks.splatting.twin import Counted, ask, patches
+from benchmarks.splatting.twin import Counted, ask
 from benchmarks.splatting.workloads import FIXED, Workload, thousands
-from surrogate.splatting import Constants
 
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 SIZES = (128, 256, 512, 1024)
@@ -47,10 +45,10 @@ def _series(workloads: dict[int, Workload], setup: Setup) -> Series:
     found: Series = {}
     for number, workload in workloads.items():
         setup.say(workload.title)
-        scene, camera, constants = workload.scene(), workload.camera(), Constants()
-        twin = ask(scene, camera, constants, patches(camera.width, camera.height, setup.patches))
+        view = workload.view()
+        twin = ask(view, setup.patches)
         for threads in setup.threads:
-            drawn = measure(scene, camera, constants, twin, setup.seconds / 2, threads=threads)
+            drawn = measure(view, twin, setup.seconds / 2, threads=threads)
             found[number, threads] = drawn, twin.counted
     return found
 
@@ -59,7 +57,7 @@ def _table(what: str, series: Series) -> str:
     rows = []
     for (number, threads), (drawn, counted) in series.items():
         name = f"{number}²" if what == "size" else f"{number:,}"
-        rows.append([name, str(threads), f"{counted.depth:.0f}", *times(drawn), *drawn.error_cells()])
+        rows.append([name, str(threads), f"{counted.depth:.0f}", *drawn.times(), *drawn.error_cells()])
     return table([what, "threads", "per covered pixel", *TIMES, *ERROR_HEADER], rows)
 
 

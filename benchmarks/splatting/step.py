@@ -18,7 +18,6 @@ from benchmarks.splatting.workloads import FIXED, Workload
 from benchmarks.timing import Measured, digits, measured, measured_in_turn
 from surrogate.deformation.bilinear import BilinearDeformation
 from surrogate.evaluation.metrics import WHITE
-from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
@@ -44,8 +43,7 @@ class Training:
 
 def training(workload: Workload) -> Training:
     """Stage 2 of one parameter on the workload's Gaussians; the image is their own picture in 8 bits."""
-    scene, camera = workload.scene(), workload.camera()
-    gaussians = Gaussians(scene.means, scene.scales.log(), scene.quats, scene.opacities.logit(), scene.colors)
+    gaussians, camera = workload.gaussians(), workload.camera()
     rendering = Rasterizer.of(SETTINGS).draw(gaussians, camera)
     rgba = torch.cat([rendering.color.clamp(0, 1), rendering.alpha.unsqueeze(-1)], dim=2)  # [H, W, 4]
     pixels = torch.minimum(rgba, rgba[..., 3:]).mul(255).round().to(torch.uint8).numpy()

@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.page import PROJECT
 from benchmarks.splatting.setup import Setup
+from benchmarks.splatting.workloads import View
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.scene import Scene
@@ -24,7 +25,6 @@ from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
-from surrogate.splatting import Constants, Primitives
 from surrogate.studies.ablation.pace import Pace, measured, scheduled
 from surrogate.training.data import ImageRow, validation_rows
 from surrogate.training.progress import TrainingProgress
@@ -34,14 +34,6 @@ PREFERRED, FALLBACK = "tgv-dvr", "tiny"
 BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.studies.ablation.clock`
 PROBE = 0.1  # of the largest budget, spent on measuring the pace first
 POINTS = 12  # of a training curve, about
-
-
-class View(NamedTuple):
-    """A model's Gaussians at one member's parameters, as the rasterizer takes them, and a camera in their coordinates."""
-
-    scene: Primitives
-    camera: Camera
-    constants: Constants
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +114,7 @@ class Trained:
         return validation_rows(self.catalog, self.catalog.appearance_names[:1], count)
 
     def view(self) -> View:
-        """The model as one validation image shows it."""
+        """The model as one validation image shows it, in normalized coordinates."""
         row = self.validation(3)[-1]
         deformed = self.model.at(**row.member.parameters)
         camera, rasterizer = deformed.normalization.camera(row.member.cameras[row.view]), deformed.rasterizer

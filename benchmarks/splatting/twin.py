@@ -19,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from benchmarks.splatting.workloads import View
 from surrogate.splatting import Constants, Primitives, Rendering, reference
 from surrogate.splatting.reference import Splats
 
@@ -95,15 +95,15 @@ def patches(width: int, height: int, count: int | None = None) -> list[NDArray[n
 
 
 def ask(
-    scene: Primitives,
-    camera: Camera,
-    constants: Constants,
-    wanted: Sequence[NDArray[np.int64]],
+    view: View,
+    count: int | None = None,
     *,
     gradients: bool = True,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Twin:
-    """Draw the `wanted` patches of pixels in float64."""
+    """Draw all patches of pixels in float64, or `count` of them."""
+    scene, camera, constants = view
+    wanted = patches(camera.width, camera.height, count)
     leaves = Primitives(*(tensor.double().requires_grad_(gradients) for tensor in scene))
     splats = reference.project(leaves, camera, constants)
     # Pixels see a detached copy of the splats, so that the projection is differentiated once and not for every patch.

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
 from catalogs.cameras import Camera
-from surrogate.splatting import Primitives
+from surrogate.gaussians import Gaussians
+from surrogate.splatting import Constants, Primitives
 
 DISTANCE = 4.3  # from the camera to the middle of the scene
 HALF_THICKNESS = 0.6  # of the scene, along the camera's axis
 FILLED = 0.86  # of the frame's width and height, by the Gaussians' centres
 SEED = 0
+
+
+class View(NamedTuple):
+    """All that a picture depends on."""
+
+    scene: Primitives
+    camera: Camera
+    constants: Constants = Constants()
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,15 @@ class Workload:
             random.uniform(0, 1, (self.count, 3)),
         )
         return Primitives(*(torch.from_numpy(value).float() for value in values))
+
+    def gaussians(self) -> Gaussians:
+        """The same, with their parameters unconstrained."""
+        scene = self.scene()
+        return Gaussians(scene.means, scene.scales.log(), scene.quats, scene.opacities.logit(), scene.colors)
+
+    def view(self) -> View:
+        """The Gaussians as the camera sees them, by the usual constants."""
+        return View(self.scene(), self.camera())
 
     def at_size(self, size: int) -> Workload:
         """The same scene in pictures of another size."""

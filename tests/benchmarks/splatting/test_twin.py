@@ -16,10 +16,9 @@ from benchmarks.splatting.twin import (
     decibels,
     gradient_error,
     image_errors,
-    patches,
     picture_at,
 )
-from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
+from benchmarks.splatting.workloads import FIXED, OTHERS, View, Workload
 from surrogate.splatting import Constants, Primitives, draw, reference
 
 SMALL = replace(FIXED, size=24, count=60)
@@ -30,7 +29,7 @@ HARD = replace(OTHERS[-1], size=24, count=60, sigmas=(0.1, 9.0))
 @pytest.mark.parametrize("floor", [1 / 255, 1e-9])
 def test_patches_against_the_whole_twin(workload: Workload, floor: float) -> None:
     camera, constants = workload.camera(), Constants(alpha_floor=floor)
-    twin = ask(workload.scene(), camera, constants, patches(24, 24))
+    twin = ask(View(workload.scene(), camera, constants))
     leaves = Primitives(*(tensor.double().requires_grad_() for tensor in workload.scene()))
     rendering = draw(leaves, camera, constants, backend="reference")
     picture = picture_at(rendering, twin.pixels)
@@ -42,7 +41,7 @@ def test_patches_against_the_whole_twin(workload: Workload, floor: float) -> Non
 
 def test_counts_against_the_whole_twin() -> None:
     camera, constants = SMALL.camera(), Constants()
-    counted = ask(SMALL.scene(), camera, constants, patches(24, 24), gradients=False).counted
+    counted = ask(SMALL.view(), gradients=False).counted
     scene = Primitives(*(tensor.double() for tensor in SMALL.scene()))
     splats = reference.project(scene, camera, constants)
     drawn = (reference.alphas_at(reference.pixel_centers(camera).double(), splats, constants) > 0).numpy()  # [P, M]
@@ -56,9 +55,9 @@ def test_a_pixel_at_the_floor_is_undecided() -> None:
     """One Gaussian whose alpha at one pixel is the floor itself, but for rounding."""
     workload = replace(FIXED, size=8, count=1)
     camera, scene = workload.camera(), workload.scene()
-    everywhere = ask(scene, camera, Constants(alpha_floor=1e-9), patches(8, 8), gradients=False)
+    everywhere = ask(View(scene, camera, Constants(alpha_floor=1e-9)), gradients=False)
     floor = float(everywhere.picture[27, 3]) * (1 + 1e-7)
-    twin = ask(scene, camera, Constants(alpha_floor=floor), patches(8, 8), gradients=False)
+    twin = ask(View(scene, camera, Constants(alpha_floor=floor)), gradients=False)
     assert twin.undecided[27]
     assert twin.undecided.sum() == 1
     assert not everywhere.undecided.any()
