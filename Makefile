@@ -2,7 +2,7 @@
 SCENE   ?= tgv-dvr
 PYTHON  ?= python3
 RUNS    ?= runs
-RECORDS ?= docs/records
+RECORDS ?= $(if $(filter runs,$(RUNS)),docs/records,$(RUNS))
 WORKERS ?=
 SEEDS   ?= 3
 SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $(RUNS)/%/dataset.json,%,$(wildcard $(RUNS)/*/dataset.json)))

@@ -11,7 +11,8 @@ from surrogate.studies.ablation import table
 from surrogate.studies.ablation.comparison import Row, compared
 from surrogate.studies.ablation.fits import Fits
 from surrogate.studies.ablation.records import Result
-from surrogate.studies.ablation.study import Standing, Study
+from surrogate.studies.ablation.study import Study
+from surrogate.studies.progress import StudyProgress
 
 LOCK = ".page.lock"
 
@@ -21,7 +22,7 @@ def ablate(
     fits: Fits,
     folder: Path,
     *,
-    progress: Callable[[Standing], None] = lambda _: None,
+    progress: Callable[[StudyProgress], None] = lambda _: None,
     tell: Callable[[Result], None] = lambda _: None,
     **options: Any,
 ) -> list[Row]:

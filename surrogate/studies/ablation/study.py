@@ -7,12 +7,11 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from catalogs import durable
-from catalogs.progress import joined, per_second, time_left
 from surrogate.evaluation.scoring import mean
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
@@ -22,6 +21,7 @@ from surrogate.studies.ablation.fits import Fits
 from surrogate.studies.ablation.pace import Pace, clock, scheduled, with_steps
 from surrogate.studies.ablation.records import DECIDING, Records, Result, Stamp
 from surrogate.studies.ablation.variants import Variant, selected
+from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.training.progress import TrainingProgress
 
 PROBE = 0.1  # of the budget, spent on measuring the pace first
@@ -30,32 +30,6 @@ WORK = "fits"  # where each is trained, and locked by the process that does
 MODEL = "surrogate"
 
 _One = tuple[Variant, int]  # with its seed
-
-
-@dataclass(frozen=True)
-class Standing:
-    """Where a study stands.
-
-    Attributes
-    ----------
-    fit, fits : the number of the current one, and of all that had to be done.
-    training : where that stands; None while its pace is measured.
-    seconds_left : for all of them; fits whose steps are given count like the others, though they may take longer.
-    """
-
-    fit: int
-    fits: int
-    variant: str
-    seed: int
-    training: TrainingProgress | None
-    seconds_left: float
-
-    def __str__(self) -> str:
-        fit, now = f"fit {self.fit} / {self.fits}  {self.variant}, seed {self.seed}", self.training
-        if now is None:
-            return joined(fit, "measuring the pace", time_left(self.seconds_left))
-        steps = f"{now.stage} {now.step} / {now.steps}"
-        return joined(fit, steps, per_second(now.rate, "steps"), time_left(self.seconds_left))
 
 
 class Study:
@@ -92,7 +66,7 @@ class Study:
     def run(
         self,
         *,
-        progress: Callable[[Standing], None] = lambda _: None,
+        progress: Callable[[StudyProgress], None] = lambda _: None,
         tell: Callable[[Result], None] = lambda _: None,
     ) -> None:
         """Fit what is missing; `tell` is given each result once it is kept, failures included.
@@ -100,7 +74,7 @@ class Study:
         An interruption loses the current fit only.  What another process is fitting is left to it, with what takes the steps of
         that, and looked at again after the others: that process may have been killed.
         """
-        watch = _Watch(self.records.budget, progress)
+        watch = StudyWatch(progress, (1.0 + PROBE) * self.records.budget)
         # Every variant once before any has its second seed.
         left, fitted = [(variant, seed) for seed in range(self.seeds) for variant in self.variants], True
         self._rejected = {one: self.records.stamp(*one) for one in left if self._is_to_be_repeated(*one)}
@@ -108,7 +82,7 @@ class Study:
             left, fitted = self._passed_over(left, watch, tell)
 
     def _passed_over(
-        self, left: Sequence[_One], watch: _Watch, tell: Callable[[Result], None]
+        self, left: Sequence[_One], watch: StudyWatch, tell: Callable[[Result], None]
     ) -> tuple[list[_One], bool]:
         """Fit what is missing; what was left to other processes, and whether anything was fitted."""
         passed, fitted = [], False
@@ -119,7 +93,7 @@ class Study:
                 if work is None:
                     passed.append((variant, seed))
                     continue
-                watch.begin(variant.name, seed, len(left))
+                watch.begin(f"{variant.name}, seed {seed}", len(left))
                 result = self._attempted(variant, seed, work, watch)
                 self._keep(variant, result)
                 watch.end()
@@ -183,7 +157,7 @@ class Study:
         found = self.records.find(next(v for v in self._fits.variants if v.name == variant.steps_of), seed)
         return None if found is None or found.error else found
 
-    def _attempted(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> Result:
+    def _attempted(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> Result:
         begun, found = time.process_time(), {}
         try:
             shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
@@ -195,19 +169,23 @@ class Study:
         provenance = Provenance.now(time.process_time() - begun, DECIDING)
         return self.records.result(variant, seed, provenance=provenance, **found)
 
-    def _fit(self, variant: Variant, seed: int, work: Path, watch: _Watch) -> dict[str, Any]:
+    def _fit(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)
         default = self._fits.variants[0]
         same = settings == self.records.settings(default, seed) and variant.budgets == default.budgets
         if same and variant is not default and not variant.steps_of:
             raise ValueError("the scene's settings say the same, so this is the default")
-        watch.report(None)
+        watch.tell("measuring the pace", (PROBE + variant.budgets) * self.records.budget)
         pace = self._fits.pace(settings, PROBE * self.records.budget)
         planned = self._planned(variant, seed, settings, pace)
-        watch.expect(pace.seconds(planned))
-        now = clock(settings)
+        now, over = clock(settings), time.perf_counter() + pace.seconds(planned)
         begun = now()
-        surrogate = self._fits.trained(planned, work, watch.report)
+
+        def report(training: TrainingProgress) -> None:
+            left = max(over - time.perf_counter(), 0.0)
+            watch.tell(replace(training, loss=None, psnr=None, seconds_left=left), left)
+
+        surrogate = self._fits.trained(planned, work, report)
         taken = now() - begun
         scored = self._fits.score(surrogate)
         psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
@@ -238,36 +216,6 @@ class Study:
                 "a fit may take: --longest allows more"
             )
         return planned
-
-
-class _Watch:
-    """How long a study still takes."""
-
-    def __init__(self, budget: float, progress: Callable[[Standing], None]) -> None:
-        self._usual, self._progress = (1.0 + PROBE) * budget, progress
-        self._fit, self._left, self._taken = 0, 0, 0.0
-        self._variant, self._seed = "", 0
-        self._begun, self._expected = time.perf_counter(), self._usual
-
-    def begin(self, variant: str, seed: int, left: int) -> None:
-        """A fit begins, before so many others."""
-        self._fit, self._left, self._variant, self._seed = self._fit + 1, left, variant, seed
-        self._begun, self._expected = time.perf_counter(), self._usual
-
-    def expect(self, seconds: float) -> None:
-        """The current fit will take so long from now on."""
-        self._expected = time.perf_counter() - self._begun + seconds
-
-    def end(self) -> None:
-        """The current fit is over."""
-        self._taken += time.perf_counter() - self._begun
-        self._usual = self._taken / self._fit
-
-    def report(self, training: TrainingProgress | None) -> None:
-        """Tell where the study stands."""
-        current = max(self._expected - (time.perf_counter() - self._begun), 0.0)
-        left, fits = current + self._left * self._usual, self._fit + self._left
-        self._progress(Standing(self._fit, fits, self._variant, self._seed, training, left))
 
 
 def _sentence(error: Exception) -> str:

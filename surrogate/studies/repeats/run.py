@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.catalog import Catalog
+from catalogs.progress import Count, Rate
 from surrogate.model import Surrogate
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import Checkpoint, fingerprint
 from surrogate.storage.records import Provenance
-from surrogate.studies.repeats.progress import RepeatProgress, RepeatWatch
+from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.studies.repeats.records import FOLDER, Scores, load, load_scores, save
 from surrogate.studies.repeats.scoring import score_model
 from surrogate.training.run import train
@@ -41,7 +42,7 @@ def repeat(
     *,
     records: Path | None = None,
     seeds: int = 3,
-    progress: Callable[[RepeatProgress], None] = lambda _: None,
+    progress: Callable[[StudyProgress], None] = lambda _: None,
     tell: Callable[[Scores], None] = lambda _: None,
 ) -> list[Scores]:
     """Train `settings` with `seeds` successive seeds and keep their scores in `records`; returns all that are there, by seed.
@@ -58,9 +59,9 @@ def repeat(
     base = plan[0].mark
     left = [one for one in plan if not _is_scored(records, one, base)]
     _check(left, run)
-    watch = RepeatWatch(len(left), progress)
-    for one in left:
-        watch.begin(one.seed)
+    watch = StudyWatch(progress)
+    for number, one in enumerate(left, start=1):
+        watch.begin(f"seed {one.seed}", len(left) - number)
         scores = _trained_and_scored(one, catalog, settings, base, watch)
         save(records, scores)
         tell(scores)
@@ -111,13 +112,20 @@ def _code_of(surrogate: Surrogate) -> str:
 
 
 def _trained_and_scored(
-    one: Repeat, catalog: Catalog, settings: TrainingSettings, base: str, watch: RepeatWatch
+    one: Repeat, catalog: Catalog, settings: TrainingSettings, base: str, watch: StudyWatch
 ) -> Scores:
     begun, is_new = time.process_time(), _mark_in(one.model) is None
-    surrogate = train(one.settings, catalog, one.model, progress=watch.training)
-    watch.trained(surrogate.training["seconds"])
+    surrogate = train(one.settings, catalog, one.model, progress=lambda now: watch.tell(now, now.seconds_left))
+    watch.expect(surrogate.training["seconds"])
+    rate = Rate()
+
+    def tell(stage: str, done: int, total: int) -> None:
+        count = Count(stage, done, total, rate(done))
+        watch.tell(count, count.seconds_left)
+
+    rate(0)
     try:
-        scored = score_model(surrogate, catalog, progress=watch.scoring)
+        scored = score_model(surrogate, catalog, progress=tell)
     except ValueError as error:
         raise ValueError(f"seed {one.seed}, {one.model}: {error}") from error
     provenance = Provenance.now(time.process_time() - begun if is_new else None)

@@ -26,6 +26,7 @@ from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.run import LOCK, ablate
 from surrogate.studies.ablation.study import Study
 from surrogate.studies.ablation.variants import VARIANTS, Variant
+from surrogate.studies.progress import StudyProgress
 from surrogate.training.run import train
 from tests.support.blobs import Blobs
 
@@ -204,15 +205,16 @@ def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> Non
 def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog, tmp_path: Path) -> None:
     pressed = []
 
-    def press(standing: module.Standing) -> None:
-        if standing.variant == "no-decay" and standing.training is not None and not pressed:
-            pressed.append(str(standing))
+    def press(progress: StudyProgress) -> None:
+        if progress.name == "no-decay, seed 0" and "pace" not in progress.work and not pressed:
+            pressed.append(str(progress))
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
         conduct(only=["joint", "no-decay"], progress=press)
-    assert "fit 2 / 3  no-decay, seed 0" in pressed[0]
-    assert pressed[0].endswith("left")
+    assert pressed[0].startswith("no-decay, seed 0 (2 / 3)  ")
+    assert " left  " in pressed[0]
+    assert pressed[0].endswith(" in all")
     assert sorted(path.name for path in tmp_path.glob("*.json")) == ["default.seed0.json"]
     assert not list(tmp_path.glob("fits/*/surrogate"))
     assert names(conduct(only=["joint", "no-decay"])) == [("no-decay", 0), ("joint", 0)]

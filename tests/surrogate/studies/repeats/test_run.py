@@ -17,8 +17,8 @@ from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
+from surrogate.studies.progress import StudyProgress
 from surrogate.studies.repeats import run as module
-from surrogate.studies.repeats.progress import RepeatProgress
 from surrogate.studies.repeats.records import Scores, load, scores_path
 from surrogate.studies.repeats.run import repeat
 from surrogate.training.run import train
@@ -182,15 +182,15 @@ def test_progress_counts_what_had_to_be_done(catalog: Catalog, tmp_path: Path, m
     monkeypatch.setattr("surrogate.training.run.REPORT_SECONDS", 0.0)
     repeat(SCENE, catalog, tmp_path / "run", seeds=2)
     scores_path(tmp_path / "run", 5).unlink()
-    seen: list[RepeatProgress] = []
+    seen: list[StudyProgress] = []
     repeat(SCENE, catalog, tmp_path / "run", seeds=3, progress=seen.append)
-    assert [(p.seed, p.number, p.count) for p in seen] == sorted((p.seed, p.number, p.count) for p in seen)
-    assert {(p.seed, p.number, p.count) for p in seen} == {(5, 1, 2), (6, 2, 2)}
+    assert [(p.name, p.number, p.count) for p in seen] == sorted((p.name, p.number, p.count) for p in seen)
+    assert {(p.name, p.number, p.count) for p in seen} == {("seed 5", 1, 2), ("seed 6", 2, 2)}
     scoring = [p for p in seen if "scoring" in p.work]
     total = 2 * 4 + 4 + 2 * 2 + 2  # members x views by cell
     assert f"{total} / {total} images" in scoring[-1].work
     assert scoring[-1].seconds_left == 0.0
-    assert any("steps/s" in p.work for p in seen if p.seed == 6)
+    assert any("steps/s" in p.work for p in seen if p.name == "seed 6")
     assert str(scoring[0]).startswith("seed 5 (1 / 2)  scoring")
     assert str(scoring[0]).endswith("in all")
 
@@ -226,8 +226,8 @@ def test_a_killed_run_goes_on_and_ends_as_an_undisturbed_one(catalog: Catalog, t
 
 
 def test_an_interruption_while_scoring_loses_only_that(catalog: Catalog, tmp_path: Path) -> None:
-    def press(progress: RepeatProgress) -> None:
-        if progress.seed == 5 and "scoring" in progress.work:
+    def press(progress: StudyProgress) -> None:
+        if progress.name == "seed 5" and "scoring" in progress.work:
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
