@@ -40,6 +40,11 @@ class TransferFunction:
         if not (np.isfinite(self.opacity_unit_distance) and self.opacity_unit_distance > 0):
             raise ValueError(f"opacity_unit_distance must be positive, got {self.opacity_unit_distance}")
 
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        points = f"{len(self.color_points)} colour and {len(self.opacity_points)} opacity points"
+        return f"<TransferFunction over [{low:g}, {high:g}]: {points}>"
+
     @property
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest control point: values outside are shown like the nearest end (clipped)."""

@@ -56,6 +56,10 @@ class Camera:
         matrix.setflags(write=False)
         object.__setattr__(self, "world_to_camera", matrix)
 
+    def __repr__(self) -> str:
+        place, toward = (", ".join(f"{x:.4g}" for x in vector) for vector in (self.position, self.forward))
+        return f"<Camera at ({place}), looking along ({toward}), {self.width}x{self.height} pixels>"
+
     @classmethod
     def look_at(
         cls,
@@ -139,28 +143,13 @@ class Camera:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values that `from_json` turns back into the same camera, bit for bit."""
-        return {
-            "world_to_camera": self.world_to_camera.tolist(),
-            "fx": self.fx,
-            "fy": self.fy,
-            "cx": self.cx,
-            "cy": self.cy,
-            "width": self.width,
-            "height": self.height,
-        }
+        return {**vars(self), "world_to_camera": self.world_to_camera.tolist()}
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Camera:
         """The camera of a `to_json` record; raises KeyError or ValueError on a malformed one."""
-        return cls(
-            np.array(record["world_to_camera"], dtype=np.float64),
-            float(record["fx"]),
-            float(record["fy"]),
-            float(record["cx"]),
-            float(record["cy"]),
-            int(record["width"]),
-            int(record["height"]),
-        )
+        fx, fy, cx, cy = (float(record[name]) for name in ("fx", "fy", "cx", "cy"))
+        return cls(record["world_to_camera"], fx, fy, cx, cy, int(record["width"]), int(record["height"]))
 
 
 def upward(direction: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> NDArray[np.float64]:

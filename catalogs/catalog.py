@@ -29,9 +29,10 @@ from catalogs.cameras import Camera
 from catalogs.images import ImageError, read_image, write_image
 from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.notebook.html import catalog_html
-from catalogs.parameters import SPLITS, Outside
-from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json, shortened
+from catalogs.parameters import Outside
+from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json
 from catalogs.summary import FieldSummary, save_summaries
+from catalogs.words import counted, shortened
 
 __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
 
@@ -82,7 +83,7 @@ class MemberWriter:
 
     def write_summary(self, summary: FieldSummary) -> None:
         """Keep the summary of the only field beside its images."""
-        summary.save(self.path / SUMMARY)
+        self.write_summaries({"": summary})
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
         """Keep the summaries of a member's fields, by name, beside their images."""
@@ -160,14 +161,11 @@ class Catalog:
         try:
             members = self.members
         except CatalogError as error:
-            return f"Catalog {self.path}\n  {error}"
-        counts = ", ".join(f"{sum(m.split == s for m in members)} {s}" for s in SPLITS)
-        ranges = ", ".join(f"{p.name} in [{p.low:g}, {p.high:g}] {p.unit}".rstrip() for p in self.plan.space.parameters)
-        views = sorted({len(m.cameras) for m in members}) or [len(self.plan.cameras)]
-        return (
-            f"Catalog {self.path}\n  parameters  {ranges}\n  members     {len(members)} ({counts})\n"
-            f"  appearances {shortened(self.appearance_names)}\n  views       {'-'.join(map(str, views))}"
-        )
+            return f"<Catalog {self.path}: {error}>"
+        held = f"{len(members)} members ({counted(member.split for member in members)})"
+        views = sorted({len(member.cameras) for member in members}) or [len(self.plan.cameras)]
+        shown = f"{'-'.join(map(str, views))} views of {shortened(self.appearance_names)}"
+        return f"<Catalog {self.path}: {held}; {self.plan.space}; {shown}>"
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with a few pictures."""

@@ -3,6 +3,9 @@
 Whatever is committed goes through these functions in this order: contents, `sync` of the file, `rename` into place,
 `sync` of the folder (Pillai et al., "All File Systems Are Not Created Equal", OSDI 2014, section 4).  The tests kill a
 writer before, within and after every one of them, and take away what was not synced.
+
+Written here rather than taken from a library: packages that replace a file atomically rename without syncing folders, know no
+folders of files, and can't tell a dead writer's remains from what a living one is writing.
 """
 
 from __future__ import annotations

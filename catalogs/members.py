@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from catalogs import cinema, durable
-from catalogs.appearance import Isosurface
 from catalogs.cameras import Camera, spherical_angles
 from catalogs.parameters import SPLITS
-from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json, shortened
+from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
 from catalogs.summary import FieldSummary, load_summaries
-from catalogs.variations import ISOVALUE, Setting
+from catalogs.variations import Setting
+from catalogs.words import shortened
 
 RECORD = "member.json"
 ROWS = "rows.csv"
@@ -61,6 +61,12 @@ class Member:
         check_views(self.cameras, self.view_splits)
         object.__setattr__(self, "provenance", json_values(self.provenance, f"the provenance of member {self.name}"))
 
+    def __repr__(self) -> str:
+        values = "".join(f" {name}={value:g}" for name, value in self.parameters.items())
+        return (
+            f"<Member {self.name} ({self.split}):{values}; {len(self.cameras)} views of {shortened(self.appearances)}>"
+        )
+
     def summary(self, field: str = "") -> FieldSummary | None:
         """What was kept of a field, by default of the first; None for images that came without one, and for fields not shown.
 
@@ -99,14 +105,11 @@ def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
     """The member's part of the table: a row per appearance and view."""
     low, high = np.array(plan.bounds)
     for appearance in (a for a in plan.appearances if a.name in set(member.appearances)):
-        varied = [value for name, value in plan.varied(appearance.name).items() if name != ISOVALUE]
-        setting = plan.setting(appearance.name)
-        isovalue = float(appearance.isovalue) if isinstance(appearance, Isosurface) else 0.0
+        varied, setting = plan.varied(appearance.name).values(), plan.setting(appearance.name)
         for view, camera in enumerate(member.cameras):
             yield [
                 *member.parameters.values(),
                 appearance.name,
-                *([isovalue] if plan.has_isosurface else []),
                 *varied,
                 member.name,
                 view,

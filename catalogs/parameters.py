@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ SLACK = 1e-9  # of a range: bounds that went through decimals
 
 @dataclass(frozen=True)
 class Parameter:
-    """One simulation parameter: its bounds are the ensemble's, in `unit` ("" where dimensionless)."""
+    """One simulation parameter; its bounds are the ensemble's, in `unit` ("" where dimensionless)."""
 
     name: str
     low: float
@@ -30,6 +30,9 @@ class Parameter:
                 f"parameter {self.name!r} needs a name and finite bounds low < high, got {self.low}, {self.high}"
             )
 
+    def __str__(self) -> str:
+        return f"{self.name} in [{self.low:g}, {self.high:g}] {self.unit}".rstrip()
+
 
 @dataclass(frozen=True)
 class ParameterSpace:
@@ -41,6 +44,12 @@ class ParameterSpace:
         object.__setattr__(self, "parameters", tuple(self.parameters))
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"parameter names must be unique, got {self.names}")
+
+    def __repr__(self) -> str:
+        return f"<ParameterSpace of {self}>"
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.parameters)) or "no parameters"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,17 +113,15 @@ class ParameterSpace:
         return low + sampler.random(count) * (high - low)  # [count, P]
 
     def to_json(self) -> list[dict[str, Any]]:
-        return [{"name": p.name, "low": p.low, "high": p.high, "unit": p.unit} for p in self.parameters]
+        return [asdict(parameter) for parameter in self.parameters]
 
     @classmethod
     def from_json(cls, records: list[dict[str, Any]]) -> ParameterSpace:
         return cls(tuple(Parameter(**record) for record in records))
 
     def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return (
-            np.array([p.low for p in self.parameters], dtype=np.float64),
-            np.array([p.high for p in self.parameters], dtype=np.float64),
-        )
+        low, high = np.array([(p.low, p.high) for p in self.parameters], dtype=np.float64).reshape(-1, 2).T
+        return low, high
 
 
 def _number(name: str, value: Any) -> float:

@@ -24,6 +24,7 @@ from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.variations import ISOVALUE, Setting, Variation, variation_from_json
+from catalogs.words import shortened
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
 KEPT_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz")  # what a member's folder holds beside images
@@ -71,7 +72,10 @@ class CatalogPlan:
             raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
         for problem in filter(None, map(name_problem, names)):
             raise CatalogError(f"an appearance can't be called so: {problem}")
-        _check_fields(self.appearances)
+        try:
+            check_fields(self.appearances)
+        except ValueError as error:
+            raise CatalogError(str(error)) from None
         _check_variations(self.variations, self.appearances)
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
@@ -80,6 +84,10 @@ class CatalogPlan:
         problems = cinema.header_problems(self.header)
         if problems:
             raise CatalogError(f"these columns would break Cinema specification D: {'; '.join(problems)}")
+
+    def __repr__(self) -> str:
+        views = f"{len(self.cameras) or 'own'} views"
+        return f"<CatalogPlan of {self.space}; {views} of {shortened(self.appearance_names)}>"
 
     @property
     def appearance_names(self) -> list[str]:
@@ -91,21 +99,16 @@ class CatalogPlan:
         return shown_fields(self.appearances)
 
     @property
-    def has_isosurface(self) -> bool:
-        """Whether the table has a column `isovalue`."""
-        return any(isinstance(appearance, Isosurface) for appearance in self.appearances)
-
-    @property
     def header(self) -> list[str]:
         """The labels of the table, in their order."""
-        isovalue = [ISOVALUE] if self.has_isosurface else []
-        varied = [name for name in self.varied_names if name != ISOVALUE]
-        return [*self.space.names, "appearance", *isovalue, *varied, *VIEW_COLUMNS, "FILE"]
+        return [*self.space.names, "appearance", *self.varied_names, *VIEW_COLUMNS, "FILE"]
 
     @property
     def varied_names(self) -> list[str]:
-        """The visualization parameters of all variations that have columns in the table."""
-        return [name for variation in self.variations if variation.continuous for name in variation.space.names]
+        """The visualization parameters, which have columns in the table; first the isovalue, wherever a surface is shown."""
+        isovalue = [ISOVALUE] * any(isinstance(appearance, Isosurface) for appearance in self.appearances)
+        varied = [name for variation in self.variations if variation.continuous for name in variation.space.names]
+        return list(dict.fromkeys([*isovalue, *varied]))
 
     def setting(self, appearance: str) -> Setting | None:
         """The appearance's place in a variation; None where it belongs to none or is the base of one."""
@@ -114,6 +117,8 @@ class CatalogPlan:
     def varied(self, appearance: str) -> dict[str, float]:
         """All of `varied_names` of an appearance by name, zero where it does not have one."""
         values = dict.fromkeys(self.varied_names, 0.0)
+        for surface in (a for a in self.appearances if isinstance(a, Isosurface) and a.name == appearance):
+            values[ISOVALUE] = float(surface.isovalue)
         for variation in (v for v in self.variations if v.continuous):
             setting = variation.setting(appearance)
             if setting is not None:
@@ -170,18 +175,6 @@ class CatalogPlan:
         mine, theirs = json.loads(json.dumps(self.to_json())), json.loads(json.dumps(other.to_json()))
         keys = [*mine, *(key for key in theirs if key not in mine)]
         return [key for key in keys if key != "provenance" and mine.get(key) != theirs.get(key)]
-
-
-def shortened(names: Sequence[str], most: int = 12) -> str:
-    """The names with commas between, of many only the first and how many there are."""
-    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
-
-
-def _check_fields(appearances: Sequence[Appearance]) -> None:
-    try:
-        check_fields(appearances)
-    except ValueError as error:
-        raise CatalogError(str(error)) from None
 
 
 def _check_variations(variations: Sequence[Variation], appearances: Sequence[Appearance]) -> None:
@@ -246,10 +239,9 @@ def read_json(path: Path, kind: type = dict) -> Any:
 def _box(bounds: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     try:
         low, high = (tuple(map(float, corner)) for corner in bounds)
-        proper = len(low) == len(high) == 3 and all(a < b < math.inf for a, b in zip(low, high, strict=True))
     except (TypeError, ValueError):
-        proper = False
-    if not proper or -math.inf in low:
+        low = high = ()
+    if not len(low) == len(high) == 3 or not all(-math.inf < a < b < math.inf for a, b in zip(low, high, strict=True)):
         raise CatalogError(f"bounds must be two corners low < high of three finite numbers, got {bounds}")
     return low, high
 

@@ -3,6 +3,9 @@
 Decoders are made for pictures that one wants to see: they replace what is missing, cut 16 bits to 8, and believe any size.
 An import must not, so every chunk's checksum and the length of the inflated pixels are checked here first, in bounded memory
 (PNG specification, third edition, sections 5, 9 and 10).
+
+Written here rather than taken from Pillow: `verify` and `load` of Pillow 13 accept a picture whose last rows are missing, one with
+more bytes than its header says, and a file that ends within its last chunk; they are no faster.
 """
 
 from __future__ import annotations

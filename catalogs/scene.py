@@ -21,6 +21,7 @@ from catalogs.appearance import Appearance, VolumeRendering, appearance_from_jso
 from catalogs.cameras import Camera, orbit, view_splits
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.variations import Family, Variation, variation_kind
+from catalogs.words import shortened
 
 SOURCES = ("simulation", "hdf5", "nerf")
 DATA_FOLDER = "GS_SURROGATE_DATA"
@@ -35,6 +36,11 @@ class PlannedMember:
     parameters: Mapping[str, float]
     split: str
     appearances: tuple[str, ...] | None = None  # by name; None: all
+
+    def __repr__(self) -> str:
+        values = "".join(f" {name}={value:g}" for name, value in self.parameters.items())
+        shown = "all" if self.appearances is None else shortened(self.appearances)
+        return f"<PlannedMember {self.name} ({self.split}):{values}; appearances: {shown}>"
 
 
 @dataclass(frozen=True)
@@ -53,17 +59,7 @@ class ViewPlan:
 
     def cameras(self, center: Sequence[float], radius: float) -> tuple[Camera, ...]:
         """The plan's cameras around a bounding sphere (world units)."""
-        return tuple(
-            orbit(
-                center,
-                radius,
-                width=self.width,
-                height=self.height,
-                fill=self.fill,
-                vertical_fov_degrees=self.vertical_fov_degrees,
-                frequency=self.frequency,
-            )
-        )
+        return tuple(orbit(center, radius, **vars(self)))
 
     def splits(self) -> tuple[str, ...]:
         """The split of each of those cameras."""
@@ -155,6 +151,10 @@ class Scene:
         except (ValueError, KeyError, TypeError) as error:
             reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
             raise ValueError(f"scene {path}: {reason}") from error
+
+    def __repr__(self) -> str:
+        shown = shortened([appearance.name for appearance in self.appearances])
+        return f"<Scene {self.name}: {len(self.members)} planned members; {self.space}; appearances: {shown}>"
 
     @property
     def variations(self) -> tuple[Variation, ...]:

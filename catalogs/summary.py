@@ -20,17 +20,7 @@ from numpy.typing import NDArray
 from catalogs import durable
 
 FIELDS = "fields"  # names of the fields in an archive of several
-DAMAGED = (
-    KeyError,
-    ValueError,
-    TypeError,
-    OSError,
-    EOFError,
-    RuntimeError,
-    MemoryError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+DAMAGED = KeyError, ValueError, TypeError, OSError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +55,7 @@ class FieldSummary:
 
     def save(self, path: Path) -> None:
         """Write as a numpy archive of plain arrays."""
-        _write(path, self._arrays())
+        save_summaries(path, {"": self})
 
     @classmethod
     def load(cls, path: Path) -> FieldSummary:
@@ -75,8 +65,9 @@ class FieldSummary:
         """
         return next(iter(load_summaries(path).values()))
 
-    def _arrays(self, prefix: str = "") -> dict[str, Any]:
-        return {prefix + f.name: getattr(self, f.name) for f in fields(self)}
+    def __repr__(self) -> str:
+        share = f"{100 * self.clipped_fraction:.2f} % clipped"
+        return f"<FieldSummary from {self.minimum:.5g} to {self.maximum:.5g}, {share}, {len(self.points):,} points>"
 
     @classmethod
     def _of_arrays(cls, archive: Mapping[str, Any], prefix: str = "") -> FieldSummary:
@@ -86,11 +77,13 @@ class FieldSummary:
 
 
 def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
-    """Write the summaries of a member's fields, by name, as one numpy archive of plain arrays."""
-    arrays: dict[str, Any] = {FIELDS: np.array(list(summaries), dtype=np.str_)}
+    """Write the summaries of a member's fields, by name, as one numpy archive of plain arrays; "" is an only one without name."""
+    arrays: dict[str, Any] = {} if list(summaries) == [""] else {FIELDS: np.array(list(summaries), dtype=np.str_)}
     for number, summary in enumerate(summaries.values()):
-        arrays |= summary._arrays(_prefix(number))
-    _write(path, arrays)
+        arrays |= {f"{_prefix(number)}{name}": value for name, value in vars(summary).items()}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, allow_pickle=False, **arrays)
+    durable.write(path, stream.getvalue())
 
 
 def load_summaries(path: Path) -> dict[str, FieldSummary]:
@@ -111,9 +104,3 @@ def load_summaries(path: Path) -> dict[str, FieldSummary]:
 
 def _prefix(number: int) -> str:
     return f"{number}/" if number else ""
-
-
-def _write(path: Path, arrays: Mapping[str, Any]) -> None:
-    stream = io.BytesIO()
-    np.savez_compressed(stream, allow_pickle=False, **arrays)
-    durable.write(path, stream.getvalue())

@@ -23,9 +23,9 @@ from catalogs.appearance import (
 )
 from catalogs.catalog import Catalog, CatalogPlan, Member
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.plan import shortened
 from catalogs.scene import PlannedMember, Scene, ViewPlan
 from catalogs.variations import Variation
+from catalogs.words import shortened
 from insitu.boxes import Box, box_around, cameras_around, check_inside, checked_box, same_box
 from insitu.summarize import value_range
 

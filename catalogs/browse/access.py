@@ -12,7 +12,7 @@ import hmac
 import ipaddress
 import secrets
 import socket
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 LOCAL = "127.0.0.1"
@@ -30,7 +30,7 @@ class Access:
     """
 
     host: str
-    token: str
+    token: str = field(repr=False)
     base_url: str = ""
 
     @classmethod

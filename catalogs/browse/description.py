@@ -107,7 +107,7 @@ def _title(catalog: Catalog) -> str:
 def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
     """The visualization parameters that differ between appearances: isovalues, displacements of a transfer function."""
     found = []
-    if plan.has_isosurface:
+    if ISOVALUE in plan.varied_names:
         values = [float(a.isovalue) if isinstance(a, Isosurface) else None for a in plan.appearances]
         found.append((ISOVALUE, "", values))
     for variation in (v for v in plan.variations if v.continuous and v.space.names != (ISOVALUE,)):

@@ -16,7 +16,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +44,8 @@ class ImportedMember:
     name: str
     parameters: tuple[float, ...]
     split: str
-    frames: tuple[Frame, ...]
-    view_splits: tuple[str, ...]
+    frames: tuple[Frame, ...] = field(repr=False)
+    view_splits: tuple[str, ...] = field(repr=False)
 
 
 def import_nerf(
@@ -221,8 +221,6 @@ def _check_alpha(frames: Sequence[Frame], background: Sequence[float] | None) ->
         if opaque is not None:
             raise ExchangeError(f"{opaque.path} has no alpha to keep: name the background that the pictures stand on")
         return
-    if len(background) != 3 or not all(0.0 <= float(value) <= 1.0 for value in background):
-        raise ExchangeError(f"background must be three numbers in [0, 1], or none, got {background}")
     for frame in frames:
         if frame.has_alpha and read_image(frame.path)[..., 3].min() < 255:
             raise ExchangeError(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
@@ -35,7 +35,7 @@ TABLE = "border-collapse:collapse;border:0;margin:4px 0;font:inherit;color:inher
 class Picture:
     """Straight RGB [H, W, 3] uint8, and what stands below it and in its tooltip."""
 
-    rgb: NDArray[np.uint8]
+    rgb: NDArray[np.uint8] = field(repr=False)
     caption: str = ""
     title: str = ""
 

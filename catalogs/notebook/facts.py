@@ -2,43 +2,34 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 from catalogs.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.members import Member
-from catalogs.parameters import SPLITS
-from catalogs.plan import CatalogPlan, shortened
-from catalogs.variations import Variation
+from catalogs.parameters import Parameter
+from catalogs.plan import CatalogPlan
+from catalogs.words import counted
 
 
 def facts(plan: CatalogPlan, members: Sequence[Member]) -> list[tuple[str, str]]:
     """What a catalog's plan and these members say, as (what, in words); no image and no summary is opened."""
-    counts = Counter(member.split for member in members)
     low, high = plan.bounds
     return [
-        ("members", f"{len(members)} ({_splits(counts)})" if members else "none yet"),
-        *(("parameter", _parameter(plan, members, name)) for name in plan.space.names),
+        ("members", f"{len(members)} ({counted(m.split for m in members)})" if members else "none yet"),
+        *(("parameter", _parameter(parameter, members)) for parameter in plan.space.parameters),
         *(("appearance", _appearance(appearance)) for appearance in plan.plain_appearances),
-        *(("variation", _variation(variation)) for variation in plan.variations),
+        *(("variation", str(variation)) for variation in plan.variations),
         *(("views", line) for line in _views(plan, members)),
         ("images", _images(plan, members)),
         ("box", f"{_numbers(low)} to {_numbers(high)}"),
     ]
 
 
-def _splits(counts: Counter[str]) -> str:
-    return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
-
-
-def _parameter(plan: CatalogPlan, members: Sequence[Member], name: str) -> str:
-    parameter = next(p for p in plan.space.parameters if p.name == name)
-    unit = f" {parameter.unit}" if parameter.unit else ""
-    text = f"{name} in [{parameter.low:g}, {parameter.high:g}]{unit}"
+def _parameter(parameter: Parameter, members: Sequence[Member]) -> str:
     if not members:
-        return text
-    values = [member.parameters[name] for member in members]
-    return f"{text}; members from {min(values):g} to {max(values):g}, {len(set(values))} values"
+        return str(parameter)
+    values = [member.parameters[parameter.name] for member in members]
+    return f"{parameter}; members from {min(values):g} to {max(values):g}, {len(set(values))} values"
 
 
 def _appearance(appearance: Appearance) -> str:
@@ -52,22 +43,12 @@ def _appearance(appearance: Appearance) -> str:
     return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
 
 
-def _variation(variation: Variation) -> str:
-    if not variation.continuous:
-        return f"field: {variation.base}, or {shortened([s.appearance for s in variation.settings])}"
-    counts = Counter(setting.split for setting in variation.settings)
-    ranges = ", ".join(f"{p.name} in [{p.low:g}, {p.high:g}] {p.unit}".strip() for p in variation.space.parameters)
-    return f"{variation.kind} of {variation.base}: {len(variation.settings)} settings ({_splits(counts)}), {ranges}"
-
-
 def _views(plan: CatalogPlan, members: Sequence[Member]) -> list[str]:
     if plan.cameras:
-        return [f"{len(plan.cameras)} shared by all members ({_splits(Counter(plan.view_splits))})"]
+        return [f"{len(plan.cameras)} shared by all members ({counted(plan.view_splits)})"]
     numbers = sorted(len(member.cameras) for member in members) or [0]
-    total: Counter[str] = Counter()
-    for member in members:
-        total.update(member.view_splits)
-    return [f"every member its own, {numbers[0]} to {numbers[-1]} ({_splits(total)} in all)"]
+    splits = counted(split for member in members for split in member.view_splits)
+    return [f"every member its own, {numbers[0]} to {numbers[-1]} ({splits} in all)"]
 
 
 def _images(plan: CatalogPlan, members: Sequence[Member]) -> str:

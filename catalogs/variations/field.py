@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from catalogs.appearance import Appearance, VolumeRendering
 from catalogs.parameters import Outside, Parameter, ParameterSpace
 from catalogs.variations.variation import Family, Setting, Variation
+from catalogs.words import shortened
 
 APPEARANCE = "appearance"
 
@@ -33,6 +34,9 @@ class FieldVariation(Variation):
             raise ValueError(
                 f"every setting of the field of {self.base} must be trained, with a 1 in its own place, got {self.trained}"
             )
+
+    def __str__(self) -> str:
+        return f"field: {self.base}, or {shortened(self.parameter_names)}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

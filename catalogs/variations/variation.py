@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.appearance import Appearance, VolumeRendering
 from catalogs.parameters import SPLITS, Outside, ParameterSpace
+from catalogs.words import counted
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,13 @@ class Variation(ABC):
             raise ValueError(f"every setting of {self.base} must have {len(self.space)} values, for {names}")
         if any(s.appearance == self.base for s in self.settings):
             raise ValueError(f"the base {self.base} stands among the settings of its own variation: leave it out")
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self}>"
+
+    def __str__(self) -> str:
+        splits = counted(setting.split for setting in self.settings)
+        return f"{self.kind} of {self.base}: {len(self.settings)} settings ({splits}), {self.space}"
 
     @property
     @abstractmethod
@@ -145,4 +153,4 @@ class Family:
     """A variation and its appearances, the base left out."""
 
     variation: Variation
-    appearances: tuple[Appearance, ...]
+    appearances: tuple[Appearance, ...] = field(repr=False)

@@ -334,7 +334,7 @@ def test_a_stray_folder_is_no_member(catalog: Catalog) -> None:
 
 
 def test_its_repr_says_what_is_in_it(catalog: Catalog) -> None:
-    assert "2 (1 train, 0 validation, 1 test)" in repr(catalog)
+    assert "2 members (1 train, 0 validation, 1 test)" in repr(catalog)
     assert "Re in [100, 200]" in repr(catalog)
     (catalog.path / "members/first/member.json").write_text("{}")
     assert "damaged" in repr(catalog)

@@ -71,7 +71,7 @@ def test_the_table_has_no_column_for_what_the_appearance_says(fields: Catalog) -
         appearances=(*(replace(a, field="q") for a in (BASE, *FUNCTIONS.appearances)), SPEED, SURFACE),
         variations=(FUNCTIONS.variation, FIELDS),
     )
-    assert both.varied_names == list(FUNCTIONS.variation.space.names)
+    assert both.varied_names == ["isovalue", *FUNCTIONS.variation.space.names]
     assert both.varied("speed-dvr") == dict.fromkeys(both.varied_names, 0.0)
     assert [a.name for a in both.plain_appearances] == ["dvr", "speed-dvr", "surface"]
 

@@ -171,7 +171,7 @@ def test_an_image_is_for_training_only_if_its_setting_is_too(varied: Catalog) ->
 
 def test_a_plan_knows_what_varies() -> None:
     plan = varied_plan()
-    assert plan.varied_names == [*POINT_PARAMETERS, "isovalue"]
+    assert plan.varied_names == ["isovalue", *POINT_PARAMETERS]
     assert [a.name for a in plan.plain_appearances] == ["dvr", "plain"]
     assert plan.setting("dvr") is plan.setting("plain") is None
     setting = plan.setting("iso=0.5")

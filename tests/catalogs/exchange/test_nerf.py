@@ -177,7 +177,7 @@ def test_a_space_gives_names_and_bounds(data: DataSet, tmp_path: Path) -> None:
         ({"space": ParameterSpace((Parameter("x", 0, 1), Parameter("y", 0, 1)))}, "contradict"),
         ({"validation_members": 12}, "12 validation members leave no training member"),
         ({"validation_members": 13}, "leave no training member: there are 12"),
-        ({"background": (255, 255, 255)}, "background must be three numbers in"),
+        ({"background": (255, 255, 255)}, "background must be None or three numbers in"),
         ({"bounds": ((1, 1, 1), (0, 0, 0))}, "bounds must be two corners low < high"),
         ({"names": ["profile", "b"]}, "'profile' contains 'file'"),
     ],
@@ -192,7 +192,7 @@ def test_the_command(data: DataSet, tmp_path: Path) -> None:
     command = ["import", "nerf", str(data.folder), "--catalog", str(tmp_path / "x.cdb"), "--names", "a,b"]
     result = CliRunner().invoke(main, [*command, "--bounds", "-1,-1,-1,1,1,1", "--validation-members", "1"])
     assert result.exit_code == 0, result.output
-    assert "14 (11 train, 1 validation, 2 test)" in result.output
+    assert "14 members (11 train, 1 validation, 2 test)" in result.output
     (data.folder / "train/r_2.png").unlink()
     result = CliRunner().invoke(main, [*command, "--bounds", "-1,-1,-1,1,1,1"])
     assert result.exit_code == 1
