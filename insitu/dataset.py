@@ -13,9 +13,10 @@ from catalogs.catalog import Catalog
 from catalogs.exchange import import_nerf
 from catalogs.progress import Count, Rate
 from catalogs.scene import PlannedMember, Scene
+from insitu.agreement import disagreements, misplaced
 from insitu.ensemble import run_ensemble
 from insitu.fields import check_names
-from insitu.planning import PlanOptions, disagreements, is_catalog, misplaced
+from insitu.planning import PlanOptions, is_catalog
 from insitu.sources import ensemble_of
 
 CATALOG, RECORD, PILOTS = "catalog.cdb", "dataset.json", "pilots"

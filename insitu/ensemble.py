@@ -17,19 +17,11 @@ import numpy as np
 from catalogs.catalog import Catalog
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
+from insitu.agreement import agreeing_catalog, create_catalog, misplaced
 from insitu.field_cache import drop_field, load_field, save_field
 from insitu.fields import as_fields, time_of
 from insitu.hook import Session, warn_caller
-from insitu.planning import (
-    Pilot,
-    PlanOptions,
-    agreeing_catalog,
-    check_complete,
-    combine_pilots,
-    create_catalog,
-    measure_pilot,
-    misplaced,
-)
+from insitu.planning import Pilot, PlanOptions, check_complete, combine_pilots, measure_pilot
 from insitu.progress import EnsembleProgress, Tracker
 from insitu.rendered import RenderedMember
 from insitu.workers import Report, WorkerPool, channel, single_threaded

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any
 
 from catalogs.appearance import Appearance, VolumeRendering, shown_fields
@@ -21,31 +21,18 @@ from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.plan import CatalogError, json_values, name_problem
 from catalogs.scene import ViewPlan
 from catalogs.variations import Variation
+from insitu.agreement import agreeing_catalog, create_catalog
 from insitu.boxes import Box, check_inside, is_smaller
 from insitu.fields import Fields, as_fields
 from insitu.memory import PeakMemory
-from insitu.planning import (
-    PlanOptions,
-    agreeing_catalog,
-    appearances_from,
-    check_complete,
-    create_catalog,
-    measure_pilot,
-    space_from,
-)
+from insitu.planning import PlanOptions, appearances_from, check_complete, measure_pilot, space_from
 from insitu.rendered import RenderedMember
 from insitu.summarize import summarize_shown
 from render.datasets import ResamplingWarning
 
 LONGEST_NAME = 80
-OF_MEMBER = (
-    "name",
-    "split",
-    "time",
-    "spacing",
-    "origin",
-    "array",
-)  # arguments that `render_member` hands on for the member
+# What `render_member` hands on to the method of its name; the rest goes to `Session`.
+OF_MEMBER = ("name", "split", "time", "spacing", "origin", "array")
 
 
 def warn_caller(note: Warning) -> None:
@@ -114,9 +101,7 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

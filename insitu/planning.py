@@ -1,8 +1,7 @@
-"""What an ensemble fixes before its first member, and whether later members agree with it."""
+"""What an ensemble fixes before its first member."""
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,17 +15,15 @@ from catalogs.appearance import (
     Appearance,
     VolumeRendering,
     appearance_from_json,
-    appearance_to_json,
     check_fields,
     field_of,
     shown_fields,
 )
-from catalogs.catalog import Catalog, CatalogPlan, Member
+from catalogs.catalog import CatalogPlan
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.scene import PlannedMember, Scene, ViewPlan
+from catalogs.scene import Scene, ViewPlan
 from catalogs.variations import Variation
-from catalogs.words import shortened
-from insitu.boxes import Box, box_around, cameras_around, check_inside, checked_box, same_box
+from insitu.boxes import Box, box_around, cameras_around, check_inside, checked_box
 from insitu.summarize import value_range
 
 if TYPE_CHECKING:
@@ -198,7 +195,7 @@ def check_complete(options: PlanOptions) -> tuple[ParameterSpace, tuple[Appearan
         )
     check_fields(options.appearances)
     if isinstance(options.sample_distance, Mapping):
-        _given_distances(options.sample_distance, options.appearances)
+        given_distances(options.sample_distance, options.appearances)
     return options.space, options.appearances
 
 
@@ -213,7 +210,7 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
         **_value_ranges(pilot, appearances),
     }
     if options.sample_distance is not None:
-        provenance["sample_distances"] = _given_distances(options.sample_distance, appearances)
+        provenance["sample_distances"] = given_distances(options.sample_distance, appearances)
     elif pilot.distances:
         provenance["target_decibels"] = target_decibels(options)
         provenance["sample_distances"] = {name: float(d.distance) for name, d in pilot.distances.items()}
@@ -248,124 +245,14 @@ def is_catalog(path: Path) -> bool:
     return (path / "catalog.json").is_file()
 
 
-def agreeing_catalog(path: Path, options: PlanOptions) -> Catalog | None:
-    """The catalog at `path`, if there is one; raises ValueError naming everything in which `options` differ from it."""
-    if not is_catalog(path):
-        return None
-    catalog = Catalog.open(path)
-    differences = disagreements(catalog.plan, options)
-    if differences:
-        raise ValueError(
-            f"catalog {catalog.path} was made with another plan, and every member must share it: "
-            + "; ".join(differences)
-            + ". Take the catalog's values (leave the argument out), or write to a new catalog"
-        )
-    return catalog
-
-
-def create_catalog(path: Path, pilot: Pilot, options: PlanOptions) -> Catalog:
-    """A new catalog; or the one that another process made meanwhile: its plan holds, if `options` agree with it."""
-    try:
-        return Catalog.create(path, plan_catalog(pilot, options))
-    except (ValueError, FileExistsError):
-        made = agreeing_catalog(path, options)
-        if made is None:
-            raise
-        return made
-
-
-def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
-    """Everything in which `options` differ from the plan of a catalog, each named by its place with both values."""
-    differences = []
-    if options.space is not None:
-        differences += differing(options.space.to_json(), plan.space.to_json(), "space")
-    if options.appearances is not None:
-        wanted = [appearance_to_json(a) for a in options.appearances]
-        differences += differing(wanted, [appearance_to_json(a) for a in plan.appearances], "appearances")
-    if options.variations is not None:
-        varied = [v.to_json() for v in options.variations]
-        differences += differing(varied, [v.to_json() for v in plan.variations], "variations")
-    if options.bounds is not None and not same_box(options.bounds, plan.bounds):
-        differences.append(f"bounds: {options.bounds} here, {plan.bounds} in the catalog")
-    if options.views is not None:
-        differences += _differing_views(options.views, plan)
-    if options.image_format is not None:
-        differences += differing(options.image_format, plan.image_format, "image_format")
-    if options.target_decibels is not None:
-        differences += differing(options.target_decibels, plan.provenance.get("target_decibels"), "target_decibels")
-    if options.sample_distance is not None:
-        wanted_distances = _given_distances(options.sample_distance, plan.appearances)
-        differences += differing(wanted_distances, plan.provenance.get("sample_distances"), "sample_distances")
-    for key, value in options.provenance.items():
-        differences += differing(value, plan.provenance.get(key), key)
-    return differences
-
-
-def misplaced(catalog: Catalog, members: Iterable[PlannedMember]) -> list[str]:
-    """Where stored members have the names of planned ones, but other parameters, another split or other appearances."""
-    planned = {m.name: m for m in members}
-    differences = []
-    for stored in catalog.members:
-        if stored.name in planned:
-            wanted = planned[stored.name]
-            differences += differing(wanted.parameters, stored.parameters, f"{stored.name} parameters")
-            differences += differing(wanted.split, stored.split, f"{stored.name} split")
-            differences += _differing_appearances(wanted, stored)
-    return differences
-
-
-def _differing_appearances(wanted: PlannedMember, stored: Member) -> list[str]:
-    here = set(stored.appearances if wanted.appearances is None else wanted.appearances)
-    there = set(stored.appearances)
-    if here == there:
-        return []
-    only_here, only_there = (shortened(sorted(names), 3) or "none" for names in (here - there, there - here))
-    return [f"{stored.name} appearances: {only_here} only here, {only_there} only in the catalog"]
-
-
-def differing(wanted: Any, stored: Any, place: str) -> list[str]:
-    """Sentences naming each leaf in which two JSON-like values differ, both as written to disk."""
-    wanted, stored = _plain(wanted), _plain(stored)
-    if isinstance(wanted, dict) and isinstance(stored, dict):
-        keys = [*wanted, *(k for k in stored if k not in wanted)]
-        return [s for k in keys for s in differing(wanted.get(k), stored.get(k), f"{place}.{k}")]
-    if isinstance(wanted, list) and isinstance(stored, list) and len(wanted) == len(stored):
-        names = [w.get("name", i) if isinstance(w, dict) else i for i, w in enumerate(wanted)]
-        pairs = zip(names, wanted, stored, strict=True)
-        return [s for name, w, t in pairs for s in differing(w, t, f"{place}.{name}")]
-    return [] if wanted == stored else [f"{place}: {_short(wanted)} here, {_short(stored)} in the catalog"]
-
-
-def _given_distances(distance: float | Mapping[str, float], appearances: Sequence[Appearance]) -> dict[str, float]:
+def given_distances(distance: float | Mapping[str, float], appearances: Sequence[Appearance]) -> dict[str, float]:
+    """The sample distance of each volume rendering; raises ValueError where they name others."""
     names = [a.name for a in appearances if isinstance(a, VolumeRendering)]
     if not isinstance(distance, Mapping):
         return {name: float(distance) for name in names}
     if set(distance) != set(names):
         raise ValueError(f"sample_distance must name the volume renderings {names}, got {sorted(distance)}")
     return {name: float(distance[name]) for name in names}
-
-
-def _differing_views(views: ViewPlan, plan: CatalogPlan) -> list[str]:
-    wanted = cameras_around(plan.bounds, views)
-    if len(wanted) != len(plan.cameras):
-        return [f"views: {len(wanted)} here, {len(plan.cameras)} in the catalog"]
-    for mine, theirs in zip(wanted, plan.cameras, strict=True):
-        for name in ("width", "height", "fx", "fy"):
-            if not np.isclose(getattr(mine, name), getattr(theirs, name), rtol=1e-9):
-                return [f"views: camera {name} {getattr(mine, name):g} here, {getattr(theirs, name):g} in the catalog"]
-        slack = 1e-6 * (1.0 + float(np.abs(mine.position).max()))
-        if not np.allclose(mine.world_to_camera, theirs.world_to_camera, rtol=0, atol=slack):
-            return ["views: the cameras stand elsewhere (fill) than in the catalog"]
-    return []
-
-
-def _plain(value: Any) -> Any:
-    return json.loads(json.dumps(dict(value) if isinstance(value, Mapping) else value))
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _software() -> dict[str, str]:

@@ -53,10 +53,10 @@ class Tracker:
         self._fields: dict[str, float] = {}  # member -> fraction of its field computed
         self._images: dict[str, int] = {}  # member -> images drawn
         self._stages: dict[str, str] = {}  # members under way -> stage
-        self._done: set[str] = set()
+        self._done = 0
         self._rate = Rate()
-        self._field_seconds, self._render_seconds = field_share, 1.0 - field_share
-        self._measured = False
+        self._field_share = field_share  # of a member's time, before the first is measured
+        self._field_seconds = self._render_seconds = 0.0
 
     def report(self, report: Report) -> None:
         self._stages[report.member] = report.stage
@@ -68,9 +68,6 @@ class Tracker:
 
     def timed(self, field_seconds: float, render_seconds: float) -> None:
         """Learn what a member's field and its rendering cost."""
-        if not self._measured:
-            self._field_seconds = self._render_seconds = 0.0
-            self._measured = True
         self._field_seconds += field_seconds
         self._render_seconds += render_seconds
 
@@ -85,34 +82,33 @@ class Tracker:
 
     def done(self, member: str, images: int) -> None:
         self.idle(member)
-        self._done.add(member)
+        self._done += 1
         self._images[member] = images
 
     def snapshot(self) -> EnsembleProgress:
         images = sum(self._images.values())
         return EnsembleProgress(
-            members_done=len(self._done),
+            members_done=self._done,
             members=self._members,
             images_done=images,
             images=self._members * self._images_per_member,
             images_per_second=self._rate(images),
             running=tuple(self._describe(m, s) for m, s in sorted(self._stages.items()) if s != "render"),
-            seconds_left=self._seconds_left(clock.perf_counter()),
+            seconds_left=self._seconds_left(clock.perf_counter() - self._started),
         )
 
     def _describe(self, member: str, stage: str) -> str:
         fraction = self._fields.get(member, 0.0)
         return f"{stage} {member}" + (f" {100 * fraction:.0f} %" if stage == "simulate" else "")
 
-    def _seconds_left(self, now: float) -> float | None:
+    def _seconds_left(self, elapsed: float) -> float | None:
         if not self._images_per_member:
             return None  # pilots: how long drawing takes is not known yet
         whole = self._field_seconds + self._render_seconds
-        share = self._field_seconds / whole if whole > 0 else 0.0
+        share = self._field_seconds / whole if whole > 0 else self._field_share
         drawn = sum(self._images.values()) / self._images_per_member
         computed = sum(self._fields.values())
         done = share * computed + (1.0 - share) * drawn  # members' worth of work
-        elapsed = now - self._started
         if done <= 0.02 or elapsed < 1.0:
             return None
         return max(0.0, (self._members - done) * elapsed / done)

@@ -64,44 +64,38 @@ def ensemble_of(scene: Scene) -> Ensemble:
 
     Raises ValueError naming a wrong key of `[source]` or another kind, FileNotFoundError for absent data.
     """
-    table = dict(scene.source)
+    try:
+        return _ensemble(scene, dict(scene.source))
+    except ValueError as error:
+        raise ValueError(f"scene {scene.path}: {error}") from None
+
+
+def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
     kind = table.pop("kind")
     if kind not in KEYS:
-        raise ValueError(f"scene {scene.path}: a source of kind {kind} has no fields, its images were made elsewhere")
+        raise ValueError(f"a source of kind {kind} has no fields, its images were made elsewhere")
     needed, more = KEYS[kind]
-    known = needed | more
-    unknown = sorted(set(table) - known)
+    unknown, missing = sorted(set(table) - needed - more), sorted(needed - set(table))
     if unknown:
-        raise ValueError(
-            f"scene {scene.path}: source of kind {kind} has unknown keys {unknown}; known are {sorted(known)}"
-        )
-    missing = sorted(needed - set(table))
+        raise ValueError(f"source of kind {kind} has unknown keys {unknown}; known are {sorted(needed | more)}")
     if missing:
-        raise ValueError(f"scene {scene.path}: source of kind {kind} lacks {missing}")
-    fields = _names(scene, table.get("fields", []))
+        raise ValueError(f"source of kind {kind} lacks {missing}")
+    fields = table.get("fields", [])
+    if not isinstance(fields, list) or not all(isinstance(name, str) and name for name in fields):
+        raise ValueError(f"source.fields must be a list of names, got {fields!r}")
     if kind == "hdf5":
         if "dataset" in table and fields:
-            raise ValueError(
-                f"scene {scene.path}: fields name the data sets of the file, several or one: leave dataset out"
-            )
+            raise ValueError("fields name the data sets of the file, several or one: leave dataset out")
         stored = Hdf5Ensemble.open(scene.data_path(), fields or (table.get("dataset", "field"),))
-        members = stored.members(scene.validation_members, scene.seed)
-        return Ensemble(stored.space, members, stored, stored.datasets)
+        return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, stored.datasets)
     found = simulation(table["simulation"])
     if set(found.parameters) != set(scene.space.names):
         raise ValueError(
-            f"scene {scene.path}: simulation {found.name} takes the parameters {list(found.parameters)}, "
-            f"the scene has {list(scene.space.names)}"
+            f"simulation {found.name} takes the parameters {list(found.parameters)}, the scene has {list(scene.space.names)}"
         )
     try:
         found.check_fields(fields or found.fields[:1])
     except ValueError as error:
-        raise ValueError(f"scene {scene.path}: source.{error}") from None
-    source = SimulationSource(found.name, int(table["resolution"]), float(table["time"]), fields=fields)
+        raise ValueError(f"source.{error}") from None
+    source = SimulationSource(found.name, int(table["resolution"]), float(table["time"]), fields=tuple(fields))
     return Ensemble(scene.space, scene.members, source, source.names)
-
-
-def _names(scene: Scene, fields: Any) -> tuple[str, ...]:
-    if not isinstance(fields, list) or not all(isinstance(name, str) and name for name in fields):
-        raise ValueError(f"scene {scene.path}: source.fields must be a list of names, got {fields!r}")
-    return tuple(fields)

@@ -117,40 +117,31 @@ def suggest(
         function = TransferFunction(color_points, opacity_points, _rounded(unit_distance, 3))
         return VolumeRendering(name, function, field=field)
 
-    thin = appearance(size)
-    depths = [-np.log1p(-np.minimum(a, 1.0 - 1e-6)) * size for a in _alphas(grids, thin, bounds)]
+    depths = [-np.log1p(-np.minimum(a, 1.0 - 1e-6)) * size for a in _alphas(grids, appearance(size), bounds)]
     finest, coarsest = 1e-3 * size, 10.0 * size
     for _ in range(30):
         middle = math.sqrt(finest * coarsest)
-        if np.mean([_shown_mean(-np.expm1(-depth / middle)) for depth in depths]) > alpha:
+        if np.mean([_foreground_mean(-np.expm1(-depth / middle)) for depth in depths]) > alpha:
             finest = middle
         else:
             coarsest = middle
     chosen = appearance(math.sqrt(finest * coarsest))
-    return Suggestion(chosen, tuple(foreground_alphas(grids, chosen, bounds)))
+    return Suggestion(chosen, tuple(map(_foreground_mean, _alphas(grids, chosen, bounds))))
 
 
-def foreground_alphas(
-    grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box, views: ViewPlan = PROBE_VIEWS
-) -> list[float]:
-    """Mean alpha over the foreground (alpha > 1/255) of each grid's pictures; 0 where there is none."""
-    return [_shown_mean(alphas) for alphas in _alphas(grids, appearance, bounds, views)]
-
-
-def _alphas(
-    grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box, views: ViewPlan = PROBE_VIEWS
-) -> list[NDArray[np.float64]]:
+def _alphas(grids: Sequence[Grid], appearance: VolumeRendering, bounds: Box) -> list[NDArray[np.float64]]:
     """Alpha [V, H, W] of each grid's pictures."""
     from render import render_views
 
-    cameras = cameras_around(bounds, views)
+    cameras = cameras_around(bounds, PROBE_VIEWS)
     return [
         np.stack([rgba[..., 3] for rgba in render_views(grid, appearance, cameras, float_output=True)]).astype(float)
         for grid in grids
     ]
 
 
-def _shown_mean(alphas: NDArray[np.float64]) -> float:
+def _foreground_mean(alphas: NDArray[np.float64]) -> float:
+    """Mean over the foreground (alpha > 1/255); 0 where there is none."""
     shown = alphas[alphas > VISIBLE]
     return float(shown.mean()) if shown.size else 0.0
 

@@ -18,10 +18,11 @@ from catalogs.check import check
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.scene import PlannedMember, Scene, ViewPlan
 from catalogs.variations import isovalue_family, transfer_function_family
+from insitu.agreement import disagreements, misplaced
 from insitu.cli import main
 from insitu.dataset import make_dataset
 from insitu.fields import as_fields
-from insitu.planning import Pilot, PlanOptions, disagreements, measure_pilot, misplaced, plan_catalog
+from insitu.planning import Pilot, PlanOptions, measure_pilot, plan_catalog
 from tests.support.hooked import blob, tree
 
 FUNCTION = TransferFunction(
