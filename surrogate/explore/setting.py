@@ -28,6 +28,9 @@ class Setting:
     visualization: Mapping[str, float | str] = field(default_factory=dict)
     color_map: str = ""
 
+    def __hash__(self) -> int:
+        return hash((frozenset(self.values.items()), self.color_map))
+
     @property
     def values(self) -> dict[str, float | str]:
         """All parameters by name."""

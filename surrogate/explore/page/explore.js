@@ -347,7 +347,7 @@ class Explorer {
       : `${width}×${height} in ${answer.drawn.toFixed(0)} ms`;
     this.compared(answer);
     if (moving) return;
-    const said = answer.expected[0];
+    const said = answer.expected;
     this.expected.textContent = said ? said.sentence : "Measuring what to expect here…";
     this.expected.classList.toggle("warning", Boolean(said?.warning));
     if (!said && this.facts.truth) setTimeout(() => this.stream.settle(), 2000);

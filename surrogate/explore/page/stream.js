@@ -13,30 +13,28 @@ export class Stream {
    */
   constructor(request, show, fail) {
     Object.assign(this, { request, show, fail });
-    this.asked = 0; // number of the last request
-    this.shown = 0; // number of the last one that was shown
-    this.waiting = 0;
-    this.dirty = false;
-    this.settled = 0; // number of the last request for a whole frame
-    this.timer = null;
+    this.waiting = 0; // frames that were asked for and are not on the screen yet
+    this.dirty = false; // whether something changed since
+    this.whole = false; // whether the last that was asked for is a whole one
   }
 
   /** Whether the newest wish is on the screen, whole. */
-  get resting() { return !this.dirty && !this.waiting && this.shown === this.settled; }
+  get resting() { return !this.dirty && !this.waiting && this.whole; }
 
   /** Something changed. */
   change() {
     this.dirty = true;
-    this.settled = 0;
+    this.whole = false;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.rest(), REST);
+    this.timer = setTimeout(() => this.settle(), REST);
     this.pump();
   }
 
   /** Draw the whole frame now, as after a change that is not part of a movement. */
   settle() {
     clearTimeout(this.timer);
-    this.rest();
+    this.dirty = false;
+    this.ask(false);
   }
 
   pump() {
@@ -45,26 +43,13 @@ export class Stream {
     this.ask(true);
   }
 
-  rest() {
-    this.dirty = false;
-    this.ask(false);
-  }
-
   async ask(moving) {
-    const request = this.request(moving), number = ++this.asked;
-    if (!moving) this.settled = number;
+    this.whole = !moving;
     this.waiting += 1;
     try {
-      const answer = await frame(request);
-      if (number > this.shown) {
-        this.shown = number;
-        await this.show(answer, moving);
-      }
+      await this.show(await frame(this.request(moving)), moving);
     } catch (error) {
-      if (number > this.shown) {
-        this.shown = number;
-        this.fail(error);
-      }
+      this.fail(error);
     } finally {
       this.waiting -= 1;
       this.pump();

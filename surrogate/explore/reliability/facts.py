@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction, VolumeRendering, field_of
-from catalogs.cameras import OBLIQUE, Camera, orbit
+from catalogs.cameras import OBLIQUE, Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import Parameter
 from catalogs.variations import Variation
@@ -39,6 +39,7 @@ from surrogate.explore.reliability.places import base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
+from surrogate.notebook import first_camera
 
 MOST_TICKS, MOST_MEMBERS, MOST_SUMMARIES = 300, 5000, 200
 BINS = 64
@@ -179,7 +180,8 @@ def _cameras(run: Run) -> Sequence[Camera]:
 def _first_orbit(run: Run, cameras: Sequence[Camera]) -> Json:
     """What the page starts with: the stored view that is nearest to `OBLIQUE`."""
     if run.catalog is None or not cameras:
-        return _whole_volume(run.surrogate)
+        whole = run.surrogate.normalization
+        return orbit_of(first_camera(whole), whole.center)
     first = max(cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE)))
     return orbit_of(first, np.mean(np.array(run.catalog.plan.bounds), axis=0))
 
@@ -202,15 +204,6 @@ def orbit_of(camera: Camera, middle: NDArray[np.float64]) -> Json:
         "target": target.tolist(),
         "field": camera.vertical_fov_degrees,
     }
-
-
-def _whole_volume(surrogate: Surrogate) -> Json:
-    """From `OBLIQUE`, as far away as the cameras of `orbit` around the normalized box."""
-    center, radius = surrogate.normalization.center, math.sqrt(3.0) * surrogate.normalization.extent
-    around = orbit(center, radius, width=1, height=1, frequency=1)[0]
-    position = center + np.linalg.norm(around.position - center) * np.array(OBLIQUE) / np.linalg.norm(OBLIQUE)  # [3]
-    degrees = around.vertical_fov_degrees
-    return orbit_of(Camera.look_at(position, center, vertical_fov_degrees=degrees, width=1, height=1), center)
 
 
 # ---- JSON

@@ -31,7 +31,7 @@ from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.server.calls import Answer, Sockets, parsed
 from surrogate.explore.server.frames import Frames
-from surrogate.explore.server.guard import Guard
+from surrogate.explore.server.guard import guard
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait
@@ -92,7 +92,7 @@ class Explorer:
             pool.shutdown(wait=False, cancel_futures=True)
         if self._measuring.is_alive():  # at the end of Python a thread inside of a kernel would abort the process
             self._measuring.join(timeout=PATIENCE)
-        self.frames.forget()  # whoever still holds this object holds no Gaussians
+        self.frames.deformed.cache_clear()  # whoever still holds this object holds no Gaussians
 
     def _measure(self) -> None:
         def go_on(*_: object) -> None:
@@ -109,7 +109,7 @@ class Explorer:
     def _application(self) -> web.Application:
         sockets = Sockets({"facts": self._tell, "frame": self._frame, "nearest": self._nearest})
         page = _page_folder()
-        application = web.Application(middlewares=[Guard(self.access).middleware()])
+        application = web.Application(middlewares=[guard(self.access)])
         application.on_shutdown.append(sockets.close)
         application.router.add_get("/", _file(page / "index.html"))
         application.router.add_get("/look.css", _file(Path(str(files("catalogs.browse").joinpath("look.css")))))

@@ -6,8 +6,6 @@ what a browser says comes from a page must come from one of ours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
@@ -25,56 +23,50 @@ HEADERS = {
 }
 
 
-@dataclass(frozen=True)
-class Guard:
-    """Refuses what has no access, and puts headers on whatever is answered."""
+def guard(access: Access) -> Middleware:
+    """For aiohttp: refuses what has no access, and puts headers on whatever is answered."""
 
-    access: Access
+    @web.middleware
+    async def guarded(request: web.Request, handler: Handler) -> web.StreamResponse:
+        try:
+            response = await _response(access, request, handler)
+        except web.HTTPException as answer:
+            answer.headers.update(HEADERS)
+            raise
+        if not response.prepared:
+            response.headers.update(HEADERS)
+        return response
 
-    def refusal(self, request: web.Request) -> str:
-        """Why the request is not answered; "" where it is."""
-        named = request.headers.get("Host", "").lower()
-        if not all(
-            map(self.access.is_named_by, (named, request.host))
-        ):  # the second is that of the request line, if it has one
-            return "this server answers to its own address only"
-        origin = request.headers.get("Origin")
-        if origin is not None and origin.lower().partition("://")[2] != named:
-            return "pages of other sites may not talk to this server"
-        cookie = request.cookies.get(self.access.cookie)
-        if self.access.token and not (self._brings_token(request) or self.access.is_token(cookie)):
-            return "the address lacks its token: take the whole of what the program printed"
-        return ""
+    return guarded
 
-    def _brings_token(self, request: web.Request) -> bool:
-        return bool(self.access.token) and self.access.is_token(request.query.get("token"))
 
-    def middleware(self) -> Middleware:
-        """For aiohttp: refuses, and puts the headers on whatever is answered."""
+def refusal(access: Access, request: web.Request) -> str:
+    """Why the request is not answered; "" where it is."""
+    named = request.headers.get("Host", "").lower()
+    if not all(map(access.is_named_by, (named, request.host))):  # the second is that of the request line, if it has one
+        return "this server answers to its own address only"
+    origin = request.headers.get("Origin")
+    if origin is not None and origin.lower().partition("://")[2] != named:
+        return "pages of other sites may not talk to this server"
+    if access.token and not (_brings_token(access, request) or access.is_token(request.cookies.get(access.cookie))):
+        return "the address lacks its token: take the whole of what the program printed"
+    return ""
 
-        @web.middleware
-        async def guarded(request: web.Request, handler: Handler) -> web.StreamResponse:
-            try:
-                response = await self._response(request, handler)
-            except web.HTTPException as answer:
-                answer.headers.update(HEADERS)
-                raise
-            if not response.prepared:
-                response.headers.update(HEADERS)
-            return response
 
-        return guarded
+async def _response(access: Access, request: web.Request, handler: Handler) -> web.StreamResponse:
+    reason = refusal(access, request)
+    if reason:
+        return web.Response(status=403, text=f"{reason}\n")
+    if len(request.rel_url.raw_path) > LONGEST_PATH:
+        return web.Response(status=404, text="nothing here has so long a name\n")
+    if not _brings_token(access, request):
+        return await handler(request)
+    exchanged = web.Response(status=303, headers={"Location": "./"})
+    # Lax: whoever follows the printed address from another page, such as a terminal's, must come in at once.
+    # An empty path: browsers then send it to this server alone, also below the path of a proxy.
+    exchanged.set_cookie(access.cookie, access.token, path="", httponly=True, samesite="Lax")
+    return exchanged
 
-    async def _response(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        reason = self.refusal(request)
-        if reason:
-            return web.Response(status=403, text=f"{reason}\n")
-        if len(request.rel_url.raw_path) > LONGEST_PATH:
-            return web.Response(status=404, text="nothing here has so long a name\n")
-        if not self._brings_token(request):
-            return await handler(request)
-        exchanged = web.Response(status=303, headers={"Location": "./"})
-        # Lax: whoever follows the printed address from another page, such as a terminal's, must come in at once.
-        # An empty path: browsers then send it to this server alone, also below the path of a proxy.
-        exchanged.set_cookie(self.access.cookie, self.access.token, path="", httponly=True, samesite="Lax")
-        return exchanged
+
+def _brings_token(access: Access, request: web.Request) -> bool:
+    return bool(access.token) and access.is_token(request.query.get("token"))

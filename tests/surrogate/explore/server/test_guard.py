@@ -5,11 +5,11 @@ from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
 from catalogs.browse.access import Access
-from surrogate.explore.server.guard import Guard
+from surrogate.explore.server.guard import refusal
 
-LOCAL = Guard(Access.of("127.0.0.1"))
-OPEN = Guard(Access.of("0.0.0.0"))
-TOKEN, COOKIE = OPEN.access.token, OPEN.access.cookie
+LOCAL = Access.of("127.0.0.1")
+OPEN = Access.of("0.0.0.0")
+TOKEN, COOKIE = OPEN.token, OPEN.cookie
 
 
 def request(path: str = "/", **headers: str) -> web.Request:
@@ -18,15 +18,15 @@ def request(path: str = "/", **headers: str) -> web.Request:
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8000", "localhost:1", "LOCALHOST:80", "127.0.0.1", "[::1]:90"])
 def test_this_machine_may_talk_to_a_local_server(host: str) -> None:
-    assert LOCAL.refusal(request(Host=host)) == ""
-    assert LOCAL.refusal(request(Host=host, Origin=f"http://{host}")) == ""
+    assert refusal(LOCAL, request(Host=host)) == ""
+    assert refusal(LOCAL, request(Host=host, Origin=f"http://{host}")) == ""
 
 
 @pytest.mark.parametrize(
     "host", ["evil.example:8000", "127.0.0.1.evil.example", "", "localhost.evil.example", "[", "[::1"]
 )
 def test_a_name_that_resolves_here_is_refused(host: str) -> None:
-    assert LOCAL.refusal(request(Host=host)) != ""
+    assert refusal(LOCAL, request(Host=host)) != ""
 
 
 @pytest.mark.parametrize(
@@ -34,20 +34,20 @@ def test_a_name_that_resolves_here_is_refused(host: str) -> None:
     ["http://evil.example", "null", "http://127.0.0.1:9999", "https://localhost", "http://localhost:8000.evil", ""],
 )
 def test_pages_of_other_sites_are_refused(origin: str) -> None:
-    assert "other sites" in LOCAL.refusal(request(Host="localhost:8000", Origin=origin))
+    assert "other sites" in refusal(LOCAL, request(Host="localhost:8000", Origin=origin))
 
 
 def test_other_addresses_need_the_token() -> None:
     assert len(TOKEN) >= 32
     assert Access.of("0.0.0.0").token != TOKEN
-    assert "token" in OPEN.refusal(request(Host="192.168.0.7:80"))
-    assert "token" in OPEN.refusal(request("/?token=wrong", Host="192.168.0.7:80"))
-    assert "token" in OPEN.refusal(request("/?token=%ff%fe", Host="192.168.0.7:80"))
-    assert "token" in OPEN.refusal(request(Host="192.168.0.7:80", Cookie=f"{COOKIE}=x{TOKEN}"))
-    assert OPEN.refusal(request(f"/?token={TOKEN}", Host="192.168.0.7:80")) == ""
-    assert OPEN.refusal(request(Host="192.168.0.7:80", Cookie=f"{COOKIE}={TOKEN}")) == ""
+    assert "token" in refusal(OPEN, request(Host="192.168.0.7:80"))
+    assert "token" in refusal(OPEN, request("/?token=wrong", Host="192.168.0.7:80"))
+    assert "token" in refusal(OPEN, request("/?token=%ff%fe", Host="192.168.0.7:80"))
+    assert "token" in refusal(OPEN, request(Host="192.168.0.7:80", Cookie=f"{COOKIE}=x{TOKEN}"))
+    assert refusal(OPEN, request(f"/?token={TOKEN}", Host="192.168.0.7:80")) == ""
+    assert refusal(OPEN, request(Host="192.168.0.7:80", Cookie=f"{COOKIE}={TOKEN}")) == ""
     stranger = request(f"/?token={TOKEN}", Host="192.168.0.7:80", Origin="http://evil.example")
-    assert "other sites" in OPEN.refusal(stranger)
+    assert "other sites" in refusal(OPEN, stranger)
 
 
 def test_servers_of_one_host_do_not_take_each_others_cookies() -> None:
@@ -56,23 +56,23 @@ def test_servers_of_one_host_do_not_take_each_others_cookies() -> None:
 
 
 def test_a_local_server_has_no_token() -> None:
-    assert LOCAL.access.token == ""
+    assert LOCAL.token == ""
     assert Access.of("localhost").token == ""
     assert Access.of("192.168.0.7").token != ""
 
 
 @pytest.mark.parametrize("base_url", ["/user/name/", "user/name", "/user/name"])
 def test_behind_a_proxy_the_token_counts_and_not_the_name(base_url: str) -> None:
-    guard = Guard(Access.of("127.0.0.1", base_url))
-    token = guard.access.token
-    assert guard.access.address(80) == f"/user/name/proxy/80/?token={token}"
+    access = Access.of("127.0.0.1", base_url)
+    token = access.token
+    assert access.address(80) == f"/user/name/proxy/80/?token={token}"
     for host in ("hub.example", "127.0.0.1:80", "localhost"):
-        assert "token" in guard.refusal(request(Host=host))
-        assert guard.refusal(request(f"/?token={token}", Host=host)) == ""
-        assert (
-            guard.refusal(request(Host=host, Origin=f"https://{host}", Cookie=f"{guard.access.cookie}={token}")) == ""
-        )
-    assert "other sites" in guard.refusal(request(f"/?token={token}", Host="hub.example", Origin="http://evil.example"))
+        assert "token" in refusal(access, request(Host=host))
+        assert refusal(access, request(f"/?token={token}", Host=host)) == ""
+        assert refusal(access, request(Host=host, Origin=f"https://{host}", Cookie=f"{access.cookie}={token}")) == ""
+    assert "other sites" in refusal(
+        access, request(f"/?token={token}", Host="hub.example", Origin="http://evil.example")
+    )
 
 
 def test_jupyter_without_a_path_is_a_proxy_as_well() -> None:

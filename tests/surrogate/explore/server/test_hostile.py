@@ -53,7 +53,7 @@ def test_a_tab_gets_facts_and_frames(tab: Tab) -> None:
     assert facts["title"] == "blobs"
     assert ROOT not in json.dumps(facts)
     lives(tab)
-    assert tab.ask("nearest", message())["found"]["member"] in ("train-0", "train-1", "validation-0")
+    assert tab.ask("nearest", message())["found"]["parameters"]["p"] in (0.0, 0.25, 0.5)
 
 
 NO_MESSAGES: dict[str, bytes | str] = {
