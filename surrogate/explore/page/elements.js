@@ -29,6 +29,28 @@ export function drawn(tag, attributes = {}, ...children) {
 export const section = (title, ...children) =>
   element("section", { "aria-label": title }, element("h2", {}, title), ...children);
 
+export const button = (label, onclick, attributes = {}) => element("button", { type: "button", onclick, ...attributes }, label);
+
+/** A menu of [value, name, disabled] in a labelled field; `changed` hears the value that is chosen. */
+export const menu = (label, id, chosen, offered, changed) => field(label, element("select", { id, onchange: event => changed?.(event.target.value) },
+  ...offered.map(([value, name, disabled]) => element("option", { value, disabled, selected: value === chosen }, name))));
+
+/** Tabs of [id, name]; `choose(id)` hears which, and arrow keys go from tab to tab. */
+export const tabs = (label, prefix, panel, chosen, offered, choose) => element("div", { role: "tablist", "aria-label": label }, ...offered.map(([id, name]) =>
+  element("button", {
+    role: "tab", id: `${prefix}-${id}`, "aria-controls": panel, "aria-selected": id === chosen, tabindex: id === chosen ? 0 : -1,
+    onclick: () => choose(id), onkeydown: stepTab,
+  }, name)));
+
+function stepTab(event) {
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (!step) return;
+  event.preventDefault();
+  const all = [...event.currentTarget.parentElement.children], next = all[(all.indexOf(event.currentTarget) + step + all.length) % all.length];
+  next.click();
+  document.getElementById(next.id)?.focus();
+}
+
 export const field = (label, control) => element("label", { class: "field" }, element("span", {}, label), control);
 
 /** A number for people: six digits at most. */

@@ -1,7 +1,7 @@
 // The explorer's page: one state, controls that change it, and a stream of frames that show it.
 
 import * as connection from "./connection.js";
-import { digits, element, field, section } from "./elements.js";
+import { button, digits, element, field, menu, section, tabs } from "./elements.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
 import { cameraOf, PRESETS, seenFrom } from "./orbit.js";
@@ -53,8 +53,7 @@ class Explorer {
       id: "stage", tabindex: 0, role: "application", "aria-label":
         "The ensemble: drag or use the arrow keys to turn it, with Shift to move it, wheel or + and − to come nearer, Home to reset",
     });
-    this.tabs = element("div", { role: "tablist", "aria-label": "What the window shows" }, ...Object.entries(MODE_NAMES).map(([mode, name]) =>
-      element("button", { role: "tab", id: `mode-${mode}`, "aria-controls": "stage-panel", onclick: () => this.set({ mode }), onkeydown: event => stepTab(event) }, name)));
+    this.tabs = tabs("What the window shows", "mode", "stage-panel", this.state.mode, Object.entries(MODE_NAMES), mode => this.set({ mode }));
     this.alert = element("p", { id: "alert", role: "alert", hidden: true });
     this.status = element("p", { id: "status" });
     this.expected = element("p", { id: "expected", role: "status" });
@@ -101,9 +100,9 @@ class Explorer {
   }
 
   memberMenu() {
-    const members = this.facts.members ?? [];
+    const { members } = this.facts;
     if (!members.length) return null;
-    const menu = element("select", { id: "member", onchange: event => {
+    const choice = element("select", { id: "member", onchange: event => {
       const member = members[+event.target.value];
       this.facts.parameters.forEach((p, i) => { this.setting.parameters[p.name] = member.values[i]; });
       this.refresh();
@@ -112,20 +111,17 @@ class Explorer {
     for (const split of ["train", "validation", "test"]) {
       const group = element("optgroup", { label: split });
       members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map(digits).join(", ")}`)); });
-      if (group.children.length) menu.append(group);
+      if (group.children.length) choice.append(group);
     }
-    return field("Go to member", menu);
+    return field("Go to member", choice);
   }
 
   visualizationPanel() {
     const { facts, setting } = this, kinds = ["base", ...facts.variations.map(v => v.kind)];
     if (kinds.length === 1) return null;
-    const tabs = element("div", { role: "tablist", "aria-label": "How the field is shown" }, ...kinds.map(kind => element("button", {
-      role: "tab", id: `kind-${kind}`, "aria-selected": setting.kind === kind, tabindex: setting.kind === kind ? 0 : -1, "aria-controls": "visualization-panel",
-      onclick: () => { setting.kind = kind; this.set({}); document.getElementById(`kind-${kind}`).focus(); },
-      onkeydown: event => stepTab(event),
-    }, KIND_NAMES[kind])));
-    return section("Visualization", tabs, element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, this.kindPanel(setting.kind)));
+    const choose = kind => { setting.kind = kind; this.set({}); document.getElementById(`kind-${kind}`).focus(); };
+    const chooser = tabs("How the field is shown", "kind", "visualization-panel", setting.kind, kinds.map(kind => [kind, KIND_NAMES[kind]]), choose);
+    return section("Visualization", chooser, element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, this.kindPanel(setting.kind)));
   }
 
   kindPanel(kind) {
@@ -143,55 +139,45 @@ class Explorer {
       return this.editor.box;
     }
     if (kind === "field")
-      return field("Appearance", element("select", { id: "appearance", onchange: event => { this.setting.appearance = event.target.value; this.changed(); } },
-        ...of.names.map(name => element("option", { value: name, selected: name === this.setting.appearance }, name))));
+      return menu("Appearance", "appearance", this.setting.appearance, of.names.map(name => [name, name]), name => { this.setting.appearance = name; this.changed(); });
     return element("p", { class: "hint" }, "The base appearance, as it was rendered.");
   }
 
   viewPanel() {
     const { facts } = this;
     const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
-      element("button", { type: "button", "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}`, onclick: () => this.look(seenFrom(this.state.orbit, direction)) }, name)));
-    const stored = facts.truth
-      ? element("button", { type: "button", onclick: () => this.goToStored(found => { this.state.orbit = found.orbit; }) }, "Nearest stored view") : null;
-    const copy = element("button", { type: "button", onclick: () => this.copy(JSON.stringify(this.request(false).camera), "camera") }, "Copy camera");
+      button(name, () => this.look(seenFrom(this.state.orbit, direction)), { "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}` })));
     return section("View", presets, element("div", { class: "buttons" },
-      element("button", { type: "button", id: "reset-view", onclick: () => this.look(facts.camera) }, "Reset"), stored, copy));
+      button("Reset", () => this.look(facts.camera), { id: "reset-view" }),
+      facts.truth && button("Nearest stored view", () => this.goToStored(found => { this.state.orbit = found.orbit; })),
+      button("Copy camera", () => this.copy(JSON.stringify(this.request(false).camera), "camera"))));
   }
 
   picturePanel() {
     const behind = { ...BACKGROUNDS };
     if (this.facts.background) behind.trained = this.facts.background;
     return section("Display",
-      field("Background", element("select", { id: "background", onchange: event => this.set({ background: event.target.value }) },
-        ...Object.entries(behind).map(([name, color]) => element("option", { value: color, selected: color === this.state.background }, name)))),
-      field("Pixels at rest", element("select", { id: "full", onchange: event => this.set({ full: +event.target.value }) },
-        ...FULL_SIZES.map(size => element("option", { value: size, selected: size === this.state.full }, `${size}²`)))));
+      menu("Background", "background", this.state.background, Object.entries(behind).map(([name, color]) => [color, name]), background => this.set({ background })),
+      menu("Pixels at rest", "full", this.state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => this.set({ full: +size })));
   }
 
   comparePanel() {
     const { state, facts } = this;
+    const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => this.set({ against: chosen }));
+    if (state.against === "truth")
+      return section("Compare", against,
+        element("p", { class: "hint" }, "There is a truth where the catalog holds a picture of these very parameters from this very view."),
+        button("Nearest stored picture", () => this.goToStored(found => this.takeStored(found)), { id: "nearest-picture" }));
     const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
-      element("button", { type: "button", id: `edit-${name}`, "aria-pressed": state.active === i, onclick: () => this.set({ active: i }) }, `Change ${name}`)));
-    const copy = element("button", { type: "button", onclick: () => {
-      state.settings[1 - state.active] = structuredClone(this.setting);
-      this.changed();
-    } }, `Copy ${"AB"[state.active]} to ${"BA"[state.active]}`);
-    const swap = element("button", { type: "button", onclick: () => this.set({ settings: [...state.settings].reverse() }) }, "Swap");
-    const against = element("select", { id: "against", onchange: event => { this.set({ against: event.target.value }); } },
-      element("option", { value: "setting", selected: state.against === "setting" }, "another setting"),
-      element("option", { value: "truth", selected: state.against === "truth", disabled: !facts.truth }, "the stored picture"));
-    const parts = state.against === "setting" ? [edit, element("div", { class: "buttons" }, copy, swap)]
-      : [element("p", { class: "hint" }, "There is a truth where the catalog holds a picture of these very parameters from this very view."),
-        element("button", { type: "button", id: "nearest-picture", onclick: () => this.goToStored(found => this.takeStored(found)) }, "Nearest stored picture")];
-    return section("Compare", field("With", against), ...parts);
+      button(`Change ${name}`, () => this.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));
+    const copy = () => { state.settings[1 - state.active] = structuredClone(this.setting); this.changed(); };
+    return section("Compare", against, edit, element("div", { class: "buttons" },
+      button(`Copy ${"AB"[state.active]} to ${"BA"[state.active]}`, copy), button("Swap", () => this.set({ settings: [...state.settings].reverse() }))));
   }
 
   sweepPanel() {
     const { state, facts } = this, known = sweepable(facts, state.settings[0]);
     const change = values => this.set({ sweep: { ...state.sweep, ...values } });
-    const menu = (id, chosen, offered, changed) => element("select", { id, onchange: event => changed(event.target.value) },
-      ...offered.map(([value, name]) => element("option", { value, selected: value === chosen }, name)));
     const names = known.map(p => [p.name, p.name]);
     const swept = known.find(p => p.name === state.sweep.name) ?? known[0], width = swept.high - swept.low;
     const limit = (which, label) => element("label", {}, element("span", {}, label), element("input", {
@@ -203,14 +189,14 @@ class Explorer {
         change(proper ? { [which]: value === swept[which] ? "" : value } : {});
       },
     }));
-    const counts = [2, 3, 4, 5, 6, 7, 8, 10, 12].map(n => [String(n), String(n)]);
+    const counts = [2, 3, 4, 5, 6, 7, 8, 10, 12].map(n => [n, String(n)]), { name, count, second, secondCount } = state.sweep;
     state.active = 0;
     return section("Sweep",
-      field("Across", menu("sweep-first", state.sweep.name, names, name => change({ name, low: "", high: "", second: state.sweep.second === name ? "" : state.sweep.second }))),
+      menu("Across", "sweep-first", name, names, chosen => change({ name: chosen, low: "", high: "", second: second === chosen ? "" : second })),
       element("div", { class: "numbers" }, limit("low", "From"), limit("high", "To")),
-      field("Pictures", menu("sweep-count", String(state.sweep.count), counts, count => change({ count: +count }))),
-      field("Down", menu("sweep-second", state.sweep.second, [["", "nothing"], ...names.filter(([name]) => name !== state.sweep.name)], second => change({ second }))),
-      state.sweep.second ? field("Rows", menu("sweep-rows", String(state.sweep.secondCount), counts.slice(0, 7), count => change({ secondCount: +count }))) : null);
+      menu("Pictures", "sweep-count", count, counts, chosen => change({ count: +chosen })),
+      menu("Down", "sweep-second", second, [["", "nothing"], ...names.filter(([other]) => other !== name)], chosen => change({ second: chosen })),
+      second && menu("Rows", "sweep-rows", secondCount, counts.slice(0, 7), chosen => change({ secondCount: +chosen })));
   }
 
   modelPanel() {
@@ -377,16 +363,6 @@ class Explorer {
     this.failed = true;
     this.say(error.message);
   }
-}
-
-/** Arrow keys go from tab to tab. */
-function stepTab(event) {
-  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-  if (!step) return;
-  event.preventDefault();
-  const tabs = [...event.currentTarget.parentElement.children], next = tabs[(tabs.indexOf(event.currentTarget) + step + tabs.length) % tabs.length];
-  next.click();
-  document.getElementById(next.id)?.focus();
 }
 
 connection.stopped.then(() => document.body.replaceChildren(element("main", { class: "stopped", role: "alert" },

@@ -1,7 +1,7 @@
 // What can be taken away: pictures, films, Gaussians, a link, the code.
 
 import { exported } from "./connection.js";
-import { element, field, section } from "./elements.js";
+import { button, element, menu, section } from "./elements.js";
 
 const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", python: "Python that draws it" };
 const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
@@ -10,25 +10,25 @@ const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
 export function exportPanel(explorer) {
   const say = text => explorer.say(text), { state } = explorer;
   const offered = state.mode === "sweep" ? { ...SWEEPS, ...PICTURES } : PICTURES;
-  const menu = element("select", { id: "export-kind" }, ...Object.entries(offered).map(([kind, name]) => element("option", { value: kind }, name)));
-  const button = element("button", { type: "button", id: "export", class: "primary", onclick: async () => {
-    button.disabled = true;
+  const kinds = menu("As", "export-kind", "png", Object.entries(offered));
+  const saving = button("Save", async () => {
+    saving.disabled = true;
     say("Making it…");
     try {
-      const made = await exported({ ...explorer.exportable(), kind: menu.value, sweep: state.mode === "sweep" ? state.sweep : null });
+      const made = await exported({ ...explorer.exportable(), kind: kinds.querySelector("select").value, sweep: state.mode === "sweep" ? state.sweep : null });
       save(made);
       say(`${made.name}: ${(made.blob.size / 1024).toFixed(0)} kB`);
     } catch (error) {
       say(error.message);
     } finally {
-      button.disabled = false;
+      saving.disabled = false;
     }
-  } }, "Save");
-  const link = element("button", { type: "button", id: "copy-link", onclick: async () => {
+  }, { id: "export", class: "primary" });
+  const link = button("Copy link", async () => {
     explorer.writeAddress();
     await explorer.copy(location.href, "link");
-  } }, "Copy link");
-  return section("Export", field("As", menu), element("div", { class: "buttons" }, button, link));
+  }, { id: "copy-link" });
+  return section("Export", kinds, element("div", { class: "buttons" }, saving, link));
 }
 
 function save({ name, blob }) {

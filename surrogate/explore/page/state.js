@@ -141,7 +141,7 @@ function readSetting(fields, prefix, facts) {
     const { low, high } = of.bounds[name];
     setting.points[name] = Math.max(low, Math.min(high, read(name, of.bounds[name], 0)));
   }
-  const maps = (of.color_maps ?? []).map(map => map.name);
+  const maps = of.color_maps.map(map => map.name);
   if (maps.includes(fields.get(`${prefix}.colors`))) setting.colorMap = fields.get(`${prefix}.colors`);
   return setting;
 }

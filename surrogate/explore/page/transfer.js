@@ -1,6 +1,6 @@
 // The transfer-function editor: opacity over field values, two points of which can be moved; the histogram of the field behind.
 
-import { digits, drawn, element, field } from "./elements.js";
+import { button, digits, drawn, element, menu } from "./elements.js";
 import { POINTS } from "./state.js";
 
 const WIDTH = 280, HEIGHT = 150, PAD = 8;
@@ -27,16 +27,12 @@ export function transferEditor(of, histogram, unit, moved, colored) {
   const gradient = element("div", { class: "gradient", "aria-hidden": "true" });
   const scale = element("div", { class: "scale" }, element("span", {}, digits(low)), element("span", {}, unit ? `value (${unit})` : "field value"), element("span", {}, digits(high)));
   const inputs = POINTS.map(numberFor);
-  const reset = element("button", { type: "button", onclick: () => change(Object.fromEntries(POINTS.map(name => [name, 0]))) }, "Reset to base");
-  const menu = of.color_maps?.length
-    ? element("select", { id: "color-map", onchange: event => { paintColors(event.target.value); colored(event.target.value); } },
-      element("option", { value: "" }, "as trained"), ...of.color_maps.map(map => element("option", { value: map.name }, map.name)))
-    : null;
-  const box = element(
-    "div", {}, svg, gradient, scale, menu ? field("Colours", menu) : null,
-    menu ? element("p", { class: "hint", id: "colors-hint" }, "Other colours than the trained ones are computed from learnt field values: good, not exact.") : null,
-    element("div", { class: "numbers" }, ...inputs.map(input => input.label)), reset,
-  );
+  const colors = of.color_maps.length ? [
+    menu("Colours", "color-map", "", [["", "as trained"], ...of.color_maps.map(({ name }) => [name, name])], name => { paintColors(name); colored(name); }),
+    element("p", { class: "hint" }, "Other colours than the trained ones are computed from learnt field values: good, not exact."),
+  ] : [];
+  const reset = button("Reset to base", () => change(Object.fromEntries(POINTS.map(name => [name, 0]))));
+  const box = element("div", {}, svg, gradient, scale, ...colors, element("div", { class: "numbers" }, ...inputs.map(input => input.label)), reset);
 
   function valueOf(i) { return [base[i][0] + points[`c${i}_value`], base[i][1] + points[`c${i}_opacity`]]; }
 
@@ -104,7 +100,7 @@ export function transferEditor(of, histogram, unit, moved, colored) {
   }
 
   function paintColors(name) {
-    const stops = of.color_maps?.find(map => map.name === name)?.gradient ?? of.gradient;
+    const stops = of.color_maps.find(map => map.name === name)?.gradient ?? of.gradient;
     gradient.style.background = `linear-gradient(to right, ${stops})`;
   }
 
@@ -122,10 +118,9 @@ export function transferEditor(of, histogram, unit, moved, colored) {
       made.setAttribute("aria-label", `Control point c${k + 1}`);
     });
     for (const { input, i, axis } of inputs) if (document.activeElement !== input) input.value = +valueOf(i)[axis].toPrecision(5);
-    if (colorMap !== undefined) {
-      if (menu) menu.value = colorMap;
-      paintColors(colorMap);
-    }
+    if (colorMap === undefined) return;
+    if (colors.length) box.querySelector("#color-map").value = colorMap;
+    paintColors(colorMap);
   }
 
   return { box, set };
