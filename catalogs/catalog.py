@@ -83,14 +83,12 @@ class MemberWriter:
 
     def write_summary(self, summary: FieldSummary) -> None:
         """Keep the summary of the only field beside its images."""
-        self.write_summaries({"": summary})
+        summary.save(self.path / SUMMARY)
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
-        """Keep the summaries of a member's fields, by name, beside their images."""
-        if len(self._catalog.plan.fields) == 1 == len(summaries):
-            self.write_summary(next(iter(summaries.values())))
-        else:
-            save_summaries(self.path / SUMMARY, summaries)
+        """Keep the summaries of a member's fields, by name, beside their images; where the plan has one field it has no name."""
+        only = len(self._catalog.plan.fields) == 1 == len(summaries)
+        save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if only else summaries)
 
     def missing(self) -> list[tuple[str, int]]:
         """(appearance, view) pairs that were not written yet."""
