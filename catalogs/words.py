@@ -1,11 +1,15 @@
-"""Names and counts in words."""
+"""Names, counts and records in words."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
 
 from catalogs.parameters import SPLITS
+
+WIDTH = 120  # characters of a record
 
 
 def shortened(names: Sequence[str], most: int = 12) -> str:
@@ -17,3 +21,18 @@ def counted(splits: Iterable[str]) -> str:
     """How many of these are of each split, such as "2 train, 0 validation, 1 test"."""
     counts = Counter(splits)
     return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
+
+
+def one_line(record: Any) -> str:
+    """A dataclass or named tuple with shapes in place of arrays and tensors, in at most `WIDTH` characters: its `__repr__`."""
+    names = getattr(record, "_fields", None) or [field.name for field in fields(record)]
+    text = f"{type(record).__name__}({', '.join(_shown(name, getattr(record, name)) for name in names)})"
+    return text if len(text) <= WIDTH else f"{text[: WIDTH - 2]}…)"
+
+
+def _shown(name: str, value: Any) -> str:
+    if hasattr(value, "shape"):
+        return f"{name}{list(value.shape)}"
+    if isinstance(value, Mapping):
+        return f"{name}={{{len(value)} entries}}"
+    return f"{name}={' '.join(repr(value).split())}"

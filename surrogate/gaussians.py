@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from catalogs.cameras import Camera
+from catalogs.words import one_line
 
 NAMES = ("means", "log_scales", "quats", "opacity_logits", "colors")
 WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; those of colours vary
@@ -41,6 +42,8 @@ class Gaussians:
     quats: Tensor  # [N, 4]
     opacity_logits: Tensor  # [N]
     colors: Tensor  # [N, 3 K]
+
+    __repr__ = one_line
 
     def __len__(self) -> int:
         return self.means.shape[0]

@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
+from catalogs.words import one_line
 from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import Offsets
 from surrogate.gaussians import NAMES, WIDTHS, Gaussians
@@ -41,6 +42,8 @@ class BilinearDeformation:
 
     kind: ClassVar[str] = "bilinear"
     per_gaussian: ClassVar[frozenset[str]] = frozenset({"latents"})
+
+    __repr__ = one_line
 
     @classmethod
     def create(

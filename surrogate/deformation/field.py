@@ -21,6 +21,7 @@ from numpy.random import Generator
 from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
+from catalogs.words import one_line
 from surrogate.deformation.offsets import Offsets
 from surrogate.gaussians import NAMES, WIDTHS, Gaussians
 from surrogate.randomness import generator
@@ -98,6 +99,8 @@ class Architecture:
     head_width: int = HEAD_WIDTH
     bfloat16: bool = False
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         if self.heads != tuple(name for name in NAMES if name in self.heads):
             raise ValueError(f"heads must be some of {NAMES} in this order, got {self.heads}")
@@ -167,6 +170,8 @@ class FieldDeformation:
 
     kind: ClassVar[str] = "paper"
     per_gaussian: ClassVar[frozenset[str]] = frozenset()
+
+    __repr__ = one_line
 
     @classmethod
     def create(

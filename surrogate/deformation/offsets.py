@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Protocol
 import torch
 from torch import Tensor
 
+from catalogs.words import one_line
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
@@ -26,6 +27,8 @@ class Offsets:
     quats: Tensor  # [N, 4]
     opacity_logits: Tensor  # [N]
     colors: Tensor  # [N, 3] or more
+
+    __repr__ = one_line
 
     def applied_to(self, gaussians: Gaussians) -> Gaussians:
         """The deformed Gaussians, with as many colour columns as the one or the other have: zeros fill the narrower."""

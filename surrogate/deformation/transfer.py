@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 import native
+from catalogs.words import one_line
 from surrogate.deformation.kernels import require_no_second_derivative
 from surrogate.deformation.offsets import Offsets
 from surrogate.gaussians import Gaussians
@@ -39,6 +40,8 @@ class Transfer:
 
     changes: NDArray[np.float64]
     palette: Sequence[tuple[float, float, float]]
+
+    __repr__ = one_line
 
     def applied_to(self, gaussians: Gaussians, weights: Tensor) -> Gaussians:
         """The Gaussians of weights (N, B), whose absolute values are W, with logits and colours in new tensors.

@@ -24,6 +24,7 @@ from torch import Tensor
 
 from catalogs.appearance import TransferFunction
 from catalogs.variations import displaced
+from catalogs.words import one_line
 from surrogate.deformation.extinction import extinction_table
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.transfer import Transfer
@@ -53,6 +54,8 @@ class ValuesDeformation:
 
     kind: ClassVar[str] = "values"
     per_gaussian: ClassVar[frozenset[str]] = frozenset({"weights"})
+
+    __repr__ = one_line
 
     @classmethod
     def create(

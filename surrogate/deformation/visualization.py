@@ -12,6 +12,7 @@ from torch import Tensor
 
 from catalogs.appearance import TransferFunction
 from catalogs.variations import Variation, variation_from_json
+from catalogs.words import one_line
 from surrogate.deformation import Deformation, compose, load_deformation
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.gaussians import Gaussians
@@ -34,6 +35,8 @@ class Visualization:
     deformation: Deformation
     simulation: Deformation | None = None
     color_degree: int = 0
+
+    __repr__ = one_line
 
     def gaussians_at(self, gaussians: Gaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
         """The Gaussians at normalized simulation and visualization parameters (P + V,), NaN ones for the base.

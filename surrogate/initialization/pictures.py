@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
+from catalogs.words import one_line
 from surrogate.gaussians import Normalization
 
 VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't reach further
@@ -23,6 +24,9 @@ class Picture(NamedTuple):
 
     camera: Camera
     pixels: NDArray[np.uint8]  # [H, W, 4]
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
 
 def representative_member(catalog: Catalog, appearance: str) -> Member:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.words import one_line
+
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -14,3 +16,5 @@ class Points:
 
     places: NDArray[np.float64]  # [M, 3]
     colors: NDArray[np.float64] | None  # [M, 3]
+
+    __repr__ = one_line

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.images import write_image
+from catalogs.words import one_line
 from surrogate.gaussians import Normalization
 from surrogate.initialization.pictures import Picture, foreground, straight_colors, training_pictures
 from surrogate.initialization.points import Points
@@ -37,6 +38,8 @@ class Track:
 
     place: NDArray[np.float64]  # [3]
     pixels: NDArray[np.intp]  # [L, 3]
+
+    __repr__ = one_line
 
     @property
     def views(self) -> int:

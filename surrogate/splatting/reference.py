@@ -25,6 +25,7 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
+from catalogs.words import one_line
 from surrogate.splatting.constants import Constants
 from surrogate.splatting.rendering import Primitives, Rendering
 
@@ -39,6 +40,9 @@ class Splats(NamedTuple):
     opacities: Tensor  # [M]
     colors: Tensor  # [M, 3]
     dilation: float  # px^2
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
 
 def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from torch import Tensor
 
+from catalogs.words import one_line
+
 
 class Primitives(NamedTuple):
     """N Gaussians as they are drawn.
@@ -26,6 +28,9 @@ class Primitives(NamedTuple):
     opacities: Tensor  # [N]
     colors: Tensor  # [N, 3]
 
+    def __repr__(self) -> str:
+        return one_line(self)
+
 
 class Rendering(NamedTuple):
     """A picture: premultiplied `color` (H, W, 3), `alpha` (H, W) and, where asked for, premultiplied `depth` (H, W)."""
@@ -33,6 +38,9 @@ class Rendering(NamedTuple):
     color: Tensor  # [H, W, 3]
     alpha: Tensor  # [H, W]
     depth: Tensor | None = None  # [H, W], world units
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
     def over(self, background: Sequence[float] | Tensor) -> Tensor:
         """The picture (H, W, 3) over a background colour (3,)."""

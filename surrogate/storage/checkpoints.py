@@ -18,6 +18,7 @@ from torch import Tensor
 from catalogs import durable
 from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog, Member
+from catalogs.words import one_line
 from surrogate.settings import TrainingSettings
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -30,6 +31,8 @@ class Checkpoint:
 
     tensors: Mapping[str, Tensor]
     record: Mapping[str, Any]
+
+    __repr__ = one_line
 
     def save(self, directory: Path) -> None:
         """Replace the checkpoint in `directory` atomically; one file, so that its parts can't disagree."""

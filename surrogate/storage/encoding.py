@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from catalogs.words import one_line
+
 LEVELS = {"uint8": (torch.uint8, 2**8 - 1), "uint16": (torch.uint16, 2**16 - 1)}
 FORMATS = (
     "uint8",
@@ -29,6 +31,8 @@ class Encoding:
     codes: Tensor  # [N, ...] uint8, uint16 or float16
     low: Tensor | None = None  # [C]
     step: Tensor | None = None  # [C]
+
+    __repr__ = one_line
 
     def decoded(self) -> Tensor:
         """The tensor (N, ...) in float32."""

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from catalogs import durable
+from catalogs.words import one_line
 from surrogate.storage.encoding import Encoding
 
 SCHEMA = 4  # 1 had no encodings, 2 no visualization parameters, 3 no fields
@@ -39,6 +40,8 @@ class StoredModel:
     tensors: Mapping[str, Tensor]
     record: Mapping[str, Any] = field(default_factory=dict)
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
+
+    __repr__ = one_line
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write the tensors and then the record, which makes it a model, into `directory`."""

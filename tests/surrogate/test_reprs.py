@@ -1,0 +1,88 @@
+"""Records of tensors print as one line that says what they are, however many numbers they hold."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import pkgutil
+from typing import Any
+
+import numpy as np
+import pytest
+
+import surrogate
+from catalogs.cameras import Camera
+from catalogs.words import WIDTH
+from surrogate.deformation import FieldDeformation, Offsets
+from surrogate.deformation.field import Architecture
+from surrogate.deformation.transfer import Transfer
+from surrogate.initialization.pictures import Picture
+from surrogate.initialization.points import Points
+from surrogate.initialization.structure_from_motion import Track
+from surrogate.rasterizer import primitives
+from surrogate.settings import TrainingSettings
+from surrogate.splatting import Constants, draw, reference
+from surrogate.storage.checkpoints import Checkpoint
+from surrogate.storage.encoding import encode
+from surrogate.storage.models import StoredModel
+from surrogate.storage.records import Provenance, Record
+from tests.support.surrogates import CENTER, some_surrogate
+from tests.support.visualizations import base, visualization
+
+CAMERA = Camera.look_at((0.0, -4.0, 0.5), (0.0, 0.0, 0.0), vertical_fov_degrees=35, width=24, height=20)
+MODEL = some_surrogate()
+DRAWN = primitives(MODEL.gaussians, CAMERA)
+FOLLOWING = visualization("values", base())
+ROOMS = ("splatting", "deformation", "initialization", "storage", "gaussians", "rasterizer", "model")
+SHOWN: list[tuple[Any, str]] = [
+    (MODEL, "<Surrogate of Re 1500..2500"),
+    (MODEL.at(Re=1830.0, time=1.0), "<DeformedGaussians at Re=1830"),
+    (MODEL.gaussians, "Gaussians(means[30, 3], log_scales[30, 3], quats[30, 4], opacity_logits[30], colors[30, 3])"),
+    (MODEL.normalization, "extent=40.0"),
+    (MODEL.rasterizer, "backend='reference'"),
+    (MODEL.deformation, "BilinearDeformation(latents[30, 4], weights_in[8, 2]"),
+    (FieldDeformation.create(MODEL.gaussians, 2, TrainingSettings()), "FieldDeformation(networks={41 entries}"),
+    (FOLLOWING.deformation, "ValuesDeformation(weights["),
+    (FOLLOWING, "Visualization(variation="),
+    (Architecture(2), "Architecture(parameters=2"),
+    (Offsets(*MODEL.gaussians.tensors().values()), "Offsets(means[30, 3]"),
+    (Transfer(np.zeros((5, 4)), ((0.0, 0.5, 1.0),) * 50), "Transfer(changes[5, 4]"),
+    (Constants(), "Constants(near=0.02"),
+    (DRAWN, "Primitives(means[30, 3]"),
+    (draw(DRAWN, CAMERA, Constants()), "Rendering(color[20, 24, 3], alpha[20, 24], depth=None)"),
+    (reference.project(DRAWN, CAMERA, Constants()), "Splats(centers["),
+    (Points(np.zeros((7, 3)), None), "Points(places[7, 3], colors=None)"),
+    (Picture(CAMERA, np.zeros((20, 24, 4), np.uint8)), "Picture(camera="),
+    (Track(CENTER, np.zeros((4, 3), np.intp)), "Track(place[3], pixels[4, 3])"),
+    (encode(MODEL.gaussians.means, "uint8"), "Encoding(form='uint8', codes[30, 3], low[3], step[3])"),
+    (StoredModel(MODEL.gaussians.tensors()), "StoredModel(tensors={5 entries}"),
+    (Checkpoint(MODEL.gaussians.tensors(), {"step": 3}), "Checkpoint(tensors={5 entries}, record={1 entries})"),
+    (Record("ceiling", 1, {}, {}), "Record(kind='ceiling'"),
+    (Provenance(), "Provenance(commit='unknown'"),
+]
+
+
+@pytest.mark.parametrize(("shown", "words"), SHOWN, ids=lambda value: type(value).__name__)
+def test_a_repr_is_one_line(shown: Any, words: str) -> None:
+    assert words in repr(shown)
+    assert len(repr(shown).splitlines()) == 1
+    assert len(repr(shown)) <= 2 * WIDTH  # of those that are written out
+
+
+def test_what_is_long_is_cut() -> None:
+    assert len(repr(FOLLOWING)) == WIDTH
+    assert repr(FOLLOWING).endswith("…)")
+
+
+def test_every_public_record_is_in_the_table() -> None:
+    names = [m.name for m in pkgutil.walk_packages(surrogate.__path__, "surrogate.")]
+    modules = [importlib.import_module(name) for name in names if name.split(".")[1] in ROOMS]
+    public = {
+        value
+        for module in modules
+        for name, value in vars(module).items()
+        if not name.startswith("_") and isinstance(value, type) and value.__module__ == module.__name__
+        if dataclasses.is_dataclass(value) or hasattr(value, "_fields")
+    }
+    known = {form for shown, _ in SHOWN for form in type(shown).__mro__}
+    assert {form.__name__ for form in public - known} == set()
