@@ -85,13 +85,21 @@ def load_surrogate(directory: Path) -> Surrogate:
 
 
 @contextlib.contextmanager
-def one_line_errors(*more: type[Exception], interrupted: str = "") -> Iterator[None]:
-    """Tell ValueError, OSError and `more` in one line, without a traceback; say `interrupted` after Ctrl-C."""
+def one_line_errors(*more: type[Exception], interrupted: str = "", extra: str = "") -> Iterator[None]:
+    """Tell ValueError, OSError and `more` in one line, without a traceback; say `interrupted` after Ctrl-C.
+
+    With `extra` a package that is missing is told too, with the extra of this project that installs it.
+    """
     told: tuple[type[Exception], ...] = (ValueError, OSError, *more)
     try:
         yield
     except told as error:
         raise click.ClickException(str(error)) from error
+    except ModuleNotFoundError as error:
+        if not extra:
+            raise
+        command = f"pip install 'gs-surrogate[{extra}]'"
+        raise click.ClickException(f"this needs the package {error.name}: {command}") from error
     except KeyboardInterrupt:
         if interrupted:
             click.echo(f"interrupted: {interrupted}", err=True)

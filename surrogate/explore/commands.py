@@ -25,13 +25,8 @@ from surrogate.command_line import RUN, one_line_errors
 @click.option("--open/--no-open", "open_page", default=False, help="Open the page in this machine's browser.")
 def explore(run: Path, **options: Any) -> None:
     """Fly through the surrogate in RUN (such as runs/tgv-dvr) in a browser, until Ctrl-C."""
-    try:
+    with one_line_errors(extra="explore"):
         from surrogate.explore.run import Run
         from surrogate.explore.server.terminal import explore as serve
 
-        with one_line_errors():
-            serve(Run.open(run), announce=click.echo, **options)
-    except ModuleNotFoundError as error:
-        raise click.ClickException(
-            f"the explorer needs the package {error.name}: pip install 'gs-surrogate[explore]'"
-        ) from error
+        serve(Run.open(run), announce=click.echo, **options)

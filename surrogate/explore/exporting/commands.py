@@ -9,11 +9,11 @@ from typing import Any
 import click
 
 from catalogs.progress import ProgressLine
+from surrogate.command_line import RUN, one_line_errors
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS, ROW_STEPS, SHEET_STEPS
 
 PICTURES, SWEEPS = ("png", "exr", "ply"), ("sheet", "gif", "mp4")
 
-RUN = click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
 PARAMETERS = click.option(
     "-p",
     "--parameters",
@@ -79,11 +79,11 @@ def sweep(run: Path, output: Path, **options: Any) -> None:
 
 
 def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[str, Any]) -> None:
-    """Write what the options ask for and say what it is; what the user can mend is told in one line."""
-    try:
+    """Write what the options ask for, and say what it is."""
+    with one_line_errors(extra="explore"):
         kind = _kind(output, kinds)
         from catalogs import durable
-        from surrogate.explore.exporting.requests import from_options, guesses
+        from surrogate.explore.exporting.exports import from_options, guesses
         from surrogate.explore.run import Run
 
         run = Run.open(folder)
@@ -94,12 +94,6 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None)
         durable.replace(output, content)
         click.echo(f"{output}: {request.summary(run)}")
-    except ModuleNotFoundError as error:
-        raise click.ClickException(
-            f"this needs the package {error.name}: pip install 'gs-surrogate[explore]'"
-        ) from error
-    except (ValueError, OSError) as error:  # a CatalogError is a ValueError
-        raise click.ClickException(str(error)) from error
 
 
 def _kind(output: Path, kinds: Sequence[str]) -> str:

@@ -1,15 +1,131 @@
-"""Files that the page saves."""
+"""What can be taken away from the explorer: a record for each kind of file, from a message of the page or a command's options.
+
+A record makes the same bytes whoever asked for it.  In each, `setting` or `sweep` is what is shown, `camera` where from, and
+`background` the straight RGB in [0, 1] behind it.  `content` gives the bytes, and raises ValueError where the surrogate can't show
+what is asked for; `summary` says in a line what they are.  The page's bounds are narrower than a command's, for strangers use them.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
-from surrogate.explore.exporting.kinds import KINDS
-from surrogate.explore.exporting.requests import from_message
+from numpy.typing import NDArray
+
+from catalogs.cameras import Camera, orbit
+from catalogs.variations import APPEARANCE
+from surrogate.evaluation.metrics import WHITE
+from surrogate.explore.exporting.films import gif, mp4
+from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS, ROW_STEPS, SHEET_STEPS
+from surrogate.explore.exporting.pictures import encode, record_for, record_of
+from surrogate.explore.exporting.ply import ply_bytes
+from surrogate.explore.exporting.sheets import captioned, strip
+from surrogate.explore.exporting.snippet import snippet
+from surrogate.explore.exporting.sweep import Axis, Sweep, axis_over, parameter, parameters_of, pictures
+from surrogate.explore.request import Color, MessageError, frame_request, within
 from surrogate.explore.run import Run
+from surrogate.explore.setting import Setting
+from surrogate.model import Surrogate
+
+SIDE, MOST_SIDE = 512, 8192  # pixels of pictures where no catalog says another size, and at most
+
+Progress = Callable[..., Any]
+
+
+@dataclass(frozen=True, eq=False)
+class PictureRequest:
+    """A picture that keeps how it was made; transparent without a background, else of three channels."""
+
+    setting: Setting
+    camera: Camera
+    background: Color | None = None
+    form: Literal["png", "exr"] = "png"
+
+    def content(self, run: Run, progress: Progress) -> bytes:
+        drawn = self.setting.gaussians(run.surrogate).render(self.camera, background=self.background)
+        record = record_for(run.surrogate, self.setting, self.camera, self.background)
+        return encode(drawn if self.background is None else drawn[..., :3], self.form, record=record)
+
+    def summary(self, run: Run) -> str:
+        return f"{self.camera.width}x{self.camera.height}, {self.setting}"
+
+
+@dataclass(frozen=True, eq=False)
+class GaussiansRequest:
+    """The Gaussians as PLY, for other viewers."""
+
+    setting: Setting
+
+    def content(self, run: Run, progress: Progress) -> bytes:
+        return ply_bytes(self.setting.gaussians(run.surrogate))
+
+    def summary(self, run: Run) -> str:
+        return f"{len(run.surrogate.gaussians):,} Gaussians, {self.setting}"
+
+
+@dataclass(frozen=True, eq=False)
+class CodeRequest:
+    """The Python that draws a picture."""
+
+    setting: Setting
+    camera: Camera
+    background: Color | None = None
+
+    def content(self, run: Run, progress: Progress) -> bytes:
+        folder = run.model_folder or "surrogate"
+        return snippet(folder, self.setting, self.camera, self.background, surrogate=run.surrogate).encode()
+
+    def summary(self, run: Run) -> str:
+        return str(self.setting)
+
+
+@dataclass(frozen=True, eq=False)
+class SheetRequest:
+    """The pictures of a sweep on one labelled PNG.  `progress` is called with how many are drawn, and of how many."""
+
+    sweep: Sweep
+    camera: Camera
+    background: Color = WHITE
+
+    def content(self, run: Run, progress: Progress) -> bytes:
+        drawn = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
+        record = record_for(run.surrogate, self.sweep.base, self.camera, self.background)
+        return strip(self.sweep, drawn, background=self.background, record=record)
+
+    def summary(self, run: Run) -> str:
+        return str(self.sweep)
+
+
+@dataclass(frozen=True, eq=False)
+class FilmRequest:
+    """A sweep over one parameter as a film.  `progress` is called as for a sheet, and with nothing before a picture is written."""
+
+    sweep: Sweep
+    camera: Camera
+    background: Color = WHITE
+    form: Literal["gif", "mp4"] = "gif"
+    frames_per_second: float = FRAMES_PER_SECOND
+    there_and_back: bool = False
+    caption: bool = True
+
+    def __post_init__(self) -> None:
+        if self.sweep.rows is not None:
+            raise ValueError("a film goes over one parameter: leave the second out, or make a PNG")
+
+    def content(self, run: Run, progress: Progress) -> bytes:
+        drawn: Iterator[NDArray[Any]] = pictures(
+            self.sweep, run.surrogate, self.camera, self.background, progress=progress
+        )
+        if self.caption:
+            drawn = captioned(drawn, self.sweep, background=self.background)
+        write = gif if self.form == "gif" else mp4
+        rate, bounced = self.frames_per_second, self.there_and_back
+        return write(drawn, frames_per_second=rate, there_and_back=bounced, go_on=progress)
+
+    def summary(self, run: Run) -> str:
+        return str(self.sweep)
 
 
 @dataclass(frozen=True)
@@ -21,14 +137,166 @@ class Export:
     content: bytes
 
 
-def exported(message: Any, run: Run, go_on: Callable[..., Any] = lambda *_: None) -> Export:
-    """The file that a message asks for, see `surrogate.explore.exporting.requests.from_message`.
+Request = PictureRequest | GaussiansRequest | CodeRequest | SheetRequest | FilmRequest
 
-    `go_on` is called with every picture of a sheet or film that is drawn and written; what it raises ends the work.
 
-    Raises MessageError for a wrong message, ValueError for what can't be made.
-    """
+def exported(message: Any, run: Run, go_on: Progress = lambda *_: None) -> Export:
+    """The file that a message asks for, as in `from_message`; `go_on` is called as `progress`, and what it raises ends the work."""
     content = from_message(message, run.surrogate).content(run, go_on)
     ending, media_type = KINDS[message["kind"]]
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", run.title).strip("-.") or "surrogate"
     return Export(f"{name}.{ending}", media_type, content)
+
+
+def from_message(message: Any, surrogate: Surrogate) -> Request:
+    """The request of a message: that of a frame, with the `kind` of file and, for sheets and films, the `sweep`.
+
+    A film goes over the first parameter, there and back, because it is watched again and again.  Raises MessageError for a wrong
+    message, ValueError for what can't be made.
+    """
+    frame = frame_request(message, surrogate)
+    shown, kind = (frame.settings[0], frame.camera, frame.background), message.get("kind")
+    if kind not in tuple(KINDS):
+        raise MessageError(f"kind must be one of {', '.join(KINDS)}, got {str(kind)[:40]!r}")
+    if kind == "ply":
+        return GaussiansRequest(frame.settings[0])
+    if kind == "python":
+        return CodeRequest(*shown)
+    if kind in ("png", "exr"):
+        return PictureRequest(*shown, kind)
+    fields = message.get("sweep")
+    if not isinstance(fields, Mapping):
+        raise MessageError("a sheet or a film needs a sweep: choose a parameter in the tab Sweep")
+    columns = _axis_in(fields, surrogate, "name", "count", ("low", "high"))
+    if kind == "sheet":
+        rows = _axis_in(fields, surrogate, "second", "secondCount") if fields.get("second") else None
+        return SheetRequest(Sweep(shown[0], columns, rows), *shown[1:])
+    film = Sweep(shown[0], replace(columns, count=FILM_STEPS))
+    return FilmRequest(film, *shown[1:], kind, there_and_back=True)
+
+
+def _axis_in(
+    fields: Mapping[str, Any], surrogate: Surrogate, name: str, count: str, ends: tuple[str, ...] = ()
+) -> Axis:
+    """An axis over the bounds of the parameter that `fields` name under `name`, or from one of the `ends` to the other."""
+    named, steps = fields.get(name), fields.get(count)
+    if not isinstance(named, str) or isinstance(steps, bool) or not isinstance(steps, int):
+        raise MessageError("a sweep has the name of a parameter and a number of pictures")
+    of = parameter(surrogate, named)
+    bounds = (None if fields.get(end, "") == "" else within(fields[end], of) for end in ends)
+    return axis_over(surrogate, named, steps, *bounds)
+
+
+def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> Request:
+    """The request of a command's options, for one of `KINDS`: `surrogate export`'s, or `surrogate sweep`'s for sheets and films.
+
+    Simulation parameters that neither they nor the picture to be `like` tell stand in the middle of their bounds.  Raises
+    ValueError for wrong options.
+    """
+    surrogate, record = run.surrogate, record_of(options["like"]) if options.get("like") else None
+    setting = _setting(surrogate, options["parameters"], options["color_map"], record)
+    if kind == "ply":
+        return GaussiansRequest(setting)
+    camera = _camera(run, options["view"], options["size"], record)
+    background = _color(options["background"].split(",")) if options["background"] else None
+    if kind in ("png", "exr"):
+        kept = None if record is None else record.get("background")
+        background = background or (surrogate.background if kept is None else _color(kept))
+        return PictureRequest(setting, camera, background, kind)
+    down, film = options["down"], kind in ("gif", "mp4")
+    steps = options["steps"] or (FILM_STEPS if film else ROW_STEPS if down else SHEET_STEPS)
+    columns = axis_over(surrogate, options["over"], steps, options["low"], options["high"])
+    bounds = options["rows_from"], options["rows_to"]
+    rows = axis_over(surrogate, down, options["rows_steps"], *bounds) if down else None
+    shown = Sweep(setting, columns, rows), camera, background or surrogate.background or WHITE
+    if not film:
+        return SheetRequest(*shown)
+    motion = options["fps"], options["there_and_back"], options["caption"]
+    return FilmRequest(*shown, kind, *motion)
+
+
+def guesses(request: Request, surrogate: Surrogate) -> list[str]:
+    """Sentences naming what lies out of bounds, where a surrogate can only guess."""
+    if isinstance(request, SheetRequest | FilmRequest):
+        setting, axes = request.sweep.base, request.sweep.axes
+    else:
+        setting, axes = request.setting, ()
+    reached = {n: (value, value) for n, value in setting.values.items() if not isinstance(value, str)}
+    reached |= {axis.name: (axis.low, axis.high) for axis in axes}
+    sentences = []
+    for name, of in parameters_of(surrogate).items():
+        low, high = reached.get(name, (of.low, of.high))
+        if low < of.low or high > of.high:
+            far = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+            sentences.append(f"{name} = {far} lies outside its bounds [{of.low:g}, {of.high:g}]: a guess")
+    return sentences
+
+
+def _setting(surrogate: Surrogate, given: Sequence[str], color_map: str, record: Mapping[str, Any] | None) -> Setting:
+    """What the options ask for, over what the record of a picture shows, over the middle of all bounds."""
+    values = dict(map(_assignment, given))
+    simulated = {n: float(value) for n, value in values.items() if n in surrogate.space.names}
+    shown = {name: value for name, value in values.items() if name not in simulated}
+    middle = {p.name: (p.low + p.high) / 2.0 for p in surrogate.space.parameters}
+    if record is None:
+        return Setting(middle | simulated, shown, color_map)
+    try:
+        seen = {name: float(value) for name, value in record["parameters"].items()}
+        visualization, colors = dict(record["visualization"]), str(record["color_map"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"the picture keeps no setting that is understood: {error!r}") from error
+    return Setting(middle | seen | simulated, shown or visualization, color_map or colors)
+
+
+def _assignment(text: str) -> tuple[str, float | str]:
+    name, sign, value = (part.strip() for part in text.partition("="))
+    try:
+        if not sign:
+            raise ValueError
+        return name, value if name == APPEARANCE else float(value)
+    except ValueError:
+        raise ValueError(f"parameters are given as NAME=VALUE, got {text!r}") from None
+
+
+def _camera(run: Run, view: int, size: str, record: Mapping[str, Any] | None) -> Camera:
+    if record is not None and "camera" in record:
+        try:
+            camera = Camera.from_json(record["camera"])
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"the picture keeps no camera that is understood: {error!r}") from error
+    else:
+        cameras = _cameras(run)
+        if not 0 <= view < len(cameras):
+            raise ValueError(f"view must lie in 0..{len(cameras) - 1}, got {view}")
+        camera = cameras[view]
+    return camera.resized(*_pixels(size)) if size else camera
+
+
+def _cameras(run: Run) -> Sequence[Camera]:
+    """Those of the catalog; where there is none, the 252 around a sphere that holds the volume."""
+    if run.catalog is not None:
+        return run.catalog.plan.cameras or run.members[0].cameras
+    placed = run.surrogate.normalization
+    return orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
+
+
+def _color(parts: Any) -> Color:
+    try:
+        red, green, blue = (float(part) for part in parts)
+    except (TypeError, ValueError):
+        raise ValueError(f"a background is given as R,G,B, got {parts!r}") from None
+    if not all(0.0 <= part <= 1.0 for part in (red, green, blue)):
+        raise ValueError(f"a background lies in [0, 1], got {red:g},{green:g},{blue:g}")
+    return red, green, blue
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    """Width and height of "640x480", or of "512"."""
+    width, _, height = size.lower().partition("x")
+    try:
+        sides = int(width), int(height or width)
+    except ValueError:
+        raise ValueError(f"a size is given as WIDTHxHEIGHT, got {size!r}") from None
+    if not all(1 <= side <= MOST_SIDE for side in sides):
+        raise ValueError(f"a side has 1 to {MOST_SIDE} pixels, got {size}")
+    return sides

@@ -6,6 +6,8 @@ import keyword
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from pprint import pformat
+from textwrap import indent
 
 from catalogs.cameras import Camera
 from surrogate.explore.color_maps import color_points
@@ -57,7 +59,9 @@ def snippet(
         *(["from surrogate.explore.color_maps import color_points"] if setting.color_map else []),
         "",
         f"surrogate = Surrogate.load({str(folder)!r})",
-        *_camera_lines(seen),
+        "camera = Camera.from_json(",
+        indent(pformat(seen.to_json(), width=120, sort_dicts=False), "    "),
+        ")",
         *lines,
         f"picture = surrogate.{asked}.render(camera{behind})  # [{seen.height}, {seen.width}, 4], premultiplied RGBA",
         'write_image(Path("picture.png"), picture)',
@@ -80,22 +84,6 @@ def _arguments(values: Mapping[str, float | str]) -> list[str]:
         else:
             odd[name] = exact
     return [*plain, f"**{odd!r}"] if odd else plain
-
-
-def _camera_lines(camera: Camera) -> list[str]:
-    record = camera.to_json()
-    rows = [f"            {row!r}," for row in record.pop("world_to_camera")]
-    others = [f'        "{name}": {value!r},' for name, value in record.items()]
-    return [
-        "camera = Camera.from_json(",
-        "    {",
-        '        "world_to_camera": [',
-        *rows,
-        "        ],",
-        *others,
-        "    }",
-        ")",
-    ]
 
 
 def _function_lines(setting: Setting, surrogate: Surrogate) -> list[str]:

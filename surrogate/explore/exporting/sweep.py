@@ -151,20 +151,15 @@ def pictures(
             "choose fewer steps or smaller pictures"
         )
     check(sweep, surrogate)
-    return _drawn(settings(sweep), surrogate, camera, background, progress)
+    shown = settings(sweep)
 
+    def drawn() -> Iterator[NDArray[np.float32]]:
+        for done, setting in enumerate(shown, start=1):
+            picture = setting.gaussians(surrogate).render(camera, background=background)[..., :3]
+            progress(done, len(shown))
+            yield picture
 
-def _drawn(
-    shown: Sequence[Setting],
-    surrogate: Surrogate,
-    camera: Camera,
-    background: Sequence[float],
-    progress: Callable[[int, int], Any],
-) -> Iterator[NDArray[np.float32]]:
-    for done, setting in enumerate(shown, start=1):
-        picture = setting.gaussians(surrogate).render(camera, background=background)[..., :3]
-        progress(done, len(shown))
-        yield picture
+    return drawn()
 
 
 def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
