@@ -10,7 +10,7 @@ const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
 export function exportPanel(explorer) {
   const say = text => explorer.say(text), { state } = explorer;
   const offered = state.mode === "sweep" ? { ...SWEEPS, ...PICTURES } : PICTURES;
-  const kinds = menu("As", "export-kind", "png", Object.entries(offered));
+  const kinds = menu("As", "export-kind", undefined, Object.entries(offered));
   const saving = button("Save", async () => {
     saving.disabled = true;
     say("Making it…");

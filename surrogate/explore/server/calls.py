@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import struct
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from contextlib import suppress
 from typing import Any
 
-from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 
+from catalogs.catalog import CatalogError
+from catalogs.images import ImageError
 from surrogate.explore.request import MessageError
 
 LARGEST = 1 << 20  # bytes of a message
@@ -25,17 +29,19 @@ PARTING = 1.0  # seconds in which open connections may say goodbye
 LENGTH = struct.Struct("<I")
 
 Answer = dict[str, Any]
-Call = Callable[[Any], Awaitable[Answer]]
+Call = Callable[[Any], Answer]
+
+log = logging.getLogger(__name__)
 
 
 class Sockets:
     """Answers all tabs; one that does not read what it asked for keeps none of the others waiting.
 
-    `calls` by their names take a message's request, give an answer, and raise nothing.
+    The `calls`, by name, take a message's request and give an answer, in the threads of `pool`.
     """
 
-    def __init__(self, calls: Mapping[str, Call]) -> None:
-        self._calls = calls
+    def __init__(self, calls: Mapping[str, Call], pool: Executor) -> None:
+        self._calls, self._pool = calls, pool
         self._open: set[web.WebSocketResponse] = set()
 
     async def respond(self, request: web.Request) -> web.StreamResponse:
@@ -44,11 +50,12 @@ class Sockets:
         if not socket.can_prepare(request):
             return web.Response(status=400, text="this is the address of a WebSocket\n")
         await socket.prepare(request)
+        loop = asyncio.get_running_loop()
         self._open.add(socket)
         try:
             with suppress(ConnectionResetError):  # a tab was closed while its picture was on the way
                 async for message in socket:
-                    await socket.send_bytes(packed(await self._answer(message)))
+                    await socket.send_bytes(await loop.run_in_executor(self._pool, self._answer, message))
         finally:
             self._open.discard(socket)
         return socket
@@ -59,16 +66,16 @@ class Sockets:
         if goodbyes:
             await asyncio.wait(goodbyes, timeout=PARTING)
 
-    async def _answer(self, message: Any) -> Answer:
+    def _answer(self, message: WSMessage) -> bytes:
         try:
             asked = parsed(message.data) if message.type is WSMsgType.TEXT else None
-        except MessageError as error:
-            return {"error": str(error)}
-        name = asked.get("call") if isinstance(asked, dict) else None
-        call = self._calls.get(name) if isinstance(name, str) else None
-        if asked is None or call is None:
-            return {"error": f"a message is JSON text, an object whose call is one of {', '.join(self._calls)}"}
-        return await call(asked.get("request"))
+            name = asked.get("call") if isinstance(asked, dict) else None
+            call = self._calls.get(name) if isinstance(name, str) else None
+            if asked is None or call is None:
+                raise MessageError(f"a message is JSON text, an object whose call is one of {', '.join(self._calls)}")
+            return packed(call(asked.get("request")))
+        except Exception as error:
+            return packed({"error": told(error)})
 
 
 def parsed(text: str | bytes) -> Any:
@@ -84,3 +91,14 @@ def packed(answer: Answer) -> bytes:
     pictures = answer.get("pictures", [])
     head = json.dumps({**answer, "pictures": [len(picture) for picture in pictures]}, allow_nan=False).encode()
     return b"".join([LENGTH.pack(len(head)), head, *pictures])
+
+
+def told(error: Exception) -> str:
+    """What a tab is told; what names files of this machine only its terminal hears."""
+    if isinstance(error, CatalogError | ImageError):
+        log.warning("%s", error)
+        return "a stored picture can't be read: the explorer's terminal says which"
+    if isinstance(error, ValueError):
+        return str(error)
+    log.exception("an answer failed", exc_info=error)
+    return f"this failed inside the explorer ({type(error).__name__}); its terminal says more"

@@ -22,14 +22,13 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from catalogs.browse.access import LOCAL, Access
 from catalogs.catalog import CatalogError
-from catalogs.images import ImageError
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.reliability.expectation import measure
 from surrogate.explore.reliability.facts import facts
 from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
-from surrogate.explore.server.calls import Answer, Sockets, parsed
+from surrogate.explore.server.calls import Call, Sockets, parsed, told
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.server.guard import guard
 
@@ -107,8 +106,13 @@ class Explorer:
             log.warning("what error to expect can't be measured: %s", error)
 
     def _application(self) -> web.Application:
-        sockets = Sockets({"facts": self._tell, "frame": self._frame, "nearest": self._nearest})
-        page = _page_folder()
+        frames, surrogate, page = self.frames, self.run.surrogate, _page_folder()
+        calls: dict[str, Call] = {
+            "facts": lambda _: self._facts,
+            "frame": lambda request: frames.answer(frame_request(request, surrogate)),
+            "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate))},
+        }
+        sockets = Sockets(calls, self._drawing)
         application = web.Application(middlewares=[guard(self.access)])
         application.on_shutdown.append(sockets.close)
         application.router.add_get("/", _file(page / "index.html"))
@@ -117,23 +121,6 @@ class Explorer:
         application.router.add_get("/ws", sockets.respond)
         application.router.add_post("/export", self._export)
         return application
-
-    async def _tell(self, _: Any) -> Answer:
-        return self._facts
-
-    async def _frame(self, message: Any) -> Answer:
-        """Answer a request for pictures; what is wrong with it comes back as `error`."""
-        return await self._worked(lambda: self.frames.answer(frame_request(message, self.run.surrogate)))
-
-    async def _nearest(self, message: Any) -> Answer:
-        """The stored picture nearest to what a request for pictures shows; `found` is None without one."""
-        return await self._worked(lambda: {"found": self.frames.nearest(frame_request(message, self.run.surrogate))})
-
-    async def _worked(self, work: Callable[[], Answer]) -> Answer:
-        try:
-            return await asyncio.get_running_loop().run_in_executor(self._drawing, work)
-        except Exception as error:
-            return {"error": _said(error)}
 
     async def _export(self, request: web.Request) -> web.Response:
         def go_on(*_: Any) -> None:
@@ -153,7 +140,7 @@ class Explorer:
         except InterruptedError:
             return web.Response(status=503)
         except Exception as error:
-            return web.json_response({"error": _said(error)}, status=400 if isinstance(error, ValueError) else 500)
+            return web.json_response({"error": told(error)}, status=400 if isinstance(error, ValueError) else 500)
         finally:
             self._exports -= 1
         headers = {"Content-Disposition": f'attachment; filename="{made.name}"'}
@@ -164,17 +151,6 @@ def _is_ours(record: logging.LogRecord) -> bool:
     """Whether aiohttp's complaint is about this program, not about what strangers sent that is no HTTP."""
     theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError
     return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
-
-
-def _said(error: Exception) -> str:
-    """What a tab is told; what names files of this machine only its terminal hears."""
-    if isinstance(error, CatalogError | ImageError):
-        log.warning("%s", error)
-        return "a stored picture can't be read: the explorer's terminal says which"
-    if isinstance(error, ValueError):
-        return str(error)
-    log.exception("an answer failed", exc_info=error)
-    return f"this failed inside the explorer ({type(error).__name__}); its terminal says more"
 
 
 def _page_folder() -> Path:

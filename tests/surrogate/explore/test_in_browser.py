@@ -377,6 +377,7 @@ def test_what_is_seen_can_be_saved(page: Page, explorer: str, surrogate: Surroga
     assert page.locator("#export-kind option").count() == 4
     page.locator("#mode-sweep").click()
     settled(page)
+    assert page.locator("#export-kind").input_value() == "sheet"  # what is seen comes first
     assert saved(page, "gif", tmp_path).read_bytes().startswith(b"GIF89a")
     assert saved(page, "sheet", tmp_path).suffix == ".png"
 
