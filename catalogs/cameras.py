@@ -9,7 +9,7 @@ lies at ``(i + 0.5, j + 0.5)``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -176,9 +176,8 @@ def icosphere(frequency: int = 5) -> NDArray[np.float64]:
     if frequency < 1:
         raise ValueError(f"frequency must be at least 1, got {frequency}")
     golden = (1.0 + math.sqrt(5.0)) / 2.0
-    corners = np.array(
-        [axes for one in (-1.0, 1.0) for phi in (-golden, golden) for axes in _cyclic(0.0, one, phi)]
-    )  # [12, 3]
+    signs = [(one, phi) for one in (-1.0, 1.0) for phi in (-golden, golden)]
+    corners = np.array([axes for a, b in signs for axes in ((0, a, b), (b, 0, a), (a, b, 0))], dtype=float)  # [12, 3]
     distances = np.linalg.norm(corners[:, None] - corners[None], axis=-1)  # [12, 12]
     adjacent = np.isclose(distances, 2.0)
     cosines = corners @ corners[POLE] / (1.0 + golden**2)  # 1, 0.447, -0.447 or -1
@@ -248,7 +247,3 @@ def spherical_angles(direction: ArrayLike) -> tuple[float, float]:
 def view_splits(count: int) -> list[str]:
     """Split of each viewpoint: even indices test, odd train, every ninth odd one validation."""
     return ["test" if i % 2 == 0 else "validation" if i % 18 == 9 else "train" for i in range(count)]
-
-
-def _cyclic(a: float, b: float, c: float) -> Sequence[tuple[float, float, float]]:
-    return (a, b, c), (c, a, b), (b, c, a)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,15 +32,6 @@ class Finding:
         return f"{self.place}: {self.problem}"
 
 
-@dataclass(frozen=True)
-class _File:
-    """A file that must be there: who says so, and the height, width and channels that it must have, if that is known."""
-
-    place: str
-    name: str
-    shape: Shape | None
-
-
 def check(path: Path, *, progress: Progress = lambda done, total: None) -> list[Finding]:
     """Everything that is wrong with the database at `path`, ours or anybody's; empty when nothing is.
 
@@ -55,7 +46,7 @@ def check(path: Path, *, progress: Progress = lambda done, total: None) -> list[
     shapes: dict[str, Shape] = {}
     if (path / "catalog.json").is_file():
         findings += _check_catalog(path, shapes)
-    return [*findings, *_check_files(path, _files(header, rows, shapes), progress)]
+    return [*findings, *_check_files(path, _files(header, rows, shapes), shapes, progress)]
 
 
 def _read_table(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
@@ -69,8 +60,8 @@ def _read_table(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
     return header, rows, [Finding(TABLE, problem) for problem in problems]
 
 
-def _files(header: Sequence[str], rows: Sequence[Sequence[str]], shapes: dict[str, Shape]) -> list[_File]:
-    """What the table's cells name, and what the members must hold beside it."""
+def _files(header: Sequence[str], rows: Sequence[Sequence[str]], members: Iterable[str]) -> dict[str, str]:
+    """What the table's cells name, and what the members must hold beside it: the places that say so, by file."""
     columns = [(i, label) for i, label in enumerate(header) if cinema.is_file_column(label)]
     named = {
         row[i]: f"{TABLE} row {number}, column {label}"
@@ -78,21 +69,23 @@ def _files(header: Sequence[str], rows: Sequence[Sequence[str]], shapes: dict[st
         for i, label in columns
         if cinema.path_problem(row[i]) is None and not cinema.is_url(row[i])
     }
-    places = dict.fromkeys(shapes, "a member's image") | named
-    return [_File(place, name, shapes.get(name)) for name, place in places.items()]
+    return dict.fromkeys(members, "a member's image") | named
 
 
-def _check_files(root: Path, files: Sequence[_File], progress: Progress) -> Iterator[Finding]:
+def _check_files(
+    root: Path, files: Mapping[str, str], shapes: Mapping[str, Shape], progress: Progress
+) -> Iterator[Finding]:
     with ThreadPoolExecutor(READERS) as pool:
-        problems = pool.map(lambda file: _file_problem(root, file), files)
-        for done, (file, problem) in enumerate(zip(files, problems, strict=True), start=1):
+        problems = pool.map(lambda name: _file_problem(root, name, shapes.get(name)), files)
+        for done, ((name, place), problem) in enumerate(zip(files.items(), problems, strict=True), start=1):
             progress(done, len(files))
             if problem:
-                yield Finding(file.place, f"{file.name} {problem}")
+                yield Finding(place, f"{name} {problem}")
 
 
-def _file_problem(root: Path, file: _File) -> str | None:
-    path = root / file.name
+def _file_problem(root: Path, name: str, wanted: Shape | None) -> str | None:
+    """What is wrong with a file, which must have the `wanted` height, width and channels where these are known."""
+    path = root / name
     if not path.is_file():
         return "is missing"
     if not path.resolve().is_relative_to(root.resolve()):
@@ -103,8 +96,8 @@ def _file_problem(root: Path, file: _File) -> str | None:
         return f"is damaged: {error}"
     if shape is None:
         return None if path.stat().st_size else "is empty"
-    if file.shape is not None and shape != file.shape:
-        return f"is {_size(shape)}; its camera makes {_size(file.shape)}"
+    if wanted is not None and shape != wanted:
+        return f"is {_size(shape)}; its camera makes {_size(wanted)}"
     return None
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import functools
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -128,34 +129,13 @@ def read_stored(path: Path) -> NDArray[Any]:
 
     Raises ImageError naming the file when it is absent, truncated or no image.
     """
-    import OpenImageIO as oiio
-
-    if not path.is_file():
-        raise ImageError(f"{path} is missing")
-    config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), config)
-    if source is None:
-        raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
-    spec = source.spec()
-    pixels = source.read_image("uint8" if source.format_name() == "png" else "float")
-    problem = source.geterror()
-    source.close()
+    with _opened(path) as source:
+        spec = source.spec()
+        pixels = source.read_image("uint8" if source.format_name() == "png" else "float")
+        problem = source.geterror()
     if pixels is None or problem:
         raise ImageError(f"{path} is damaged or truncated: {problem or 'no pixels'}")
     return pixels.reshape(spec.height, spec.width, spec.nchannels)
-
-
-def image_shape(path: Path) -> tuple[int, int, int]:
-    """Height, width and channels that a file's header states; raises ImageError where it is no image."""
-    import OpenImageIO as oiio
-
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
-    spec = source.spec()
-    source.close()
-    return spec.height, spec.width, spec.nchannels
 
 
 def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] | None = None) -> None:
@@ -180,14 +160,27 @@ def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] 
 
 def exr_text(path: Path, name: str) -> str | None:
     """The string attribute `name` of an EXR file, None where it has none; raises ImageError where it is no image."""
+    with _opened(path) as source:
+        found = source.spec().getattribute(name)
+    return found if isinstance(found, str) else None
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """An image file as OpenImageIO opens it, alpha as it is stored."""
     import OpenImageIO as oiio
 
-    source = oiio.ImageInput.open(str(path))
+    if not path.is_file():
+        raise ImageError(f"{path} is missing")
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), config)
     if source is None:
         raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
-    found = source.spec().getattribute(name)
-    source.close()
-    return found if isinstance(found, str) else None
+    try:
+        yield source
+    finally:
+        source.close()
 
 
 def _chunk(kind: bytes, body: bytes) -> bytes:

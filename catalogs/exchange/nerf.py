@@ -95,7 +95,8 @@ def _plan(
     provenance: Mapping[str, Any],
 ) -> CatalogPlan:
     name = directory.resolve().name
-    digests = {f: _digest(directory / f) for f in FILES.values() if (directory / f).is_file()}
+    files = [directory / file for file in FILES.values() if (directory / file).is_file()]
+    digests = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
     return CatalogPlan(
         space=space,
         appearances=(ImportedImages(APPEARANCE, f"pictures of {name}"),),
@@ -145,13 +146,14 @@ def plan_members(
 ) -> list[ImportedMember]:
     """Members by the module's rules, sorted by parameters within train, validation and test, and named like "train-007"."""
     groups: dict[tuple[float, ...], list[Frame]] = {}
-    for frame in frames:
-        groups.setdefault(_key(frame.parameters), []).append(frame)
+    for frame in frames:  # two files may print the same number with other last digits
+        key = tuple(float(f"{value:.{SAME_PARAMETER_DIGITS}g}") + 0.0 for value in frame.parameters)
+        groups.setdefault(key, []).append(frame)
     splits = {key: min((f.file_split for f in group), key=SPLITS.index) for key, group in groups.items()}
     wanted = max(0, validation_members - sum(split == "validation" for split in splits.values()))
     for key in _set_aside([key for key, split in splits.items() if split == "train"], space, wanted, seed):
         splits[key] = "validation"
-    seen = _seen_cameras(frames)
+    seen = np.unique([f.camera.world_to_camera for f in frames if f.file_split == "train"], axis=0)  # [T, 4, 4]
     members = []
     for split in SPLITS:
         keys = sorted(key for key in groups if splits[key] == split)
@@ -160,11 +162,6 @@ def plan_members(
             views = tuple("train" if _is_seen(f.camera, seen) else f.file_split for f in group)
             members.append(ImportedMember(f"{split}-{number:03d}", group[0].parameters, split, group, views))
     return members
-
-
-def _key(parameters: Sequence[float]) -> tuple[float, ...]:
-    """Parameters as far as they tell members apart: two files may print the same number with other last digits."""
-    return tuple(float(f"{value:.{SAME_PARAMETER_DIGITS}g}") + 0.0 for value in parameters)
 
 
 def _set_aside(
@@ -178,11 +175,6 @@ def _set_aside(
     ends = ((values == values.min(axis=0)) | (values == values.max(axis=0)))[:, varying].sum(axis=1)  # [M]
     order = np.lexsort((np.random.default_rng(seed).permutation(len(values)), ends))  # [M]
     return [sorted(members)[i] for i in order[:count]]
-
-
-def _seen_cameras(frames: Sequence[Frame]) -> np.ndarray:
-    """Poses [T, 4, 4] that training frames look from, each once."""
-    return np.unique([f.camera.world_to_camera for f in frames if f.file_split == "train"], axis=0)
 
 
 def _is_seen(camera: Camera, seen: np.ndarray) -> bool:
@@ -244,7 +236,3 @@ def _check_same(stored: Member, member: ImportedMember, names: Sequence[str]) ->
             f"{stored.path} was imported from other frames than member {member.name} has now: the data set, "
             "validation_members or seed changed; choose another catalog, or remove this one first"
         )
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
-from catalogs.png import PngError, PngHeader, check_png
+from catalogs.png import PngError, check_png
 
 FILES = {"train": "transforms_train.json", "validation": "transforms_val.json", "test": "transforms_test.json"}
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -72,7 +72,7 @@ class _Row:
 
 
 def read_frames(directory: Path) -> list[Frame]:
-    """Every frame of the transforms files in `directory`, in the files' order; all their pictures have been read and are whole.
+    """Every frame of the transforms files in `directory`, in the files' order; all their pictures were read and are whole.
 
     Raises ExchangeError naming the file, the frame and what is wrong with it.
     """
@@ -83,25 +83,25 @@ def read_frames(directory: Path) -> list[Frame]:
         raise ExchangeError(f"{directory / FILES['train']} is missing or names no frame: is this a D-NeRF data set?")
     _check_agreement(rows)
     with ThreadPoolExecutor(READERS) as pool:
-        headers = list(pool.map(_picture, rows))
-    first = (headers[0].width, headers[0].height)
-    for row, header in zip(rows, headers, strict=True):
-        if (header.width, header.height) != first:
+        frames = list(pool.map(_frame, rows))
+    width, height = frames[0].camera.width, frames[0].camera.height
+    for row, camera in ((row, frame.camera) for row, frame in zip(rows, frames, strict=True)):
+        if (camera.width, camera.height) != (width, height):
             raise ExchangeError(
-                f"{row.place}: {row.path} is {header.width}x{header.height} pixels, the first picture "
-                f"{first[0]}x{first[1]}: all must have one size"
+                f"{row.place}: {row.path} is {camera.width}x{camera.height} pixels, the first picture {width}x{height}: "
+                "all must have one size"
             )
-    return [
-        Frame(row.path, row.file_split, _camera(row, *first), row.parameters, header.has_alpha)
-        for row, header in zip(rows, headers, strict=True)
-    ]
+    return frames
 
 
 def _read_file(directory: Path, name: str, split: str) -> list[_Row]:
     path = directory / name
     if not path.is_file():
         return []
-    record = _read_json(path)
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise ExchangeError(f"{path} is no valid JSON: {error}") from error
     if not isinstance(record, dict) or "camera_angle_x" not in record or not isinstance(record.get("frames"), list):
         raise ExchangeError(f"{path} must hold camera_angle_x and a list of frames: is it a D-NeRF transforms file?")
     angle = _numbers(record["camera_angle_x"], (), f"{path}: camera_angle_x")
@@ -112,14 +112,8 @@ def _read_file(directory: Path, name: str, split: str) -> list[_Row]:
     return [_row(folder, frame, split, float(angle), f"{path}, frame {i}") for i, frame in enumerate(record["frames"])]
 
 
-def _read_json(path: Path) -> Any:
-    def refuse(constant: str) -> None:
-        raise ValueError(f"{constant} is no number that JSON knows")
-
-    try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        raise ExchangeError(f"{path} is no valid JSON: {error}") from error
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number that JSON knows")
 
 
 def _row(folder: Path, frame: Any, split: str, angle: float, place: str) -> _Row:
@@ -155,7 +149,7 @@ def _numbers(value: Any, shape: tuple[int, ...], place: str) -> NDArray[np.float
 
 
 def _inside(folder: Path, text: Any, place: str) -> Path:
-    """The picture that `text` names; it must be a plain file of this folder, reached without links."""
+    """The picture that `text` names: a plain file of this folder, reached without links."""
     if not isinstance(text, str) or not text or "\x00" in text or "\\" in text:
         raise ExchangeError(f"{place}: file_path must be a relative path with '/', got {_short(text)}")
     relative = PurePosixPath(text)
@@ -221,19 +215,18 @@ def _check_agreement(rows: list[_Row]) -> None:
         named[row.path] = row.place
 
 
-def _picture(row: _Row) -> PngHeader:
+def _frame(row: _Row) -> Frame:
+    """The frame of a row, whose picture is read and checked."""
     try:
         header = check_png(row.path)
     except (PngError, OSError) as error:
         raise ExchangeError(f"{row.place}: {row.path} can't be read: {error}") from error
     if not header.is_plain_color:
         raise ExchangeError(f"{row.place}: {row.path} is {header.kind}: convert it to plain 8-bit RGB or RGBA")
-    return header
-
-
-def _camera(row: _Row, width: int, height: int) -> Camera:
+    width, height = header.width, header.height
     focal = width / (2.0 * math.tan(row.angle / 2.0))
-    return Camera(row.pose, focal, focal, width / 2.0, height / 2.0, width, height)
+    camera = Camera(row.pose, focal, focal, width / 2.0, height / 2.0, width, height)
+    return Frame(row.path, row.file_split, camera, row.parameters, header.has_alpha)
 
 
 def _short(value: Any) -> str:
