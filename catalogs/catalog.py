@@ -273,7 +273,7 @@ class Catalog:
             return np.stack(list(pool.map(lambda view: self.image(member, appearance, view, dtype=dtype), views)))
 
     def table(self, *, also: Member | None = None) -> bytes:
-        """What `data.csv` must hold: the header and the rows of every committed member, and of one that is about to be."""
+        """What `data.csv` must hold: the header, the rows of every committed member, and those of one about to be committed."""
         folders = {path.name: path for path in self.member_paths()}
         if also is not None:
             folders[also.name] = also.path
@@ -289,11 +289,11 @@ class Catalog:
                 durable.replace(current, table)
 
     def unfinished(self) -> list[Path]:
-        """Hidden folders of members that are being written, or that were when their writer died."""
+        """Hidden folders of members whose writer is at work, or died."""
         return durable.partials(self.path / MEMBERS)
 
     def _commit(self, writer: MemberWriter) -> None:
-        """Let the member and its rows appear.  All that can fill a disk comes before the first rename."""
+        """Make the member and its rows visible; whatever can fill a disk is written before the first rename."""
         member, missing = writer.member, writer.missing()
         if missing:
             raise CatalogError(f"member {member.name} lacks {len(missing)} images, first {missing[0]}: not stored")
@@ -310,7 +310,7 @@ class Catalog:
                 durable.sync(target.parent)
 
     def _raise_schema(self) -> None:
-        """Let a catalog of schema 1, whose readers take every member to show all appearances, be of the next one."""
+        """Raise schema 1, whose readers expect every appearance of every member, to the next one."""
         record = read_json(self.path / DESCRIPTION)
         if record["schema"] < WITHOUT_FIELDS:
             _write_description(self.path, {**record, "schema": WITHOUT_FIELDS})
@@ -330,9 +330,9 @@ class Catalog:
 
 
 def _write_empty(path: Path, plan: CatalogPlan) -> None:
-    """Make the locked folder `path` a catalog without members; its description comes last and says that all is there."""
+    """Make the locked folder `path` a catalog without members; its description is written last: then all is there."""
     table = cinema.format_rows([plan.header]).encode()
-    _refuse_strangers(path, table)
+    _refuse_foreign(path, table)
     durable.remove_abandoned(path)
     durable.make_folder(path / MEMBERS)
     durable.replace(path / TABLE, table)
@@ -340,7 +340,7 @@ def _write_empty(path: Path, plan: CatalogPlan) -> None:
 
 
 def _least_schema(plan: CatalogPlan) -> int:
-    """The first schema whose readers know all that is in the plan: programs from before fields read catalogs without them."""
+    """The first schema whose readers understand the plan: older programs read catalogs without fields."""
     fields = any(plan.fields) or not all(variation.continuous for variation in plan.variations)
     return SCHEMA if fields else WITHOUT_FIELDS
 
@@ -349,11 +349,11 @@ def _write_description(path: Path, record: Mapping[str, Any]) -> None:
     durable.replace(path / DESCRIPTION, json.dumps(record, indent=1, allow_nan=False).encode())
 
 
-def _refuse_strangers(path: Path, table: bytes) -> None:
+def _refuse_foreign(path: Path, table: bytes) -> None:
     """Raise CatalogError where the folder holds more than an interrupted `create` of the same `table` leaves."""
     ours = {LOCK, MEMBERS, *(partial.name for partial in durable.partials(path))}
-    strangers = {entry.name for entry in path.iterdir()} - ours
-    if TABLE in strangers and (path / TABLE).read_bytes() == table:
-        strangers.remove(TABLE)
-    if strangers:
-        raise CatalogError(f"{path} holds other things ({', '.join(sorted(strangers)[:3])}): choose another path")
+    foreign = {entry.name for entry in path.iterdir()} - ours
+    if TABLE in foreign and (path / TABLE).read_bytes() == table:
+        foreign.remove(TABLE)
+    if foreign:
+        raise CatalogError(f"{path} holds other things ({', '.join(sorted(foreign)[:3])}): choose another path")

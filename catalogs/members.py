@@ -1,4 +1,4 @@
-"""One member of an ensemble as it lies on disk: a folder of images, its part of the table, and what both can't say."""
+"""One member of an ensemble on disk: a folder of images, its rows of the table, and a record of what these can't say."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ class Member:
         )
 
     def summary(self, field: str = "") -> FieldSummary | None:
-        """What was kept of a field, by default of the first; None for images that came without one, and for fields not shown.
+        """The summary of a field, by default of the first; None where there is none.
 
-        A member that has one field only does not know its name.
+        A member of a single field does not know that field's name.
         """
         kept = self.summaries()
         if field in kept or not kept:
@@ -78,25 +78,25 @@ class Member:
         return next(iter(kept.values())) if not field or "" in kept else None
 
     def summaries(self) -> dict[str, FieldSummary]:
-        """What was kept of each field, by name, "" for an only one; empty for images that came without any."""
+        """The summary of each field by name, "" for a single one; empty for images that were imported without any."""
         path = self.path / SUMMARY
         return load_summaries(path) if path.is_file() else {}
 
     def row_split(self, view: int, setting: Setting | None = None) -> str:
-        """The split of one image, of an appearance in a variation: test wins over validation, validation over train."""
+        """The split of one image: the strictest of its member's, its view's and its setting's; test over validation over train."""
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
 
 
 def known_appearances(names: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
-    """`names` in the order of the catalog's `known` ones, all for None; raises CatalogError for others or none at all."""
+    """`names` in the order of the catalog's `known` ones; all for None.  Raises CatalogError for an unknown name, or no name."""
     if names is None:
         return tuple(known)
     wanted = {names} if isinstance(names, str) else set(names)
-    strange = sorted(wanted - set(known))
-    if strange or not wanted:
+    unknown = sorted(wanted - set(known))
+    if unknown or not wanted:
         raise CatalogError(
             f"a member needs appearances of the catalog's, which are {shortened(known, 8)}, "
-            f"got {shortened(strange, 8) or 'none'}"
+            f"got {shortened(unknown, 8) or 'none'}"
         )
     return tuple(name for name in known if name in wanted)
 

@@ -32,7 +32,7 @@ VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view
 
 
 class CatalogError(ValueError):
-    """A catalog is not what was asked for: the message says what, where, and what would do."""
+    """A catalog can't be made, read or written as it should: the message names the place and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class CatalogPlan:
         return list(dict.fromkeys([*isovalue, *varied]))
 
     def setting(self, appearance: str) -> Setting | None:
-        """The appearance's place in a variation; None where it belongs to none or is the base of one."""
+        """The setting that this appearance shows; None for one of no variation, and for a base."""
         return next(filter(None, (variation.setting(appearance) for variation in self.variations)), None)
 
     def varied(self, appearance: str) -> dict[str, float]:
@@ -127,7 +127,7 @@ class CatalogPlan:
 
     @property
     def plain_appearances(self) -> tuple[Appearance, ...]:
-        """The appearances that are no setting of a variation, or the setting of a field, each of which looks its own way."""
+        """The appearances that no continuous variation made."""
         made = {s.appearance for v in self.variations if v.continuous for s in v.settings}
         return tuple(a for a in self.appearances if a.name not in made)
 
@@ -157,14 +157,13 @@ class CatalogPlan:
         Unknown keys beside the known ones are ignored, so that additions which change no meaning stay readable; what changes
         the meaning of a catalog raises its schema, and unknown keys inside appearances and parameters are errors.
         """
-        low, high = record["bounds"]
         return cls(
             space=ParameterSpace.from_json(record["parameters"]),
             appearances=tuple(appearance_from_json(a) for a in record["appearances"]),
             cameras=tuple(Camera.from_json(c) for c in record["cameras"]),
             view_splits=tuple(record["view_splits"]),
-            bounds=(tuple(low), tuple(high)),
-            background=None if record["background"] is None else tuple(record["background"]),
+            bounds=record["bounds"],
+            background=record["background"],
             image_format=record["image_format"],
             provenance=record.get("provenance", {}),
             variations=tuple(variation_from_json(v) for v in record.get("variations", ())),
@@ -173,21 +172,20 @@ class CatalogPlan:
     def differences(self, other: CatalogPlan) -> list[str]:
         """Names of what differs, provenance aside."""
         mine, theirs = json.loads(json.dumps(self.to_json())), json.loads(json.dumps(other.to_json()))
-        keys = [*mine, *(key for key in theirs if key not in mine)]
-        return [key for key in keys if key != "provenance" and mine.get(key) != theirs.get(key)]
+        return [key for key in {**mine, **theirs} if key != "provenance" and mine.get(key) != theirs.get(key)]
 
 
 def _check_variations(variations: Sequence[Variation], appearances: Sequence[Appearance]) -> None:
-    """Raise CatalogError unless variations are of different kinds and every setting of theirs is an appearance as it says."""
+    """Raise CatalogError unless the variations differ in kind and the appearance of every setting shows what it says."""
     kinds = [variation.kind for variation in variations]
     if len(set(kinds)) != len(kinds):
-        raise CatalogError(f"a catalog has one variation of a kind, for its columns are named once, got {kinds}")
+        raise CatalogError(f"a catalog has one variation of a kind, whose columns are named once, got {kinds}")
     settings = [setting.appearance for variation in variations for setting in variation.settings]
-    strange = sorted({*settings, *(variation.base for variation in variations)} - {a.name for a in appearances})
+    unknown = sorted({*settings, *(variation.base for variation in variations)} - {a.name for a in appearances})
     twice = sorted(name for name, count in Counter(settings).items() if count > 1)
-    if strange or twice:
+    if unknown or twice:
         raise CatalogError(
-            f"every setting of a variation, and its base, is one appearance of the catalog: {shortened(strange) or 'none'} "
+            f"every setting of a variation, and its base, is one appearance of the catalog: {shortened(unknown) or 'none'} "
             f"are no appearances, {shortened(twice) or 'none'} stand twice"
         )
     wrong = [problem for variation in variations for problem in variation.mismatches(appearances)]
@@ -199,13 +197,13 @@ def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
     """Raise CatalogError unless every camera has one of the known splits."""
     if len(cameras) != len(view_splits):
         raise CatalogError(f"{len(cameras)} cameras need as many splits, got {len(view_splits)}")
-    strange = sorted(set(view_splits) - set(SPLITS))
-    if strange:
-        raise CatalogError(f"a view's split must be one of {SPLITS}, got {strange}")
+    unknown = sorted(set(view_splits) - set(SPLITS))
+    if unknown:
+        raise CatalogError(f"a view's split must be one of {SPLITS}, got {unknown}")
 
 
 def name_problem(name: str) -> str | None:
-    """Why a member or an appearance can't have this name, or None: it becomes a folder, and a cell among words."""
+    """Why a member or an appearance can't have this name, which becomes a folder and a cell of the table; None where it can."""
     if not NAME.fullmatch(name):
         return f"a name must be 1 to 100 letters, digits and _.+=-, a letter or digit first, got {name!r}"
     if cinema.reads_as_number(name):
@@ -216,7 +214,7 @@ def name_problem(name: str) -> str | None:
 
 
 def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
-    """A copy of `values`, as JSON would give them back; raises CatalogError naming `what` where JSON can't hold them."""
+    """A copy of `values` as JSON gives them back; raises CatalogError naming `what` where JSON can't hold them."""
     try:
         return json.loads(json.dumps(dict(values), allow_nan=False))
     except (TypeError, ValueError) as error:

@@ -67,7 +67,7 @@ def transfer_function_family(
     seed: int = 0,
     unit: str = "",
 ) -> Family:
-    """The 76 training transfer functions around `base`, and others that only judge, drawn evenly from the same box by `seed`.
+    """The 76 training transfer functions around `base`; others for validation and test, drawn evenly from the same box by `seed`.
 
     GS-Surrogate, transfer-function editing: both inner control points are displaced by every pair of the 8 displacements
     {-, 0, +}² without the zero (64 functions), and one coordinate of one point alone by each of three steps (12).
@@ -93,13 +93,11 @@ def transfer_function_family(
         )
     if validation < 0 or test < 0:
         raise ValueError(f"validation and test count transfer functions, from 0 on, got {validation} and {test}")
-    trained = [*_joint_displacements(), *_single_displacements(single_steps)]
     random = np.random.default_rng(seed)
-    rows = {"train": np.array(trained)}  # [76, 4]
-    rows |= {
-        split: random.uniform(-1.0, 1.0, (count, 4)) for split, count in (("validation", validation), ("test", test))
-    }
-    decimals = [_decimals(step) for step in steps.tolist()]
+    rows = {"train": np.array(_training_displacements(single_steps))}  # [76, 4]
+    for split, count in (("validation", validation), ("test", test)):
+        rows[split] = random.uniform(-1.0, 1.0, (count, 4))
+    decimals = [max(9, 6 - math.floor(math.log10(step))) for step in steps.tolist()]  # more only for small units
     settings, shown = [], []
     for split, displacements in rows.items():
         for i, moved in enumerate((displacements * steps).tolist(), start=1):
@@ -107,21 +105,19 @@ def transfer_function_family(
             name = f"{base.name}-{split}-{i:02d}"
             settings.append(Setting(name, displacement, split))
             shown.append(_displaced_appearance(base, name, displacement))
-    space = ParameterSpace(
-        tuple(
-            Parameter(name, -step, step, unit if name.endswith("value") else "")
-            for name, step in zip(POINT_PARAMETERS, steps.tolist(), strict=True)
-        )
+    units = (unit, "", unit, "")
+    parameters = (
+        Parameter(n, -step, step, u) for n, step, u in zip(POINT_PARAMETERS, steps.tolist(), units, strict=True)
     )
-    return Family(TransferFunctionVariation(base.name, space, tuple(settings)), tuple(shown))
+    variation = TransferFunctionVariation(base.name, ParameterSpace(tuple(parameters)), tuple(settings))
+    return Family(variation, tuple(shown))
 
 
 def displaced(base: TransferFunction, displacement: Sequence[float]) -> TransferFunction:
     """`base` with its inner control points moved by (4,) `POINT_PARAMETERS`; raises ValueError where they cross or leave [0, 1]."""
-    ends, (first, second) = (base.opacity_points[0], base.opacity_points[3]), base.opacity_points[1:3]
-    moved_first = (first[0] + displacement[0], first[1] + displacement[1])
-    moved_second = (second[0] + displacement[2], second[1] + displacement[3])
-    return replace(base, opacity_points=(ends[0], moved_first, moved_second, ends[1]))
+    low, (first, opacity), (second, other), high = base.opacity_points
+    moved = (first + displacement[0], opacity + displacement[1]), (second + displacement[2], other + displacement[3])
+    return replace(base, opacity_points=(low, *moved, high))
 
 
 def _four_points(appearance: Appearance) -> TransferFunction | None:
@@ -142,19 +138,14 @@ def _displaced_appearance(base: VolumeRendering, name: str, displacement: Sequen
         ) from None
 
 
-def _decimals(step: float) -> int:
-    """Decimals to which displacements are rounded: nine, and more where a step is so small that it needs them."""
-    return max(9, 6 - math.floor(math.log10(step)))
-
-
-def _joint_displacements() -> list[tuple[float, ...]]:
-    signs = [pair for pair in itertools.product((-1.0, 0.0, 1.0), repeat=2) if pair != (0.0, 0.0)]
-    return [(*first, *second) for first in signs for second in signs]
-
-
-def _single_displacements(steps: Sequence[float]) -> list[tuple[float, ...]]:
-    if len(set(steps)) != 3 or len(steps) != 3 or 0.0 in steps or not all(-1.0 <= step <= 1.0 for step in steps):
+def _training_displacements(single_steps: Sequence[float]) -> list[tuple[float, ...]]:
+    """The 76 displacements (4,) in units of the steps: first the joint ones, then the single ones."""
+    valid = len(single_steps) == len(set(single_steps)) == 3 and 0.0 not in single_steps
+    if not valid or not all(-1.0 <= step <= 1.0 for step in single_steps):
         raise ValueError(
-            f"single_steps must be three different multiples of the steps, in [-1, 1] and none of them zero, got {steps}"
+            "single_steps must be three different multiples of the steps, in [-1, 1] and none of them zero, got "
+            f"{single_steps}"
         )
-    return [tuple(step if i == axis else 0.0 for i in range(4)) for axis in range(4) for step in steps]
+    signs = [pair for pair in itertools.product((-1.0, 0.0, 1.0), repeat=2) if any(pair)]
+    joint = [(*first, *second) for first in signs for second in signs]
+    return joint + [tuple(step if i == axis else 0.0 for i in range(4)) for axis in range(4) for step in single_steps]

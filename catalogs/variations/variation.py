@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -40,8 +40,8 @@ class Variation(ABC):
     kind : the name of the class in JSON and TOML.
     name, plural : what varies, in words.
     continuous : whether values between those of the settings may be asked for; a catalog's table has columns of them.
-    edits_base : whether the settings are the base with another transfer function: opacities and colours change, the shape does
-        not, and the base itself lies in the middle of the space, at zero.
+    edits_base : whether the settings are the base with another transfer function: only opacities and colours change, and the base
+        itself is the middle of the space, zero.
     base : name of the appearance that is varied.
     space : the visualization parameters.
     settings : the appearances beside the base.
@@ -130,9 +130,7 @@ class Variation(ABC):
             "kind": self.kind,
             "base": self.base,
             "parameters": self.space.to_json(),
-            "settings": [
-                {"appearance": s.appearance, "values": list(s.values), "split": s.split} for s in self.settings
-            ],
+            "settings": [asdict(setting) | {"values": list(setting.values)} for setting in self.settings],
         }
 
     @classmethod
