@@ -16,7 +16,7 @@ from catalogs.words import one_line
 from surrogate.deformation import Deformation, compose, load_deformation
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.gaussians import Gaussians
-from surrogate.storage.checkpoints import part_of
+from surrogate.storage.names import joined, part_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,4 +112,4 @@ class Visualization:
     def stored(self) -> dict[str, Tensor]:
         """All tensors, those of F_vis and of the tuned F_sim."""
         parts = {"deformation": self.deformation, "simulation": self.simulation}
-        return {f"{k}.{n}": t for k, part in parts.items() if part is not None for n, t in part.stored().items()}
+        return joined({name: part.stored() for name, part in parts.items() if part is not None})

@@ -49,7 +49,8 @@ class Checkpoint:
         try:
             with safetensors.safe_open(path, framework="pt") as file:
                 record = json.loads(file.metadata()["record"])
-                return cls({name: file.get_tensor(name) for name in file.keys()}, record)  # noqa: SIM118 - not a dict
+                # Copied, for in the file they begin at any address, and some processors' matrix products depend on it.
+                return cls({n: file.get_tensor(n).clone() for n in file.keys()}, record)  # noqa: SIM118 - not a dict
         except (safetensors.SafetensorError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path} is not a checkpoint ({error}): delete it to train anew") from error
 
@@ -64,11 +65,6 @@ def locked(directory: Path) -> Iterator[None]:
             raise RuntimeError(f"another process is training in {directory}: wait for it or stop it") from None
         durable.remove_abandoned(directory)
         yield
-
-
-def part_of(tensors: Mapping[str, Tensor], part: str) -> dict[str, Tensor]:
-    """The tensors whose names begin with `part` and a dot, without both."""
-    return {name.removeprefix(f"{part}."): t for name, t in tensors.items() if name.startswith(f"{part}.")}
 
 
 def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:

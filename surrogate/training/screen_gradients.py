@@ -1,4 +1,4 @@
-"""How strongly pictures pull at each Gaussian on the screen: where one is not enough, more are needed.
+"""The loss's gradient at each Gaussian's place on the screen: where it is large, more Gaussians are needed.
 
 Kerbl et al. 2023, section 5.2: Gaussians with a large mean gradient of the loss with respect to their place on the screen, in
 normalized device coordinates, stand for too much.
@@ -16,14 +16,14 @@ from catalogs.cameras import Camera
 
 
 @dataclass(frozen=True, eq=False)
-class Pulls:
+class ScreenGradients:
     """Sums of screen gradients, and over how many pictures that showed the Gaussian, since the last `forget`."""
 
     totals: Tensor  # [N]
     pictures: Tensor  # [N]
 
     @classmethod
-    def none(cls, count: int, like: Tensor) -> Pulls:
+    def none(cls, count: int, like: Tensor) -> ScreenGradients:
         """Of `count` Gaussians, on the device of `like`."""
         return cls(torch.zeros(count, device=like.device), torch.zeros(count, device=like.device))
 
@@ -44,7 +44,7 @@ class Pulls:
         self.pictures.add_((sizes > 0).to(self.pictures.dtype))
 
     def above(self, threshold: float) -> Tensor:
-        """Mean pulls (N,), zero where they do not exceed `threshold`."""
+        """The mean of each Gaussian (N,), zero where it does not exceed `threshold`."""
         means = self.totals / self.pictures.clamp(min=1.0)  # [N]
         return torch.where(means > threshold, means, 0.0)
 
@@ -55,7 +55,7 @@ class Pulls:
 
     def tensors(self) -> dict[str, Tensor]:
         """The state by name."""
-        return {"pulls.totals": self.totals, "pulls.pictures": self.pictures}
+        return {"screen_gradients.totals": self.totals, "screen_gradients.pictures": self.pictures}
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Take up the state of `tensors()`."""

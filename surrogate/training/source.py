@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from surrogate.initialization.start import initial_gaussians, initial_points
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import (
     Example,
+    ImageRow,
     TrainingData,
     foreground_color,
     load_examples,
@@ -25,7 +27,7 @@ from surrogate.training.data import (
 )
 
 COLOR_SAMPLES = 32  # images that the first colour is taken from
-JUDGES = 48  # validation images that say what a model needs
+DECISION_IMAGES = 48  # validation images that choices about a model are made on
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,51 +50,37 @@ class Source:
         normalization = Normalization.of_box(self.catalog.plan.bounds)
         object.__setattr__(self, "appearance", appearance)
         object.__setattr__(self, "normalization", normalization)
-        for shown in ([appearance], *(_shown_by(variation) for variation in self.variations)):
-            training_rows(self.catalog, shown)  # says at once where there are none
+        for variation in (None, *self.variations):
+            training_rows(self.catalog, self._shown(variation))  # says at once where there are none
         if self.settings.start.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
 
-    def data(self) -> TrainingData:
-        """All images that training needs, decoded."""
-        shown = [self.appearance]
-        learn = training_rows(self.catalog, shown)
-        watch = validation_rows(self.catalog, shown, self.settings.validation.images)
+    def data(self, variation: Variation | None = None) -> TrainingData:
+        """All images that training needs, decoded: of the base appearance, or of a variation without it."""
+        learnt = self._loaded(training_rows(self.catalog, self._shown(variation)), variation)
         return TrainingData(
-            load_examples(self.catalog, learn, self.normalization),
-            load_examples(self.catalog, watch, self.normalization),
-            self.catalog.plan.background,
+            learnt, self._validation(self.settings.validation.images, variation), self.catalog.plan.background
         )
+
+    def decision_images(self, variation: Variation | None = None) -> list[Example]:
+        """The validation images that choices about the model are made on; none where the settings want none."""
+        return self._validation(DECISION_IMAGES if self.settings.validation.images else 0, variation)
+
+    def _validation(self, count: int, variation: Variation | None) -> list[Example]:
+        return self._loaded(validation_rows(self.catalog, self._shown(variation), count), variation)
+
+    def _loaded(self, rows: Sequence[ImageRow], variation: Variation | None) -> list[Example]:
+        return load_examples(self.catalog, rows, self.normalization, variation)
+
+    def _shown(self, variation: Variation | None) -> list[str]:
+        """The appearances to learn from."""
+        return [self.appearance] if variation is None else [setting.appearance for setting in variation.settings]
 
     @property
     def variations(self) -> tuple[Variation, ...]:
         """Those of the appearance that is learnt, where they are learnt too."""
         kept = self.catalog.plan.variations if self.settings.steps.visualization else ()
         return tuple(v for v in kept if v.base == self.appearance)
-
-    def varied_data(self, variation: Variation) -> TrainingData:
-        """All images of a variation that training needs, the base left out, decoded."""
-        shown = _shown_by(variation)
-        learn = training_rows(self.catalog, shown)
-        watch = validation_rows(self.catalog, shown, self.settings.validation.images)
-        return TrainingData(
-            load_examples(self.catalog, learn, self.normalization, variation),
-            load_examples(self.catalog, watch, self.normalization, variation),
-            self.catalog.plan.background,
-        )
-
-    def varied_judges(self, variation: Variation) -> TrainingData:
-        """The validation images that choices about a variation are made on; none where the settings want none."""
-        watch = validation_rows(self.catalog, _shown_by(variation), JUDGES if self.settings.validation.images else 0)
-        return TrainingData(
-            [], load_examples(self.catalog, watch, self.normalization, variation), self.catalog.plan.background
-        )
-
-    @cached_property
-    def judges(self) -> list[Example]:
-        """The validation images that choices about the model are made on."""
-        watch = validation_rows(self.catalog, [self.appearance], JUDGES)
-        return load_examples(self.catalog, watch, self.normalization)
 
     @property
     def histogram(self) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
@@ -125,8 +113,3 @@ class Source:
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
         return initial_gaussians(settings or self.settings, box, points, foreground_color(some, data.background))
-
-
-def _shown_by(variation: Variation) -> list[str]:
-    """The appearances of a variation, the base left out."""
-    return [setting.appearance for setting in variation.settings]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from surrogate.deformation import Deformation
+from surrogate.deformation import KINDS, Deformation
 from surrogate.gaussians import NAMES, Gaussians
 from surrogate.settings import TrainingSettings
 
@@ -59,6 +59,14 @@ def canonical_stage(gaussians: Gaussians, settings: TrainingSettings) -> Stage:
         per_gaussian=frozenset(NAMES),
         gaussians_at=lambda parameters: gaussians,
     )
+
+
+def new_deformation(gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> Deformation:
+    """F_sim before stage 2, by `parameters` many parameters: it moves nothing yet, and never what is to be held still."""
+    deformation: Deformation = KINDS[settings.designs.simulation].create(gaussians, parameters, settings)
+    for name in settings.designs.held_still:
+        deformation = deformation.without(name)
+    return deformation
 
 
 def simulation_stage(gaussians: Gaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:

@@ -61,7 +61,7 @@ def interrupt(
             pressed.append(os.kill(os.getpid(), signal.SIGINT))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("surrogate.training.run.REPORT_SECONDS", 0.0)
+        patch.setattr("surrogate.training.session.REPORT_SECONDS", 0.0)
         with pytest.raises(KeyboardInterrupt):
             train(settings, catalog, folder, progress=press)
 

@@ -28,7 +28,7 @@ from surrogate.training.data import ImageRow, TrainingData, validation_rows
 from surrogate.training.loop import StageRun
 from surrogate.training.progress import ProgressReport, TrainingProgress
 from surrogate.training.run import train
-from surrogate.training.source import JUDGES, Source
+from surrogate.training.source import DECISION_IMAGES, Source
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
 
 BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's run
@@ -40,7 +40,7 @@ NOTHING_ELSE: dict[str, Any] = {
     "checkpoint_seconds": 86400.0,
 }
 REPORT_STEPS = 50  # between two looks at the progress
-WITHOUT_JUDGES = (
+WITHOUT_VALIDATION = (
     "and an ablation must not be judged on test images: at least one member or view of split validation is needed"
 )
 
@@ -134,7 +134,7 @@ class VisualizationFits:
                 "train the scene again"
             )
         if not all(self._cases(variation) for variation in self._source.variations):
-            raise ValueError(f"catalog {catalog.path} has no validation images of its variations, {WITHOUT_JUDGES}")
+            raise ValueError(f"catalog {catalog.path} has no validation images of its variations, {WITHOUT_VALIDATION}")
         degree = max(v.color_degree for v in surrogate.visualizations)
         kinds = {kind_of(variation, settings) for variation in self._source.variations}
         self.base = settings.changed(
@@ -180,11 +180,11 @@ class VisualizationFits:
     @cached_property
     def _learnt(self) -> list[_Learnt]:
         silent = Source(self.base, self._source.catalog)
-        return [_Learnt(v, silent.varied_data(v), self._cases(v)) for v in self._source.variations]
+        return [_Learnt(v, silent.data(v), self._cases(v)) for v in self._source.variations]
 
     def _cases(self, variation: Variation) -> list[Case]:
         shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
-        rows = validation_rows(self._source.catalog, list(shown), JUDGES)
+        rows = validation_rows(self._source.catalog, list(shown), DECISION_IMAGES)
         return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
 
     def _begun(self, settings: TrainingSettings, learnt: _Learnt) -> tuple[Visualization, StageRun]:
@@ -224,7 +224,7 @@ def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSetti
 
 def judges(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
     """The validation images that variants are judged on; raises ValueError where there are none."""
-    found = validation_rows(catalog, [Source(settings, catalog).appearance], JUDGES)
+    found = validation_rows(catalog, [Source(settings, catalog).appearance], DECISION_IMAGES)
     if not found:
-        raise ValueError(f"catalog {catalog.path} has no validation images, {WITHOUT_JUDGES}")
+        raise ValueError(f"catalog {catalog.path} has no validation images, {WITHOUT_VALIDATION}")
     return found

@@ -13,9 +13,8 @@ from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, ImageRow, TrainingData, load_examples, training_rows
 from surrogate.training.loop import StageRun
-from surrogate.training.run import new_deformation
 from surrogate.training.source import Source
-from surrogate.training.stages import canonical_stage, simulation_stage
+from surrogate.training.stages import canonical_stage, new_deformation, simulation_stage
 
 IMAGES = 96  # that the probe learns from, and by which the time to load all is judged
 WARM_STEPS, FEWEST_TIMED = 2, 3

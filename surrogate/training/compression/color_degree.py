@@ -1,53 +1,87 @@
-"""Whether colours depend on the direction that they are seen from, asked of the images themselves."""
+"""Whether colours depend on the direction that they are seen from, asked of the images themselves.
+
+Isosurfaces are lit, volumes usually are not: the base is asked during stage 2, every variation before its stage 3.
+"""
 
 from __future__ import annotations
 
-import torch
+from collections.abc import Sequence
+
 from torch import Tensor
 
+from catalogs.variations import Variation
 from surrogate.gaussians import Gaussians
 from surrogate.training.compression.choice import Choice, Option
-from surrogate.training.compression.fitted import Bench, Fitted
+from surrogate.training.compression.evaluator import Evaluator
+from surrogate.training.fitted import Fitted
 from surrogate.training.loop import StageRun
+from surrogate.training.source import Source
 from surrogate.training.stages import Stage, canonical_rates
+from surrogate.training.visualizations import new_visualization, visualization_stage
 
-NAME = "colour degree"
+NAME, NAME_OF_F_VIS = "colour degree", "colour degree of F_vis"
 ASKED_AFTER = 0.2  # of stage 2: places and shapes are good enough then to tell, and most time is still to be saved
 SETTLING = 0.03  # of all steps, before the question: in a model that still moves, degree 1 makes up for other errors
 PROBE = 0.02  # of all steps, for each degree
+PROBE_OF_F_VIS = 0.05  # of stage 3, for each degree
 WORTHWHILE = 0.05  # dB in so short a probe, more in the end: lit pictures (Nyx) gained 0.09, unlit volumes 0.01 at most
 
 
-def choose_color_degree(fitted: Fitted, bench: Bench) -> tuple[int, Choice]:
+def choose_color_degree(fitted: Fitted, evaluator: Evaluator) -> tuple[int, Choice]:
     """0 unless a linear dependence on the direction, with all else but colours held still, is seen in validation images.
 
     Both degrees are given the same short training of their colours, from `fitted` once that has settled; it has degree 0 and is
     not changed.
     """
-    settled = bench.settled(fitted, bench.steps(SETTLING))
-    scores = [_judged(settled, degree, bench) for degree in (0, 1)]
+    settled = evaluator.settled(fitted, evaluator.steps(SETTLING))
+    return _decided(NAME, [_psnr_with_colors(settled, degree, evaluator) for degree in (0, 1)])
+
+
+def choose_visualized_color_degree(
+    fitted: Fitted, variation: Variation, source: Source, evaluator: Evaluator
+) -> tuple[int, Choice | None]:
+    """0 unless a linear dependence on the direction is seen in validation images after a short stage 3 with each degree.
+
+    Nothing is asked, and the choice None, where the settings say it, where transfer functions are varied (they do not light),
+    where the base's colours depend on the direction already, or without validation images.
+    """
+    asked, least = source.settings.designs.visualization_color_degree, fitted.gaussians.color_degree
+    if asked != "auto":
+        return max(int(asked), least), None
+    if variation.edits_base or least == 1 or not evaluator.data.validation:
+        return least, None
+    return _decided(NAME_OF_F_VIS, [_psnr_of_f_vis(fitted, variation, source, evaluator, d) for d in (0, 1)])
+
+
+def _decided(name: str, scores: Sequence[float]) -> tuple[int, Choice]:
     chosen = int(scores[1] > scores[0] + WORTHWHILE)
-    return chosen, Choice(NAME, str(chosen), [Option(f"degree {d}", score) for d, score in enumerate(scores)])
+    return chosen, Choice(name, str(chosen), [Option(f"degree {d}", score) for d, score in enumerate(scores)])
 
 
-def _judged(fitted: Fitted, degree: int, bench: Bench) -> float:
+def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> float:
     """Mean PSNR over the validation images once the colours, of this degree, have been trained."""
     gaussians = fitted.gaussians.copy().with_color_degree(degree)
-    settings, steps = bench.settings.changed(relocation_interval=0), bench.steps(PROBE)
+    settings = evaluator.settings.changed(relocation_interval=0)
 
     def gaussians_at(parameters: Tensor) -> Gaussians:
         return fitted.deformation.deformed(gaussians, parameters)
 
     stage = Stage(
         name=NAME,
-        steps=steps,
+        steps=evaluator.steps(PROBE),
         tensors={"means": gaussians.means, "colors": gaussians.colors.requires_grad_()},
         rates={"means": 0.0, "colors": canonical_rates(settings)["colors"]},
         per_gaussian=frozenset(),
         gaussians_at=gaussians_at,
     )
-    run = StageRun(stage, settings, bench.data)
-    while run.step < steps:
-        run.advance()
-    with torch.no_grad():
-        return bench.psnr_of(gaussians_at)
+    StageRun(stage, settings, evaluator.data).finish()
+    return evaluator.psnr_of(gaussians_at)
+
+
+def _psnr_of_f_vis(fitted: Fitted, variation: Variation, source: Source, evaluator: Evaluator, degree: int) -> float:
+    """Mean PSNR over the validation images after a short stage 3 of its own."""
+    steps = max(1, round(PROBE_OF_F_VIS * source.settings.steps.visualization))
+    short = source.settings.changed(visualization_steps=steps)
+    stage = visualization_stage(*fitted, new_visualization(*fitted, variation, source, degree), short)
+    StageRun(stage, short, evaluator.data).finish()
+    return evaluator.psnr_of(stage.gaussians_at)

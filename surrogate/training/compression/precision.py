@@ -10,43 +10,46 @@ from torch import Tensor
 from surrogate.deformation.visualization import Visualization
 from surrogate.storage.encoding import FORMATS, Encoding, encode
 from surrogate.training.compression.choice import Choice, Option
-from surrogate.training.compression.fitted import Bench, Fitted
+from surrogate.training.compression.evaluator import Evaluator
+from surrogate.training.fitted import Fitted
 
 NAME = "precision"
 FEWEST_ROWS = 8  # with which 8 bits, and two float32 numbers per column, take no more bytes than half precision
 
 
-def choose_precision(fitted: Fitted, bench: Bench) -> tuple[Fitted, dict[str, Encoding], Choice]:
+def choose_precision(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, dict[str, Encoding], Choice]:
     """Store each tensor, the largest first, in the fewest bits with which all so far cost no more than the tolerance.
 
     Returns the model as it will be read again, the encodings by tensor, and the choice.
     """
     fitted = fitted.to(torch.device("cpu"))  # where models are stored and read
-    before = bench.measure(fitted)
+    before = evaluator.measure(fitted)
     stored, chosen, tried = _in_fewest_bits(
-        fitted.tensors(), lambda tensors: bench.psnr(fitted_of(fitted, tensors)), before.psnr - bench.tolerance
+        fitted.tensors(),
+        lambda tensors: evaluator.psnr(Fitted.load(tensors, fitted.record())),
+        before.psnr - evaluator.tolerance,
     )
-    current = fitted_of(fitted, stored)
+    current = Fitted.load(stored, fitted.record())
     megabytes = current.megabytes - 1e-6 * sum(e.saved_bytes for e in chosen.values())
-    after = bench.measure(current, megabytes=megabytes)
+    after = evaluator.measure(current, megabytes=megabytes)
     options = [Option("all in float32", before.psnr), *tried, Option("as kept", after.psnr)]
     return current, chosen, Choice(NAME, _said(_by_size(stored), chosen), options, before, after)
 
 
 def precision_of_visualization(
-    visualization: Visualization, fitted: Fitted, bench: Bench
+    visualization: Visualization, fitted: Fitted, evaluator: Evaluator
 ) -> tuple[Visualization, dict[str, Encoding], Choice]:
     """The same for F_vis and its copy of F_sim, on validation images of the variation; `fitted` is stored already."""
 
     def psnr(trial: Visualization) -> float:
-        return bench.psnr_of(lambda parameters: trial.gaussians_at(*fitted, parameters))
+        return evaluator.psnr_of(lambda parameters: trial.gaussians_at(*fitted, parameters))
 
     def loaded(tensors: Mapping[str, Tensor]) -> Visualization:
         return Visualization.load(tensors, visualization.record())
 
     before = psnr(visualization)
     stored, chosen, tried = _in_fewest_bits(
-        visualization.stored(), lambda tensors: psnr(loaded(tensors)), before - bench.tolerance
+        visualization.stored(), lambda tensors: psnr(loaded(tensors)), before - evaluator.tolerance
     )
     current = loaded(stored)
     options = [Option("all in float32", before), *tried, Option("as kept", psnr(current))]
@@ -90,11 +93,3 @@ def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:
         forms.setdefault(chosen[name].form if name in chosen else "float32", []).append(name)
     (usual, _), *others = sorted(forms.items(), key=lambda item: -len(item[1]))
     return "; ".join([usual, *(f"{form} for {', '.join(kept)}" for form, kept in others)])
-
-
-def fitted_of(fitted: Fitted, tensors: Mapping[str, Tensor]) -> Fitted:
-    """A model like `fitted` with the stored `tensors`."""
-    gaussians = {name: tensors[f"gaussians.{name}"] for name in fitted.gaussians.tensors()}
-    stored = {name: tensors[f"deformation.{name}"] for name in fitted.deformation.stored()}
-    deformation = type(fitted.deformation).load(stored, fitted.deformation.record())
-    return Fitted(type(fitted.gaussians)(**gaussians), deformation)

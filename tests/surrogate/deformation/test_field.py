@@ -15,8 +15,9 @@ from surrogate.gaussians import NAMES, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.choice import Measured
-from surrogate.training.compression.fitted import Bench, Fitted
+from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.modes import choose_modes
+from surrogate.training.fitted import Fitted
 from surrogate.training.optimizer import Adam
 from surrogate.training.stages import simulation_stage
 
@@ -402,10 +403,10 @@ def test_a_copy_has_tensors_of_its_own() -> None:
 
 def test_it_has_no_modes_to_choose_from() -> None:
     fitted = Fitted(canonical(3), cast(Deformation, random_field(small(1))))
-    bench = SimpleNamespace(
+    evaluator = SimpleNamespace(
         measure=lambda fitted: Measured(30.0, 1.0, 1.0), tolerance=0.05, data=SimpleNamespace(examples=[])
     )
-    chosen, choice = choose_modes(fitted, cast(Bench, bench))
+    chosen, choice = choose_modes(fitted, cast(Evaluator, evaluator))
     assert chosen is fitted
     assert choice.kept == "1"
     assert fitted.deformation.reduced(1, []) is fitted.deformation

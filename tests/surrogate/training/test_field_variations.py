@@ -115,10 +115,10 @@ def test_what_the_sidecar_knows_is_of_the_field_that_is_learnt(catalog: Catalog)
 def test_a_field_is_learnt_from_all_training_members(catalog: Catalog) -> None:
     source = Source(QUICK, catalog)
     assert source.variations == (FIELDS,)
-    data = source.varied_data(FIELDS)
+    data = source.data(FIELDS)
     assert len(data.examples) == 3 * 2 * 5
     assert {tuple(e.parameters[1:].tolist()) for e in data.examples} == {(1.0, 0.0), (0.0, 1.0)}
-    judges = source.varied_judges(FIELDS).validation
+    judges = source.decision_images(FIELDS)
     assert [e.parameters[0].item() for e in judges] == pytest.approx([-0.2] * 2), "the validation member's"
     assert len(judges) == 2
     assert Source(QUICK.changed(appearance="speed-dvr"), catalog).variations == ()
@@ -135,7 +135,7 @@ def test_f_vis_moves_everything_and_leaves_the_base_as_it_is_bit_for_bit(catalog
     assert visual.simulation is not None
     stage = visualization_stage(*fitted, visual, settings)
     assert stage.name == "field"
-    stage_run = StageRun(stage, settings, source.varied_data(FIELDS))
+    stage_run = StageRun(stage, settings, source.data(FIELDS))
     for _ in range(4):
         stage_run.advance()
     assert [t.detach().numpy().tobytes() for t in fitted.tensors().values()] == before

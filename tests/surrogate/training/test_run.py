@@ -66,7 +66,7 @@ def test_what_another_process_finished_meanwhile_is_taken(
 
 
 def test_progress_says_where_training_stands(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("surrogate.training.run.REPORT_SECONDS", 0.0)
+    monkeypatch.setattr("surrogate.training.session.REPORT_SECONDS", 0.0)
     seen: list[TrainingProgress] = []
     catalog = make_catalog(members=(("train", 0.0), ("train", 1.0), ("validation", 0.5)))
     train(QUICK, catalog, tmp_path / "surrogate", progress=seen.append)
@@ -214,7 +214,7 @@ def test_a_run_whose_colours_turn_out_to_depend_on_the_direction_goes_on_alike(
         asked.append(True)
         return 1, Choice("colour degree", "1")
 
-    monkeypatch.setattr("surrogate.training.run.choose_color_degree", choose)
+    monkeypatch.setattr("surrogate.training.steps.choose_color_degree", choose)
     catalog = make_catalog()
     interrupt_after(step, QUICK, catalog, tmp_path / "resumed")
     resumed = train(QUICK, catalog, tmp_path / "resumed")
@@ -265,10 +265,10 @@ def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> subproc
     """Train in another process, which writes a line when its steps have begun."""
     program = (
         "import sys, json\n"
-        "import surrogate.training.run\n"
+        "import surrogate.training.session\n"
         "from catalogs.catalog import Catalog\n"
         "from surrogate import TrainingSettings, train\n"
-        "surrogate.training.run.REPORT_SECONDS = 0.01\n"
+        "surrogate.training.session.REPORT_SECONDS = 0.01\n"
         "said = []\n"
         "def tell(progress):\n"
         "    if progress.stage != 'loading' and not said:\n"

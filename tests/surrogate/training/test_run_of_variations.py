@@ -125,7 +125,7 @@ def test_a_degree_that_was_chosen_is_not_asked_again(
         asked.append(variation.kind)
         return int(variation.kind == "isovalue"), Choice("colour degree of F_vis", "chosen")
 
-    monkeypatch.setattr("surrogate.training.run.choose_visualized_color_degree", choose)
+    monkeypatch.setattr("surrogate.training.steps.choose_visualized_color_degree", choose)
     chosen = with_settings(color_degree=0)
     interrupted(chosen, catalog, tmp_path, "first variation")
     interrupted(chosen, catalog, tmp_path, "second variation")
@@ -143,7 +143,7 @@ def test_ctrl_c_during_the_last_choices_acts_once_they_are_kept(
         monkeypatch.undo()
         return precision_of_visualization(*arguments)
 
-    monkeypatch.setattr("surrogate.training.run.precision_of_visualization", press)
+    monkeypatch.setattr("surrogate.training.steps.precision_of_visualization", press)
     with pytest.raises(KeyboardInterrupt):
         train(QUICK, catalog, tmp_path / "surrogate")
     assert outcome(tmp_path / "surrogate") == outcome(undisturbed)

@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from catalogs.cameras import Camera
+from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
-from surrogate.training.loop import StageRun
-from surrogate.training.screen_gradients import Pulls
+from surrogate.training.loop import LoopMemory, StageRun
+from surrogate.training.screen_gradients import ScreenGradients
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage, simulation_stage
 from tests.support.visualizations import base
@@ -33,7 +34,7 @@ def test_a_pull_is_the_gradient_per_device_coordinate() -> None:
         moved = np.eye(3)[c] * step
         difference = (seen(CAMERA, means + moved)[0] - seen(CAMERA, means - moved)[0]) / (2.0 * step)
         gradients[:, c] = (by_pixel * difference).sum(axis=1)
-    pulls = Pulls.none(3, torch.zeros(1))
+    pulls = ScreenGradients.none(3, torch.zeros(1))
     pulls.add(torch.from_numpy(means).float(), torch.from_numpy(gradients).float(), CAMERA)
     expected = np.linalg.norm(by_pixel, axis=1) * CAMERA.width / 2.0  # device coordinates are width / 2 pixels
     np.testing.assert_allclose(pulls.totals.numpy(), expected, rtol=1e-4)
@@ -41,10 +42,10 @@ def test_a_pull_is_the_gradient_per_device_coordinate() -> None:
 
 
 def test_means_are_over_pictures_that_showed_the_gaussian() -> None:
-    pulls, means = Pulls.none(3, torch.zeros(1)), torch.zeros(3, 3)
+    pulls, means = ScreenGradients.none(3, torch.zeros(1)), torch.zeros(3, 3)
     for first, second in ((1.0, 0.0), (3.0, 4.0)):
         pulls.add(means, torch.tensor([[first, 0, 0], [0, second, 0], [0, 0, 0]]), CAMERA)
-    once = Pulls.none(1, torch.zeros(1))
+    once = ScreenGradients.none(1, torch.zeros(1))
     once.add(means[:1], torch.tensor([[1.0, 0, 0]]), CAMERA)
     unit = float(once.totals)
     expected = torch.tensor([2.0, 4.0, 0.0]) * unit
@@ -53,7 +54,7 @@ def test_means_are_over_pictures_that_showed_the_gaussian() -> None:
 
 
 def test_no_gradient_counts_nothing_and_what_is_forgotten_is_gone() -> None:
-    pulls = Pulls.none(2, torch.zeros(1))
+    pulls = ScreenGradients.none(2, torch.zeros(1))
     pulls.add(torch.zeros(2, 3), None, CAMERA)
     assert not pulls.pictures.any()
     pulls.add(torch.zeros(2, 3), torch.ones(2, 3), CAMERA)
@@ -64,7 +65,7 @@ def test_no_gradient_counts_nothing_and_what_is_forgotten_is_gone() -> None:
 
 
 def test_the_state_can_be_taken_up_again() -> None:
-    first, second = Pulls.none(4, torch.zeros(1)), Pulls.none(4, torch.zeros(1))
+    first, second = ScreenGradients.none(4, torch.zeros(1)), ScreenGradients.none(4, torch.zeros(1))
     first.add(torch.rand(4, 3), torch.rand(4, 3), CAMERA)
     second.restore({name: tensor.clone() for name, tensor in first.tensors().items()})
     assert torch.equal(second.above(0.0), first.above(0.0))
@@ -97,12 +98,12 @@ def test_dead_gaussians_move_to_where_pictures_pull(make_catalog, stage: str) ->
     strongest = []
     for step in range(12):
         if step == 11:
-            strongest = run._pulls.above(0.0).topk(1).indices.tolist()
+            strongest = run._screen_gradients.above(0.0).topk(1).indices.tolist()
         run.advance()
     assert strongest == [2]
     moved = (gaussians.means.detach() - before).abs().sum(dim=1).nonzero().flatten().tolist()
     assert set(moved) <= {12, 13, 14}
-    assert not run._pulls.totals.any()  # begun anew
+    assert not run._screen_gradients.totals.any()  # begun anew
 
 
 def test_a_run_by_gradient_and_hard_examples_goes_on_bit_for_bit(make_catalog) -> None:
@@ -112,21 +113,21 @@ def test_a_run_by_gradient_and_hard_examples_goes_on_bit_for_bit(make_catalog) -
     source = Source(settings, make_catalog(view_splits=("train",) * 4))
     data = source.data()
 
-    def fresh() -> StageRun:
-        gaussians = source.initial_gaussians(data)
-        gaussians.opacity_logits[::3] = -7.0  # so that something is relocated
-        return StageRun(canonical_stage(gaussians, settings), settings, data)
+    def fresh(gaussians: Gaussians, memory: LoopMemory | None = None) -> StageRun:
+        return StageRun(canonical_stage(gaussians, settings), settings, data, memory)
 
-    whole, parts = fresh(), fresh()
+    first = source.initial_gaussians(data)
+    first.opacity_logits[::3] = -7.0  # so that something is relocated
+    whole, parts = fresh(first.copy()), fresh(first.copy())
     for _ in range(115):
         whole.advance()
     for end in (20, 99, 100, 101, 115):
         while parts.step < end:
             parts.advance()
-        kept = {name: tensor.detach().clone() for name, tensor in parts.tensors().items()}
-        parts = fresh()
-        parts.restore(kept, end)
-    found, expected = parts.tensors(), whole.tensors()
+        memory = parts.memory()
+        kept = {name: tensor.detach().clone() for name, tensor in memory.tensors.items()}
+        parts = fresh(Gaussians(**parts.stage.tensors).copy(), LoopMemory(memory.step, kept))
+    found, expected = ({**run.stage.tensors, **run.memory().tensors} for run in (parts, whole))
     assert found.keys() == expected.keys()
     for name, tensor in expected.items():
         assert found[name].detach().numpy().tobytes() == tensor.detach().numpy().tobytes(), name

@@ -10,7 +10,7 @@ from catalogs.catalog import Catalog
 from surrogate.initialization.points import Points
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import foreground_color
-from surrogate.training.source import JUDGES, Source
+from surrogate.training.source import DECISION_IMAGES, Source
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog, summary
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.5), ("test", 0.7))
@@ -39,13 +39,13 @@ def test_the_base_is_learnt_from_its_own_images_alone(catalog: Catalog) -> None:
 @pytest.mark.parametrize("variation", [ISOVALUE, FUNCTIONS], ids=["isovalue", "functions"])
 def test_a_variation_is_learnt_from_its_training_settings(catalog: Catalog, variation) -> None:
     source = Source(TrainingSettings(), catalog)
-    data = source.varied_data(variation)
+    data = source.data(variation)
     assert len(data.examples) == 2 * len(variation.named("train"))
     assert len(data.validation) == len(variation.named("validation"))
     places = {tuple(example.parameters[1:].tolist()) for example in data.examples}
     expected = [variation.normalize(s.values) for s in variation.settings if s.split == "train"]
     assert places == {tuple(torch.tensor(np.asarray(v), dtype=torch.float32).tolist()) for v in expected}
-    assert len(source.varied_judges(variation).validation) == len(variation.named("validation"))
+    assert len(source.decision_images(variation)) == len(variation.named("validation"))
     assert data.background is None
 
 
@@ -56,8 +56,8 @@ def test_watching_images_are_as_many_as_the_settings_say_and_choices_have_more(t
     )
     for wanted in (0, 3, 16):
         source = Source(TrainingSettings(validation_images=wanted), catalog)
-        assert len(source.varied_data(ISOVALUE).validation) == wanted
-        assert len(source.varied_judges(ISOVALUE).validation) == (JUDGES if wanted else 0)
+        assert len(source.data(ISOVALUE).validation) == wanted
+        assert len(source.decision_images(ISOVALUE)) == (DECISION_IMAGES if wanted else 0)
 
 
 def test_the_histogram_is_that_of_all_training_members(catalog: Catalog) -> None:

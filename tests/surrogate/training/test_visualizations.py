@@ -13,8 +13,8 @@ from catalogs.variations import Variation
 from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesDeformation
 from surrogate.gaussians import NAMES
 from surrogate.settings import TrainingSettings
-from surrogate.training.compression.fitted import Fitted
 from surrogate.training.data import Example, TrainingData
+from surrogate.training.fitted import Fitted
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
@@ -136,7 +136,7 @@ def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
     before, visual = bits(fitted), new_visualization(*fitted, variation, given)
     at_first = {name: t.clone() for name, t in visual.stored().items()}
     stage = visualization_stage(*fitted, visual, given.settings)
-    data = given.varied_data(variation)
+    data = given.data(variation)
     run = StageRun(stage, given.settings, replace(data, validation=data.examples[::3]))
     psnr = run.validate()
     for _ in range(5 if kind == "paper" else 30):
@@ -238,6 +238,6 @@ def test_transfer_functions_that_are_applied_are_not_kept_small(catalog: Catalog
     for penalty in (0.0, 1.0):
         given, fitted = source(catalog, deformation_penalty=penalty), base()
         stage = visualization_stage(*fitted, new_visualization(*fitted, FUNCTIONS, given), given.settings)
-        run = StageRun(stage, given.settings, given.varied_data(FUNCTIONS))
+        run = StageRun(stage, given.settings, given.data(FUNCTIONS))
         losses.append([run.advance() for _ in range(3)])
     assert losses[0] == losses[1]

@@ -11,8 +11,9 @@ import torch
 from catalogs.cameras import Camera
 from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
-from surrogate.training.compression.fitted import Bench, Fitted
+from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import Example, TrainingData
+from surrogate.training.fitted import Fitted
 from tests.support.blobs import Blobs
 from tests.support.comparing import stored_picture
 
@@ -22,10 +23,10 @@ TRUE_MODES = 2
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A model that fits its images exactly, and the bench to try it on."""
+    """A model that fits its images exactly, and the evaluator to try it on."""
 
     fitted: Fitted
-    bench: Bench
+    evaluator: Evaluator
 
 
 MakeKnown = Callable[..., Known]
@@ -52,7 +53,7 @@ def make_known() -> MakeKnown:
             example(Fitted(truth, exact), camera, p) for camera in blobs.cameras()[:10] for p in (-1.0, -0.4, 0.2, 0.8)
         ]
         learnt, watched = [e for i, e in enumerate(images) if i % 4], images[::4]
-        return Known(with_useless(fitted, useless), Bench(SETTINGS, TrainingData(learnt, watched, None)))
+        return Known(with_useless(fitted, useless), Evaluator(SETTINGS, TrainingData(learnt, watched, None)))
 
     return make
 

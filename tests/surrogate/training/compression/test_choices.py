@@ -8,16 +8,16 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from surrogate.gaussians import NAMES
 from surrogate.rasterizer import Rasterizer
 from surrogate.storage.encoding import FORMATS, encode
-from surrogate.training.compression import NEEDS, Needs, choose_color_degree, fit_to_need
-from surrogate.training.compression.attributes import choose_attributes
-from surrogate.training.compression.fitted import Bench
-from surrogate.training.compression.modes import choose_modes
+from surrogate.training.compression.choices import choices, choose_attributes, choose_gaussians, choose_modes, least
+from surrogate.training.compression.color_degree import choose_color_degree
+from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.precision import choose_precision
-from surrogate.training.compression.pruning import choose_gaussians
 from tests.support.comparing import same
 from tests.surrogate.training.compression.conftest import TRUE_MODES, MakeKnown
 
@@ -26,38 +26,38 @@ from tests.surrogate.training.compression.conftest import TRUE_MODES, MakeKnown
 def test_only_what_moves_is_kept_moving(make_known: MakeKnown, moving: tuple[str, ...]) -> None:
     known = make_known(moving)
     everything = replace(known.fitted.deformation, units=torch.full((14,), 1e-6) + known.fitted.deformation.units)  # type: ignore[attr-defined,type-var]
-    fitted, choice = choose_attributes(known.fitted._replace(deformation=everything), known.bench)  # type: ignore[arg-type]
+    fitted, choice = choose_attributes(known.fitted._replace(deformation=everything), known.evaluator)  # type: ignore[arg-type]
     assert {name for name in NAMES if fitted.deformation.moves(name)} == set(moving)
     assert choice.after is not None
     assert choice.before is not None
-    assert choice.after.psnr >= choice.before.psnr - known.bench.tolerance
+    assert choice.after.psnr >= choice.before.psnr - known.evaluator.tolerance
     assert choice.after.megabytes < choice.before.megabytes
 
 
 def test_as_many_modes_stay_as_there_are(make_known: MakeKnown) -> None:
     known = make_known(("means", "colors"))
-    fitted, choice = choose_modes(known.fitted, known.bench)
+    fitted, choice = choose_modes(known.fitted, known.evaluator)
     assert fitted.deformation.latent_size == TRUE_MODES
     assert choice.kept == str(TRUE_MODES)
-    assert known.bench.psnr(fitted) >= known.bench.psnr(known.fitted) - known.bench.tolerance
+    assert known.evaluator.psnr(fitted) >= known.evaluator.psnr(known.fitted) - known.evaluator.tolerance
 
 
 def test_gaussians_that_no_view_needs_go(make_known: MakeKnown) -> None:
     known = make_known(useless=30)
     assert len(known.fitted.gaussians) == 42
-    fitted, choice = choose_gaussians(known.fitted, known.bench)
+    fitted, choice = choose_gaussians(known.fitted, known.evaluator)
     assert len(fitted.gaussians) <= 12
     assert float(fitted.gaussians.opacity_logits.min()) > -8.0
-    assert known.bench.psnr(fitted) >= known.bench.psnr(known.fitted) - known.bench.tolerance
+    assert known.evaluator.psnr(fitted) >= known.evaluator.psnr(known.fitted) - known.evaluator.tolerance
     assert choice.kept == str(len(fitted.gaussians))
 
 
 def test_precision_costs_no_more_than_the_tolerance_and_saves_most_bytes(make_known: MakeKnown) -> None:
     known = make_known(("means", "colors"))
-    fitted, encodings, choice = choose_precision(known.fitted, known.bench)
+    fitted, encodings, choice = choose_precision(known.fitted, known.evaluator)
     assert choice.before is not None
     assert choice.after is not None
-    assert choice.after.psnr >= choice.before.psnr - known.bench.tolerance
+    assert choice.after.psnr >= choice.before.psnr - known.evaluator.tolerance
     assert choice.after.megabytes < 0.6 * choice.before.megabytes
     stored = fitted.tensors()
     for name, encoding in encodings.items():
@@ -66,7 +66,7 @@ def test_precision_costs_no_more_than_the_tolerance_and_saves_most_bytes(make_kn
 
 def test_without_any_tolerance_precision_never_costs_anything(make_known: MakeKnown) -> None:
     known = make_known()
-    strict = Bench(known.bench.settings.changed(need_tolerance=0.0), known.bench.data)
+    strict = Evaluator(known.evaluator.settings.changed(need_tolerance=0.0), known.evaluator.data)
     _, _, choice = choose_precision(known.fitted, strict)
     assert choice.before is not None
     assert choice.after is not None
@@ -78,7 +78,7 @@ def test_what_half_precision_can_not_hold_stays_as_it_is(make_known: MakeKnown) 
     known = make_known(useless=1)
     lost = int(known.fitted.gaussians.opacity_logits.argmin())
     known.fitted.gaussians.means[lost] = 1e6
-    strict = Bench(known.bench.settings.changed(need_tolerance=0.0), known.bench.data)
+    strict = Evaluator(known.evaluator.settings.changed(need_tolerance=0.0), known.evaluator.data)
     fitted, encodings, _ = choose_precision(known.fitted, strict)
     assert "gaussians.means" not in encodings
     assert all(torch.isfinite(tensor).all() for tensor in fitted.tensors().values())
@@ -88,7 +88,7 @@ def test_no_format_takes_more_bytes_than_another_that_would_do(make_known: MakeK
     """Levels come with two numbers per column: of a few rows they take more than half precision, of one more than float32."""
     known = make_known(("opacity_logits",))
     assert known.fitted.deformation.stored()["weights_out"].shape == (6, 8)
-    anything = Bench(known.bench.settings.changed(need_tolerance=100.0), known.bench.data)
+    anything = Evaluator(known.evaluator.settings.changed(need_tolerance=100.0), known.evaluator.data)
     _, encodings, choice = choose_precision(known.fitted, anything)
     stored = known.fitted.tensors()
     assert set(encodings) == set(stored)
@@ -101,9 +101,9 @@ def test_no_format_takes_more_bytes_than_another_that_would_do(make_known: MakeK
 
 def test_precision_is_judged_in_main_memory_however_training_draws(make_known: MakeKnown) -> None:
     known = make_known()
-    on_a_gpu = Bench(known.bench.settings.changed(backend="cuda"), known.bench.data)
+    on_a_gpu = Evaluator(known.evaluator.settings.changed(backend="cuda"), known.evaluator.data)
     _, encodings, _ = choose_precision(known.fitted, on_a_gpu)
-    _, expected, _ = choose_precision(known.fitted, known.bench)
+    _, expected, _ = choose_precision(known.fitted, known.evaluator)
     assert {name: e.form for name, e in encodings.items()} == {name: e.form for name, e in expected.items()}
 
 
@@ -116,7 +116,7 @@ def test_milliseconds_end_when_the_picture_is_there(make_known: MakeKnown, monke
             time.sleep(0.05)
 
     monkeypatch.setattr(Rasterizer, "draw", lambda *_: SimpleNamespace(color=Unfinished()))
-    assert known.bench.measure(known.fitted, psnr=30.0).milliseconds >= 50.0
+    assert known.evaluator.measure(known.fitted, psnr=30.0).milliseconds >= 50.0
 
 
 @pytest.mark.parametrize(("directional", "degree"), [(0.0, 0), (0.4, 1)])
@@ -125,7 +125,7 @@ def test_colours_depend_on_the_direction_only_where_they_do(
 ) -> None:
     known = make_known(directional=directional)
     before = known.fitted.copy()
-    chosen, choice = choose_color_degree(known.fitted, known.bench)
+    chosen, choice = choose_color_degree(known.fitted, known.evaluator)
     assert chosen == degree
     assert choice.kept == str(degree)
     assert [option.name for option in choice.options] == ["degree 0", "degree 1"]
@@ -136,23 +136,41 @@ def test_all_choices_in_turn_are_repeatable_and_change_nothing_in_place(make_kno
     known = make_known(("means", "opacity_logits"), useless=10)
     before, found = known.fitted.copy(), []
     for _ in range(2):
-        needs = Needs(known.fitted)
-        while needs.done < len(NEEDS):
-            needs, choice = fit_to_need(needs, known.bench)
-        found.append(needs)
+        fitted = known.fitted
+        for choose in choices(varied=False):
+            fitted, _ = choose(fitted, known.evaluator)
+        found.append(choose_precision(fitted, known.evaluator)[0])
     assert same(known.fitted.gaussians, before.gaussians)
-    assert same(found[0].fitted.gaussians, found[1].fitted.gaussians)
-    pairs = zip(*(n.fitted.deformation.tensors().values() for n in found), strict=True)
+    assert same(found[0].gaussians, found[1].gaussians)
+    pairs = zip(*(fitted.deformation.tensors().values() for fitted in found), strict=True)
     assert all(torch.equal(a, b) for a, b in pairs)
-    lost = known.bench.psnr(known.fitted) - known.bench.psnr(found[0].fitted)
-    assert lost <= (len(NEEDS) - 1) * known.bench.tolerance
-    assert choice.name == "precision"
+    lost = known.evaluator.psnr(known.fitted) - known.evaluator.psnr(found[0])
+    assert lost <= 4 * known.evaluator.tolerance
+
+
+def test_no_gaussian_is_removed_that_a_variation_might_show() -> None:
+    assert choose_gaussians not in choices(varied=True)
+    assert choices(varied=False) == (*choices(varied=True), choose_gaussians)
 
 
 def test_a_choice_says_what_it_measured_in_plain_json(make_known: MakeKnown) -> None:
     known = make_known()
-    _, choice = choose_modes(known.fitted, known.bench)
+    _, choice = choose_modes(known.fitted, known.evaluator)
     record = choice.to_json()
     assert record["name"] == "modes of deformation"
     assert set(record["before"]) == {"psnr", "megabytes", "milliseconds"}
     assert all(set(option) == {"name", "psnr"} for option in record["options"])
+
+
+@given(low=st.integers(-50, 50), size=st.integers(0, 200), place=st.integers(0, 200))
+def test_the_least_that_will_do_is_found_in_few_questions(low: int, size: int, place: int) -> None:
+    high, asked = low + size, []
+    wanted = min(low + place, high)
+
+    def will_do(value: int) -> bool:
+        asked.append(value)
+        return value >= wanted
+
+    assert least(low, high, will_do) == wanted
+    assert len(asked) <= size.bit_length()
+    assert high not in asked

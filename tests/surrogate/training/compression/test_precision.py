@@ -1,4 +1,4 @@
-"""What is chosen about models that follow visualization parameters."""
+"""In how few bits models are stored that follow visualization parameters."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import torch
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.settings import TrainingSettings
-from surrogate.training.compression.fitted import Bench, Fitted
-from surrogate.training.compression.fitting import NEEDS, VARIED_NEEDS, gaussians, precision
+from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.precision import precision_of_visualization
 from surrogate.training.data import TrainingData
+from surrogate.training.fitted import Fitted
 from tests.support.comparing import same, stored_picture
 from tests.support.field_blobs import BLOBS
 from tests.support.visualizations import base, of_isovalue, visualization
@@ -26,21 +26,21 @@ def model(kind: str) -> tuple[Fitted, Visualization]:
     return fitted, of_isovalue(fitted, 1) if kind == "isovalue" else visualization(kind, fitted)
 
 
-def bench(fitted: Fitted, visual: Visualization, tolerance: float) -> Bench:
+def evaluator(fitted: Fitted, visual: Visualization, tolerance: float) -> Evaluator:
     """Images that the model fits as exactly as bytes can."""
     places, images = ((-0.8, 0.6), (0.5, -0.3)), []
     for p, v in places:
         place = torch.tensor([p, *[v] * len(visual.variation.space)])
         shown = visual.gaussians_at(*fitted, place)
         images += [stored_picture(shown, camera, place) for camera in BLOBS.cameras()[:3]]
-    return Bench(TrainingSettings(need_tolerance=tolerance), TrainingData([], images, None))
+    return Evaluator(TrainingSettings(need_tolerance=tolerance), TrainingData([], images, None))
 
 
 @pytest.mark.parametrize("tolerance", [0.05, 100.0])
 @pytest.mark.parametrize("kind", KINDS)
 def test_few_bits_cost_no_more_than_the_tolerance(kind: str, tolerance: float) -> None:
     fitted, visual = model(kind)
-    judged = bench(fitted, visual, tolerance)
+    judged = evaluator(fitted, visual, tolerance)
     found, encodings, choice = precision_of_visualization(visual, fitted, judged)
     scores = [judged.psnr_of(lambda p, v=v: v.gaussians_at(*fitted, p)) for v in (visual, found)]  # type: ignore[misc]
     assert scores[1] >= scores[0] - tolerance - 1e-9
@@ -59,16 +59,9 @@ def test_few_bits_cost_no_more_than_the_tolerance(kind: str, tolerance: float) -
 @pytest.mark.parametrize("kind", KINDS[:3])
 def test_f_vis_in_few_bits_still_leaves_the_base_as_it_is(kind: str) -> None:
     fitted, visual = model(kind)
-    found, _, _ = precision_of_visualization(visual, fitted, bench(fitted, visual, 100.0))
+    found, _, _ = precision_of_visualization(visual, fitted, evaluator(fitted, visual, 100.0))
     place = torch.tensor([0.3, 0.0, 0.0, 0.0, 0.0])
     assert same(found.gaussians_at(*fitted, place), fitted.at(place[:1]))
-
-
-def test_no_gaussian_is_removed_that_a_variation_might_show() -> None:
-    assert gaussians in NEEDS
-    assert gaussians not in VARIED_NEEDS
-    assert precision not in VARIED_NEEDS  # it follows stage 3
-    assert NEEDS[: len(VARIED_NEEDS)] == VARIED_NEEDS
 
 
 def test_what_would_become_infinite_is_not_stored_in_half_precision() -> None:
@@ -78,6 +71,6 @@ def test_what_would_become_infinite_is_not_stored_in_half_precision() -> None:
     latents = deformation.latents * 1e6
     large = replace(deformation, latents=latents, units=deformation.units * 1e-6)
     visual = replace(visual, deformation=large)
-    found, encodings, _ = precision_of_visualization(visual, fitted, bench(fitted, visual, 0.05))
+    found, encodings, _ = precision_of_visualization(visual, fitted, evaluator(fitted, visual, 0.05))
     assert all(torch.isfinite(tensor).all() for tensor in found.stored().values())
     assert "deformation.latents" not in encodings or encodings["deformation.latents"].form != "float16"

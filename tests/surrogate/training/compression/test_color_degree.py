@@ -9,9 +9,10 @@ from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
-from surrogate.training.compression.fitted import Fitted
-from surrogate.training.compression.visualized_color_degree import NAME, choose_visualized_color_degree
+from surrogate.training.compression.color_degree import NAME_OF_F_VIS, choose_visualized_color_degree
+from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import TrainingData
+from surrogate.training.fitted import Fitted
 from surrogate.training.source import Source
 from tests.support.comparing import stored_picture
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
@@ -49,7 +50,8 @@ def asked(
     catalog: Catalog, variation: Variation, model: Fitted, data: TrainingData | None = None, degree: object = "auto"
 ):
     source = Source(SETTINGS.changed(visualization_color_degree=degree), catalog)
-    return choose_visualized_color_degree(model, variation, source, data or source.varied_data(variation))
+    evaluator = Evaluator(source.settings, data or source.data(variation))
+    return choose_visualized_color_degree(model, variation, source, evaluator)
 
 
 @pytest.mark.parametrize(("directional", "expected"), [(0.0, 0), (0.5, 1)])
@@ -58,7 +60,7 @@ def test_lit_surfaces_are_told_from_unlit_ones(catalog: Catalog, directional: fl
     before = [tensor.clone() for tensor in model.tensors().values()]
     degree, choice = asked(catalog, ISOVALUE, model, lit(directional))
     assert choice is not None
-    assert (degree, choice.name, choice.kept) == (expected, NAME, str(expected))
+    assert (degree, choice.name, choice.kept) == (expected, NAME_OF_F_VIS, str(expected))
     assert [option.name for option in choice.options] == ["degree 0", "degree 1"]
     assert all(torch.equal(a, b) for a, b in zip(model.tensors().values(), before, strict=True))
     assert not any(tensor.requires_grad for tensor in model.tensors().values())

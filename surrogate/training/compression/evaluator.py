@@ -1,0 +1,101 @@
+"""How good a model is while choices are made about it, and what it becomes after a few more steps."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from surrogate.evaluation.metrics import WHITE
+from surrogate.gaussians import Gaussians
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.training.compression.choice import Measured
+from surrogate.training.data import Example, TrainingData
+from surrogate.training.fitted import Fitted
+from surrogate.training.loop import StageRun
+from surrogate.training.stages import simulation_stage
+from surrogate.training.validation import mean_psnr
+
+TIMED = 8  # pictures
+RECOVERY_DECAY = 0.3  # of the rates in a fine-tuning, which begins with those of stage 2's end
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluator:
+    """Scores models on validation images and fine-tunes them; `settings` are those of the whole training."""
+
+    settings: TrainingSettings
+    data: TrainingData
+
+    @property
+    def tolerance(self) -> float:
+        """What a choice may cost, in dB."""
+        return self.settings.compression.tolerance
+
+    def steps(self, fraction: float) -> int:
+        """A part of the steps of stages 1 and 2, at least one."""
+        return max(1, round(fraction * (self.settings.steps.canonical + self.settings.steps.deformation)))
+
+    def psnr(self, fitted: Fitted) -> float:
+        """Mean over the validation images, in dB."""
+        return self.psnr_of(fitted.at)
+
+    def psnr_of(self, gaussians_at: Callable[[Tensor], Gaussians]) -> float:
+        """The same for the Gaussians at normalized parameters (P,)."""
+        return mean_psnr(gaussians_at, self.data.validation, self.rasterizer, self.data.background or WHITE)
+
+    def measure(self, fitted: Fitted, psnr: float | None = None, megabytes: float | None = None) -> Measured:
+        """Quality, size and speed of a model."""
+        every = self.data.validation
+        some = every[:: max(1, len(every) // TIMED)][:TIMED]
+        return Measured(
+            self.psnr(fitted) if psnr is None else psnr,
+            fitted.megabytes if megabytes is None else megabytes,
+            statistics.median(self._milliseconds(fitted, example) for example in some),
+        )
+
+    def good_enough(self, fitted: Fitted, enough: float, turn: int) -> tuple[Fitted, float, str]:
+        """A model as it is if it reaches `enough` dB, else fine-tuned; its mean PSNR, and what to say of it."""
+        psnr = self.psnr(fitted)
+        if psnr >= enough:
+            return fitted, psnr, ""
+        fitted = self.fine_tuned(fitted, turn)
+        return fitted, self.psnr(fitted), ", after a recovery"
+
+    def fine_tuned(self, fitted: Fitted, turn: int) -> Fitted:
+        """A copy after a few more steps at the low rates of stage 2's end; `turn` decides on which images."""
+        steps = self.steps(self.settings.compression.recovery_fraction)
+        return self._trained(fitted, steps, turn, self.settings.rates.final_factor, RECOVERY_DECAY)
+
+    def settled(self, fitted: Fitted, steps: int) -> Fitted:
+        """A copy whose training was brought to an early end: in so many steps its rates decay as stage 2 lets them."""
+        return self._trained(fitted, steps, 0, 1.0, self.settings.rates.final_factor)
+
+    def _trained(self, fitted: Fitted, steps: int, turn: int, start: float, decay: float) -> Fitted:
+        settings = self.settings.changed(
+            seed=self.settings.seed + 1 + turn,
+            deformation_steps=steps,
+            relocation_interval=0,
+            final_rate_factor=decay,
+        )
+        copy = fitted.copy()
+        stage = simulation_stage(*copy, settings)
+        stage = replace(stage, rates={name: start * rate for name, rate in stage.rates.items()})
+        StageRun(stage, settings, self.data).finish()
+        return copy.copy()
+
+    @property
+    def rasterizer(self) -> Rasterizer:
+        """What draws a model where it is, on a GPU or in main memory."""
+        return Rasterizer.of(self.settings).for_any_device()
+
+    def _milliseconds(self, fitted: Fitted, example: Example) -> float:
+        with torch.no_grad():
+            started = time.perf_counter()
+            self.rasterizer.draw(fitted.at(example.parameters), example.camera).color.cpu()  # which waits for a GPU
+            return 1e3 * (time.perf_counter() - started)

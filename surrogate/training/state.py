@@ -1,0 +1,78 @@
+"""All that training knows at one moment: what its steps hand on, and what a checkpoint holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+
+from surrogate.deformation.visualization import Visualization
+from surrogate.storage.checkpoints import Checkpoint
+from surrogate.storage.names import joined, part_of
+from surrogate.training.fitted import Fitted
+from surrogate.training.loop import LoopMemory
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrainingState:
+    """Where training is, what is fitted, and what the loop remembers.
+
+    Attributes
+    ----------
+    fitted : canonical Gaussians and F_sim.
+    done : how many steps of `surrogate.training.steps.plan` are finished.
+    loop : the loop's memory in the stage that is in progress; None between stages.
+    visualizations : F_vis of each variation that has begun.
+    losses : of the steps since the last point of `curve`.
+    curve, choices : as in a model's `training`.
+    seconds : that training has taken.
+    """
+
+    fitted: Fitted
+    done: int = 0
+    loop: LoopMemory | None = None
+    visualizations: tuple[Visualization, ...] = ()
+    losses: tuple[float, ...] = ()
+    curve: tuple[Mapping[str, Any], ...] = ()
+    choices: tuple[Mapping[str, Any], ...] = ()
+    seconds: float = 0.0
+
+    def copy(self) -> TrainingState:
+        """The same numbers in tensors of their own, but for the loop's."""
+        return replace(self, fitted=self.fitted.copy(), visualizations=tuple(v.copy() for v in self.visualizations))
+
+    def to(self, device: torch.device) -> TrainingState:
+        """The same on another device, but for the loop's tensors."""
+        shown = tuple(v.to(device) for v in self.visualizations)
+        return replace(self, fitted=self.fitted.to(device), visualizations=shown)
+
+    def checkpoint(self, fingerprint: str) -> Checkpoint:
+        """What `load` needs, of the run that has this fingerprint."""
+        parts = {"fitted": self.fitted.tensors()}
+        parts |= {f"visualization{i}": v.stored() for i, v in enumerate(self.visualizations)}
+        record = {
+            "fingerprint": fingerprint,
+            "fitted": self.fitted.record(),
+            "visualizations": [v.record() for v in self.visualizations],
+            "step": None if self.loop is None else self.loop.step,
+        }
+        record |= {name: getattr(self, name) for name in ("done", "losses", "curve", "choices", "seconds")}
+        return Checkpoint(joined(parts | ({} if self.loop is None else {"loop": self.loop.tensors})), record)
+
+    @classmethod
+    def load(cls, checkpoint: Checkpoint) -> TrainingState:
+        """The state that a checkpoint was made of, in main memory."""
+        tensors, record = checkpoint.tensors, checkpoint.record
+        shown = enumerate(record["visualizations"])
+        return cls(
+            fitted=Fitted.load(part_of(tensors, "fitted"), record["fitted"]),
+            done=record["done"],
+            loop=None if record["step"] is None else LoopMemory(record["step"], part_of(tensors, "loop")),
+            visualizations=tuple(Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in shown),
+            losses=tuple(record["losses"]),
+            curve=tuple(record["curve"]),
+            choices=tuple(record["choices"]),
+            seconds=record["seconds"],
+        )
