@@ -20,7 +20,6 @@ def snippet(
     setting: Setting,
     camera: Camera,
     background: Sequence[float] | None,
-    size: tuple[int, int] | None = None,
     *,
     surrogate: Surrogate | None = None,
 ) -> str:
@@ -31,12 +30,10 @@ def snippet(
     path : folder of a run, or of its surrogate; it stands in the program as an absolute path.
     setting, camera : what is shown, and from where.
     background : straight RGB in [0, 1]; None for a transparent picture.
-    size : (width, height) in pixels; that of the camera for None.
     surrogate : that of `path`, where it is loaded already; it is needed for the transfer function of a colour map only.
 
     Raises FileNotFoundError or ValueError where the surrogate must be loaded and can't be, or can't show the setting's colours.
     """
-    seen = camera if size is None else camera.resized(*size)
     folder = _model_folder(Path(path))
     imports = [
         "from pathlib import Path",
@@ -60,10 +57,10 @@ def snippet(
         "",
         f"surrogate = Surrogate.load({str(folder)!r})",
         "camera = Camera.from_json(",
-        indent(pformat(seen.to_json(), width=120, sort_dicts=False), "    "),
+        indent(pformat(camera.to_json(), width=120, sort_dicts=False), "    "),
         ")",
         *lines,
-        f"picture = surrogate.{asked}.render(camera{behind})  # [{seen.height}, {seen.width}, 4], premultiplied RGBA",
+        f"picture = surrogate.{asked}.render(camera{behind})  # [{camera.height}, {camera.width}, 4], premultiplied RGBA",
         'write_image(Path("picture.png"), picture)',
     ]
     return "".join(f"{line}\n" for line in program)

@@ -71,7 +71,10 @@ class Expected:
     @property
     def sentence(self) -> str:
         """All of it for a reader."""
-        said = [self._decibels(), *self._training()]
+        said = [self._decibels()]
+        if self.training_distance is not None:
+            far = ", farther than usual: likely worse" if self.far else ""
+            said.append(f"nearest training member {self.training_distance:.2f} of the range away{far}")
         if self.outside:
             said.append(f"{', '.join(self.outside)} out of bounds: a guess")
         return "; ".join(said)
@@ -89,12 +92,6 @@ class Expected:
         where = " at views like the stored ones" if self.seen_views else ""
         nearest = f"{self.neighbours} nearest measurements" if self.neighbours != 1 else "only measurement"
         return f"expected {self.psnr:.1f}{about} dB{where}, from the {nearest}"
-
-    def _training(self) -> list[str]:
-        if self.training_distance is None:
-            return []
-        far = ", farther than usual: likely worse" if self.far else ""
-        return [f"nearest training member {self.training_distance:.2f} of the range away{far}"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
-from surrogate.explore.reliability.places import RANGE, asked, fractions_of, shown_by
+from surrogate.explore.reliability.places import asked, shown_by
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 
@@ -73,7 +73,7 @@ class Truth:
 
         Raises ValueError for visualization parameters that belong to no variation.
         """
-        member = self._member_at(setting.parameters)
+        member = self._member_at(setting)
         appearance = None if member is None or setting.color_map else self._appearance_at(setting)
         if member is None or appearance is None or appearance not in member.appearances:
             return None
@@ -93,43 +93,49 @@ class Truth:
         """
         return self.catalog.image(stored.member, stored.appearance, stored.view, dtype="float32")
 
-    def nearest_member(self, setting: Setting, *, shows: str = "") -> tuple[Member, float]:
-        """The member nearest in simulation parameters, and how far it is: Euclidean, of fractions of their ranges.
+    def nearest(self, setting: Setting, camera: Camera) -> Stored | None:
+        """The picture most like what the setting shows: first by appearance, then by member, then by view; None without members.
 
-        With `shows` one that was rendered in that appearance.  Raises ValueError without any.
+        Raises ValueError for visualization parameters that belong to no variation.
         """
-        able = np.array([not shows or shows in member.appearances for member in self.members], dtype=bool)
+        if not self.members:
+            return None
+        appearance = self.nearest_appearance(setting) or self.base
+        member = self.nearest_member(setting, appearance)
+        return self.stored(member, appearance, self.nearest_view(camera, member))
+
+    def nearest_member(self, setting: Setting, appearance: str) -> Member:
+        """The nearest in simulation parameters of the members that show the appearance; raises ValueError without any.
+
+        Distances are Euclidean, of parameters as fractions of their ranges.
+        """
+        able = np.array([appearance in member.appearances for member in self.members], dtype=bool)
         if not able.any():
-            raise ValueError(f"no member shows {shows!r}" if shows else "the catalog has no members")
-        steps = self._space.normalize(self._values) / RANGE - fractions_of(self._space, [setting.parameters])  # [M, P]
-        distances = np.where(able, np.linalg.norm(steps, axis=1), np.inf)  # [M]
-        nearest = int(distances.argmin())
-        return self.members[nearest], float(distances[nearest])
+            raise ValueError(f"no member shows {appearance!r}")
+        steps = self._space.normalize(self._values) - self._space.normalize(self._wanted(setting))  # [M, P]
+        return self.members[int(np.where(able, np.linalg.norm(steps, axis=1), np.inf).argmin())]
 
-    def nearest_view(self, camera: Camera, member: Member) -> tuple[int, float]:
-        """The member's view from the direction most like the camera's, seen from the middle, and the degrees between them."""
+    def nearest_view(self, camera: Camera, member: Member) -> int:
+        """The member's view from the direction most like the camera's, seen from the middle."""
         cosines = _directions(self._forms(member)) @ _directions(_form(camera, self.middle)[None])[0]  # [V]
-        nearest = int(cosines.argmax())
-        return nearest, math.degrees(math.acos(min(1.0, max(-1.0, float(cosines[nearest])))))
+        return int(cosines.argmax())
 
-    def nearest_appearance(self, setting: Setting, member: Member | None = None) -> tuple[str, float] | None:
-        """The appearance most like the setting's, and how far it is: Euclidean, of fractions of the parameters' ranges.
+    def nearest_appearance(self, setting: Setting) -> str | None:
+        """The catalog's appearance most like the setting's, of its own kind, by distances as of members; None without any.
 
-        Only of its own kind, and of those that `member` shows; None without any.  Colours are not compared.  Raises ValueError for
-        visualization parameters that belong to no variation.
+        Colours are not compared.  Raises ValueError for visualization parameters that belong to no variation.
         """
-        shown = self.catalog.appearance_names if member is None else member.appearances
         variation, values = asked(setting.visualization, self.variations)
         if variation is None or not variation.continuous:
             name = self._appearance_at(setting)
-            return None if name is None or name not in shown else (name, 0.0)
+            return name if name in self.catalog.appearance_names else None
         wanted = variation.normalize(values)  # [V]
         distances = {
-            name: float(np.linalg.norm(variation.normalize(known) - wanted)) / RANGE
+            name: float(np.linalg.norm(variation.normalize(known) - wanted))
             for name, known in self._settings(variation).items()
-            if name in shown
+            if name in self.catalog.appearance_names
         }
-        return min(distances.items(), key=lambda found: found[1], default=None)
+        return min(distances, key=distances.__getitem__, default=None)
 
     def asked(self, appearance: str) -> Mapping[str, float | str]:
         """What a `Setting` must ask for to show this appearance.  Raises ValueError for unknown ones."""
@@ -162,8 +168,11 @@ class Truth:
         base = {self.base: (0.0,) * len(variation.space)} if variation.edits_base else {}
         return base | {s.appearance: s.values for s in variation.settings}
 
-    def _member_at(self, parameters: Mapping[str, float]) -> Member | None:
-        found = _same(self._space, [parameters[name] for name in self._space.names], self._values)
+    def _wanted(self, setting: Setting) -> list[float]:
+        return [setting.parameters[name] for name in self._space.names]
+
+    def _member_at(self, setting: Setting) -> Member | None:
+        found = _same(self._space, self._wanted(setting), self._values)
         return None if found is None else self.members[found]
 
     def _appearance_at(self, setting: Setting) -> str | None:

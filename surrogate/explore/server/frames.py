@@ -75,16 +75,11 @@ class Frames:
 
         `parameters`, `visualization`, and `orbit` as in `surrogate.explore.reliability.facts`.
         """
-        if self.truth is None or not self.truth.members:
+        stored = None if self.truth is None else self.truth.nearest(request.settings[0], request.camera)
+        if self.truth is None or stored is None:
             return None
-        setting = request.settings[0]
-        found = self.truth.nearest_appearance(setting)
-        appearance = self.truth.base if found is None else found[0]
-        member, _ = self.truth.nearest_member(setting, shows=appearance)
-        view, _ = self.truth.nearest_view(request.camera, member)
-        stored = self.truth.stored(member, appearance, view)
         return {
-            "parameters": dict(member.parameters),
-            "visualization": self.truth.asked(appearance),
+            "parameters": dict(stored.member.parameters),
+            "visualization": self.truth.asked(stored.appearance),
             "orbit": orbit_of(stored.camera, self.truth.middle),
         }

@@ -54,7 +54,7 @@ def test_a_snippet_draws_the_same_bits(
 
 def test_it_runs_as_a_program_of_its_own(tmp_path: Path) -> None:
     following().save(tmp_path / "model")
-    program = snippet(tmp_path / "model", SETTINGS["colours"], CAMERA, None, (30, 18), surrogate=following())
+    program = snippet(tmp_path / "model", SETTINGS["colours"], CAMERA.resized(30, 18), None, surrogate=following())
     script = (
         f"import sys\nsys.path.insert(0, {str(PROJECT)!r})\n{program}\nimport numpy\nnumpy.save('picture.npy', picture)"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -127,40 +126,44 @@ def test_a_camera_is_the_same_within_a_millionth(truth: Truth) -> None:
     assert truth.match(Setting(AT_TEST), moved(FIRST, 5e-7)) is not None
 
 
-def test_the_nearest_member(truth: Truth) -> None:
-    member, distance = truth.nearest_member(Setting({"p": 0.6}))
-    assert member.name == "test-0"
-    assert distance == pytest.approx(0.1)
-    member, distance = truth.nearest_member(Setting({"p": 0.6}), shows="iso=3")
-    assert member.name == "validation-0"
-    assert distance == pytest.approx(0.35)
+@pytest.mark.parametrize("p", np.linspace(-0.2, 1.3, 12).tolist())
+def test_the_nearest_member(truth: Truth, p: float) -> None:
+    for appearance in ("dvr", "iso=3"):
+        able = [m for m in truth.members if appearance in m.appearances]
+        expected = min(able, key=lambda m: abs(m.parameters["p"] - p))
+        assert truth.nearest_member(Setting({"p": p}), appearance) is expected
     with pytest.raises(ValueError, match="no member shows"):
-        truth.nearest_member(Setting({"p": 0.6}), shows="nothing")
+        truth.nearest_member(Setting({"p": p}), "nothing")
 
 
 def test_the_nearest_view(truth: Truth) -> None:
-    between = FIRST.position + 0.1 * SECOND.position
-    camera = Camera.look_at(between, (0, 0, 0), vertical_fov_degrees=20, width=9, height=9)
-    view, degrees = truth.nearest_view(camera, truth.members[0])
-    cosine = between @ FIRST.position / np.linalg.norm(between) / np.linalg.norm(FIRST.position)
-    assert view == 0
-    assert degrees == pytest.approx(math.degrees(math.acos(cosine)))
-    assert truth.nearest_view(SECOND, truth.members[0]) == (1, pytest.approx(0.0, abs=1e-5))
+    cameras = truth.members[0].cameras
+    for share in (0.1, 0.4, 0.6):
+        place = (1.0 - share) * FIRST.position + share * SECOND.position
+        camera = Camera.look_at(place, (0, 0, 0), vertical_fov_degrees=20, width=9, height=9)
+        cosines = [place @ c.position / np.linalg.norm(place) / np.linalg.norm(c.position) for c in cameras]
+        assert truth.nearest_view(camera, truth.members[0]) == int(np.argmax(cosines))
+    assert [truth.nearest_view(camera, truth.members[0]) for camera in cameras] == [*range(len(cameras))]
 
 
 def test_the_nearest_appearance(truth: Truth) -> None:
-    by_name = {member.name: member for member in truth.members}
-    assert truth.nearest_appearance(Setting(AT_TEST)) == ("dvr", 0.0)
-    found = truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6}))
-    assert found is not None
-    assert found[0] == "iso=2.5"
-    found = truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6}), by_name["validation-0"])
-    assert found is not None
-    assert found[0] == "iso=3"
-    assert truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6}), by_name["train-1"]) is None
     step = FUNCTIONS.space.parameters[0].high
-    assert truth.nearest_appearance(Setting(AT_TEST, {"c1_value": 0.99 * step})) == ("tf-train-0", pytest.approx(0.005))
-    assert truth.nearest_appearance(Setting(AT_TEST, {"c1_value": 0.01 * step})) == ("dvr", pytest.approx(0.005))
+    assert truth.nearest_appearance(Setting(AT_TEST)) == "dvr"
+    assert truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.6})) == "iso=2.5"
+    assert truth.nearest_appearance(Setting(AT_TEST, {"isovalue": 2.9})) == "iso=3"
+    assert truth.nearest_appearance(Setting(AT_TEST, {"c1_value": 0.99 * step})) == "tf-train-0"
+    assert truth.nearest_appearance(Setting(AT_TEST, {"c1_value": 0.01 * step})) == "dvr"
+
+
+def test_the_nearest_picture_is_of_the_nearest_appearance_first(truth: Truth) -> None:
+    found = truth.nearest(Setting({"p": 0.6}, {"isovalue": 2.9}), SECOND)
+    assert found is not None
+    assert (found.member.name, found.appearance, found.view) == ("validation-0", "iso=3", 1)
+    at_base = truth.nearest(Setting({"p": 0.6}), SECOND)
+    assert at_base is not None
+    assert (at_base.member.name, at_base.appearance, at_base.view) == ("test-0", "dvr", 1)
+    empty = replace(truth, members=())
+    assert empty.nearest(Setting({"p": 0.6}), SECOND) is None
 
 
 def test_what_must_be_asked_for_to_see_an_appearance(truth: Truth) -> None:
