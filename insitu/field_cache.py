@@ -13,6 +13,7 @@ import numpy as np
 
 from catalogs.summary import DAMAGED
 from insitu.field import Field
+from insitu.fields import time_of
 
 ALONE = ""  # the name of a field that is not one of several
 
@@ -25,13 +26,13 @@ def save_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any)
     folder.mkdir(parents=True, exist_ok=True)
     partial = folder / f".{name}.{os.getpid()}.partial.npz"
     held = field if isinstance(field, Mapping) else {ALONE: field}
-    arrays = {
-        f"{number}/{key}": value for number, one in enumerate(held.values()) for key, value in _arrays(one).items()
-    }
+    about = [
+        {"name": known, "spacing": _numbers(f.spacing), "origin": _numbers(f.origin), "time": time_of(f)}
+        for known, f in held.items()
+    ]
+    record = json.dumps({"identity": identity, "fields": about})
     try:
-        np.savez(
-            partial, names=np.array(list(held), dtype=np.str_), identity=json.dumps(identity, sort_keys=True), **arrays
-        )
+        np.savez(partial, record=record, **{str(number): f.values for number, f in enumerate(held.values())})
         partial.replace(_path(folder, name))
     finally:
         partial.unlink(missing_ok=True)
@@ -41,28 +42,22 @@ def load_field(folder: Path, name: str, identity: Mapping[str, Any]) -> Field | 
     """The field, or the fields by name, stored as `name` by the same `identity`; None: absent, made otherwise or not readable."""
     try:
         with np.load(_path(folder, name), allow_pickle=False) as stored:
-            if str(stored["identity"]) != json.dumps(identity, sort_keys=True):
+            record = json.loads(str(stored["record"]))
+            if record["identity"] != json.loads(json.dumps(identity)):
                 return None
-            found = {str(known): _read(stored, f"{number}/") for number, known in enumerate(stored["names"])}
+            found = {
+                about["name"]: Field(
+                    stored[str(number)], tuple(about["spacing"]), tuple(about["origin"]), time=about["time"]
+                )
+                for number, about in enumerate(record["fields"])
+            }
             return found.get(ALONE, found)
     except DAMAGED:
         return None
 
 
-def _arrays(field: Any) -> dict[str, Any]:
-    time = getattr(field, "time", None)
-    return {
-        "values": field.values,
-        "spacing": field.spacing,
-        "origin": field.origin,
-        "time": np.nan if time is None else time,
-    }
-
-
-def _read(stored: Mapping[str, Any], prefix: str) -> Field:
-    spacing, origin = tuple(stored[f"{prefix}spacing"].tolist()), tuple(stored[f"{prefix}origin"].tolist())
-    time = float(stored[f"{prefix}time"])
-    return Field(stored[f"{prefix}values"], spacing, origin, time=None if np.isnan(time) else time)
+def _numbers(values: Any) -> list[float]:
+    return [float(value) for value in values]
 
 
 def drop_field(folder: Path, name: str) -> None:

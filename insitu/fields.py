@@ -118,8 +118,8 @@ def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: 
 
 def time_of(data: Any) -> float | None:
     """The simulation time that a field, or the first of several, states; None where it does not."""
-    held = next(iter(data.values()), None) if isinstance(data, Mapping) else data
-    return getattr(held, "time", None)
+    time = getattr(next(iter(data.values()), None) if isinstance(data, Mapping) else data, "time", None)
+    return None if time is None else float(time)
 
 
 def _check_nameable(data: Any, appearances: Sequence[Appearance], array: str | None) -> None:

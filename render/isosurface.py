@@ -12,7 +12,7 @@ from catalogs.cameras import Camera
 from render.grids import Grid
 from render.placement import Placement
 from render.volume import image_data
-from render.window import Window, aim, open_window
+from render.window import aim, open_window
 
 SUPERSAMPLING = 2  # pixels are the mean of SUPERSAMPLING**2: cheaper than, and as smooth as, multisampling
 
@@ -32,12 +32,12 @@ class IsosurfaceRenderer:
     differences; grid cells with a hole at a corner have none.  An empty surface is valid: its pictures are empty.
     """
 
-    def __init__(self, grid: Grid, appearance: Isosurface, *, window: Window | None = None) -> None:
+    def __init__(self, grid: Grid, appearance: Isosurface) -> None:
         self._closed = False
         self._placement = Placement.of(grid)
         surface = extract(grid, appearance.isovalue, self._placement)
         self.triangles = int(surface.GetNumberOfPolys())
-        self._window = window or open_window()
+        self._window = open_window()
         self._renderer = _surface_scene(surface, appearance) if self.triangles else None
         if self._renderer is not None:
             self._window.add(self._renderer)

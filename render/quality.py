@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from catalogs.appearance import Isosurface, VolumeRendering
 from catalogs.cameras import Camera
 from render.grids import Grid
-from render.volume import VolumeRenderer
-from render.window import Window
+from render.views import render_views
 
 CANDIDATES = (1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125, 0.1)  # in smallest spacings
 REFERENCE = 1 / 24  # in smallest spacings: beyond 80 dB against the float64 ray-marcher on fields of this kind
@@ -33,7 +32,7 @@ class SampleDistance:
     distance : world units between samples along a ray.
     decibels : peak signal-to-noise ratio of the 8-bit pictures (premultiplied RGBA, peak 1, all pixels pooled)
         against pictures at 1/24 of the smallest spacing.
-    milliseconds : wall-clock time per image while measuring.
+    milliseconds : wall-clock time per image while measuring, upload included.
     note : what the user should know: that it misses the target.
     """
 
@@ -48,8 +47,6 @@ def choose_sample_distance(
     appearance: VolumeRendering | Isosurface,
     cameras: Sequence[Camera],
     target_decibels: float = 50.0,
-    *,
-    window: Window | None = None,
 ) -> SampleDistance:
     """The largest sample distance at which `grid`'s pictures come within `target_decibels` (+1 dB in hand).
 
@@ -60,7 +57,7 @@ def choose_sample_distance(
 
     Raises ValueError for no cameras or a target that 8 bits cannot hold (above 58 dB).
     """
-    found = find_sample_distance(grid, appearance, cameras, target_decibels, window=window)
+    found = find_sample_distance(grid, appearance, cameras, target_decibels)
     if found.note:
         warnings.warn(found.note, stacklevel=2)
     return found
@@ -71,8 +68,6 @@ def find_sample_distance(
     appearance: VolumeRendering | Isosurface,
     cameras: Sequence[Camera],
     target_decibels: float = 50.0,
-    *,
-    window: Window | None = None,
 ) -> SampleDistance:
     """As `choose_sample_distance`, but without warning: that none is good enough is the result's `note`."""
     if not cameras:
@@ -86,10 +81,12 @@ def find_sample_distance(
     views = spread(cameras, VIEWS)
     smallest = min(grid.spacing)
     limit = 0.5 if max(grid.spacing) > ANISOTROPIC * smallest else math.inf
-    reference = _pictures(grid, appearance, views, REFERENCE * smallest, window, float_output=True)[0]
+    reference = _pictures(grid, appearance, views, REFERENCE * smallest, float_output=True)
     measured = SampleDistance(math.nan, -math.inf, math.nan)
     for fraction in (c for c in CANDIDATES if c <= limit):
-        pictures, milliseconds = _pictures(grid, appearance, views, fraction * smallest, window)
+        started = time.perf_counter()
+        pictures = _pictures(grid, appearance, views, fraction * smallest)
+        milliseconds = 1e3 * (time.perf_counter() - started) / len(views)
         measured = SampleDistance(fraction * smallest, psnr(pictures / 255.0, reference), milliseconds)
         if measured.decibels >= target_decibels + MARGIN:
             return measured
@@ -113,19 +110,8 @@ def psnr(image: NDArray[np.floating], reference: NDArray[np.floating]) -> float:
 
 
 def _pictures(
-    grid: Grid,
-    appearance: VolumeRendering,
-    cameras: Sequence[Camera],
-    distance: float,
-    window: Window | None,
-    *,
-    float_output: bool = False,
-) -> tuple[NDArray[np.floating], float]:
-    """(all pixels of all pictures [P, 4], milliseconds per image without set-up)."""
-    with VolumeRenderer(grid, appearance, sample_distance=distance, window=window) as volume:
-        volume.render(cameras[0], float_output=float_output)  # uploads and compiles
-        started = time.perf_counter()
-        pictures = [volume.render(camera, float_output=float_output) for camera in cameras]
-        return np.concatenate([picture.reshape(-1, 4) for picture in pictures]), (
-            time.perf_counter() - started
-        ) * 1e3 / len(cameras)
+    grid: Grid, appearance: VolumeRendering, cameras: Sequence[Camera], distance: float, *, float_output: bool = False
+) -> NDArray[np.floating]:
+    """All pixels of all pictures [P, 4]."""
+    pictures = render_views(grid, appearance, cameras, sample_distance=distance, float_output=float_output)
+    return np.concatenate([picture.reshape(-1, 4) for picture in pictures])

@@ -12,7 +12,7 @@ from catalogs.cameras import Camera
 from render.grids import Grid
 from render.placement import Placement
 from render.shaders import replacements
-from render.window import Window, aim, open_window
+from render.window import aim, open_window
 
 FARTHEST = 1e6  # widths of the transfer function
 
@@ -36,14 +36,13 @@ class VolumeRenderer:
         appearance: VolumeRendering,
         *,
         sample_distance: float | None = None,
-        window: Window | None = None,
     ) -> None:
         distance = default_sample_distance(grid) if sample_distance is None else float(sample_distance)
         if not (np.isfinite(distance) and distance > 0):
             raise ValueError(f"sample_distance must be a positive length in world units, got {sample_distance}")
         self.sample_distance = distance
         self._placement = Placement.of(grid)
-        self._window = window or open_window()
+        self._window = open_window()
         if max(grid.shape) > self._window.longest_volume:
             raise ValueError(
                 f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
