@@ -133,7 +133,7 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     from surrogate.studies.stress.check import Outcome
     from surrogate.studies.stress.drift import measure_drift
     from surrogate.studies.stress.report import PAGE, write
-    from surrogate.studies.stress.table import table
+    from surrogate.studies.stress.table import tables
 
     if backend not in BACKENDS:
         raise click.ClickException(f"--backend must be one of {sorted(BACKENDS)}, got {backend!r}")
@@ -143,17 +143,15 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     }
 
     def tell(name: str, outcome: Outcome) -> None:
-        click.echo(
-            f"{'holds ' if outcome.passed else 'MISSED'}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}"
-        )
+        said = "holds " if outcome.passed else "MISSED"
+        click.echo(f"{said}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}")
 
     with one_torch_thread():
-        tables = {name: table(chosen, lambda o, n=name: tell(n, o)) for name, chosen in options.items()}  # type: ignore[misc]
+        found = tables(options, tell)
         drifted = measure_drift(backend) if drift else None
-    write(output, tables, drifted)
-    missed = [o.case.name for rows in tables.values() for o in rows if not o.passed] + list(
-        drifted.complaints if drifted else ()
-    )
+    write(output, found, drifted)
+    missed = [outcome.case.name for rows in found.values() for outcome in rows if not outcome.passed]
+    missed += drifted.complaints if drifted else ()
     click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")
     if missed:
         raise click.ClickException("; ".join(missed))

@@ -54,11 +54,27 @@ class Outcome:
         return not self.complaints
 
 
-def check(case: Case, backend: Mapping[str, Any]) -> Outcome:
-    """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one."""
+class Twin(NamedTuple):
+    """A case as the float64 twin draws it."""
+
+    certain: Tensor  # [H, W]: whether `certain_pixels`
+    drawn: Drawn
+
+
+def draw_twin(case: Case) -> Twin:
+    """Draw a case, and differentiate it, in float64."""
     scene, camera = snapped(case.scene()), case.camera()
-    certain = certain_pixels(scene, camera, case)  # [H, W]
-    true = _drawn(scene, camera, certain, case.constants, {"backend": "reference"})
+    certain = certain_pixels(scene, camera, case)
+    return Twin(certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"}))
+
+
+def check(case: Case, backend: Mapping[str, Any], twin: Twin | None = None) -> Outcome:
+    """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one.
+
+    `twin` is what `draw_twin` makes of the case, for who has it already.
+    """
+    scene, camera = snapped(case.scene()), case.camera()
+    certain, true = draw_twin(case) if twin is None else twin
     got = _drawn(Primitives(*(tensor.float() for tensor in scene)), camera, certain, case.constants, backend)
     difference = (got.picture.double() - true.picture).abs() / _units(true.picture)  # [H, W, 5]
     inside, outside = difference[certain], difference[~certain]

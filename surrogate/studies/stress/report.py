@@ -11,6 +11,7 @@ import numpy as np
 from torch import Tensor
 
 from catalogs import durable
+from surrogate.evaluation.tables import table
 from surrogate.provenance import commit, machine
 from surrogate.studies.stress.cases import Agreement, Case, Refusal
 from surrogate.studies.stress.check import MARGIN, Outcome
@@ -18,6 +19,68 @@ from surrogate.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
 
 PAGE, PICTURE = "stress.md", "stress.png"
 COLUMNS = 9
+INTRODUCTION = """\
+# Hard cases
+
+May the splatting engine be trusted where scenes are not ordinary? Each row below is drawn and differentiated in float32 by
+{backends}, and by the float64 twin (`surrogate/splatting/reference.py`) that defines what is right. Every row has bounds of
+its own; `surrogate stress` ends with an error if one is missed. Nothing is repaired before it is compared: a NaN anywhere is
+a miss.
+
+**{verdict}** `surrogate stress`, commit {commit}, {processor}, {cores} cores, {system}. Scenes are drawn by fixed seeds.
+"""
+DRAWN = """\
+![The hard cases as they are drawn]({picture})
+
+## What is drawn
+
+*Image* is the largest error of colour (relative to the largest colour where that is above 1), alpha and depth (relative to
+the largest), over all pixels and backends; *gradient* the largest error by any attribute, relative to the largest gradient
+of its kind, for a random functional of the picture. What is drawn has two thresholds, the alpha floor and the least
+transmittance: where a contribution lies within {margin:g} of one (relative), float32 may rightly fall to its other side. Such
+pixels are *uncertain*: their share is given, and the largest *jump* in them, but the bounds hold in all others.
+"""
+AGREEMENTS = """
+## What must not change a bit
+
+Picture and gradients of 3,000 Gaussians, of which every other lies exactly where the one before it does (ties are drawn in
+the order of their index):
+"""
+REFUSALS = """
+## What must be refused
+
+The error names the attribute and the Gaussian, and nothing is drawn:
+"""
+DRIFT = """
+## Does training drift?
+
+The same small ensemble (60 Gaussians with their bilinear deformation, 32 x 32 pixels) is trained three times on the same images
+in the same order: in float64 by the definitions in plain torch; in float32 by the kernels; and in float64 from a start that is
+rounded otherwise in the last place of float32. Training amplifies any difference, so the third run says how far apart runs end
+that nobody would call wrong. Float32 must end within {decibels:g} dB and within {times:g} times that distance.
+"""
+LIMITS = """
+## What it can not do
+
+- Thresholds make a picture a discontinuous function of the Gaussians: a contribution that crosses the alpha floor (1/255)
+  changes a pixel by as much. Gradients don't know of it.
+- Gaussians are sorted by their centres and don't interpenetrate ([what that costs](volume_fidelity.md)).
+- Without dilation, a Gaussian thinner than a pixel may fall between all pixel centres: it is not drawn then, and has no gradient.
+- World coordinates around 10⁶ can't be held in float32 to better than 0.06. `Surrogate` and training subtract the scene's origin
+  in float64 first; who calls `surrogate.splatting.render` must do so too.
+- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, and so is what memory can't hold.
+"""
+HEADER = ("", "image, bound", "image, found", "gradient, bound", "gradient, found", "finite", "uncertain", "jump")
+DRIFT_HEADER = (
+    "step",
+    "distance of centres, float32",
+    "distance, nudged float64",
+    "loss, float64",
+    "loss, float32",
+    "PSNR of held-out images, float64",
+    "float32",
+    "nudged",
+)
 
 
 def write(folder: Path, tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> None:
@@ -30,107 +93,55 @@ def write(folder: Path, tables: Mapping[str, Sequence[Outcome]], drift: Drift | 
 
 def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> list[str]:
     rows = list(zip(*tables.values(), strict=True))
+    drawn = [(row[0].case, row) for row in rows if isinstance(row[0].case, Case)]
     missed = [
-        f"{o.case.name} ({name}): {'; '.join(o.complaints)}" for name, t in tables.items() for o in t if not o.passed
+        f"- missed: {o.case.name} ({name}): {'; '.join(o.complaints)}"
+        for name, t in tables.items()
+        for o in t
+        if not o.passed
     ]
-    about = machine()
+    verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
     return [
-        "# Hard cases",
-        "",
-        "May the splatting engine be trusted where scenes are not ordinary? Each row below is drawn and "
-        "differentiated in float32 by "
-        f"{', '.join(tables)}, and by the float64 twin (`surrogate/splatting/reference.py`) that defines "
-        "what is right. Every row "
-        "has bounds of its own; `surrogate stress` ends with an error if one is missed. Nothing is repaired "
-        "before it is compared: "
-        "a NaN anywhere is a miss.",
-        "",
-        f"**{'All rows hold.' if not missed else f'{len(missed)} rows are missed.'}** `surrogate stress`, "
-        f"commit {commit()}, "
-        f"{about['processor']}, {about['cores']} cores, {about['system']}. Scenes are drawn by fixed seeds.",
-        "",
-        *(f"- missed: {text}" for text in missed),
-        *([""] if missed else []),
-        f"![The hard cases as they are drawn]({PICTURE})",
-        "",
-        "## What is drawn",
-        "",
-        "*Image* is the largest error of colour (relative to the largest colour where that is above 1), "
-        "alpha and depth (relative to "
-        "the largest), over all pixels and backends; *gradient* the largest error by any attribute, "
-        "relative to the largest gradient "
-        "of its kind, for a random functional of the picture. What is drawn has two thresholds, the alpha "
-        "floor and the least "
-        f"transmittance: where a contribution lies within {MARGIN:g} of one (relative), float32 may rightly "
-        "fall to its other side. Such pixels are "
-        "*uncertain*: their share is given, and the largest *jump* in them, but the bounds hold in all others.",
-        "",
-        "| | image, bound | image, found | gradient, bound | gradient, found | finite | uncertain | jump |",
-        "|---|---|---|---|---|---|---|---|",
-        *(_case_row(row) for row in rows if isinstance(row[0].case, Case)),
+        INTRODUCTION.format(backends=", ".join(tables), verdict=verdict, commit=commit(), **machine()),
+        *([*missed, ""] if missed else []),
+        DRAWN.format(picture=PICTURE, margin=MARGIN),
+        *table(HEADER, (_case_row(case, row) for case, row in drawn)),
         "",
         "Where bounds differ from the usual ones:",
         "",
-        *_reasons([row[0].case for row in rows if isinstance(row[0].case, Case)]),
-        "",
-        "## What must not change a bit",
-        "",
-        "Picture and gradients of 3,000 Gaussians, of which every other lies exactly where the one before "
-        "it does (ties are drawn in "
-        "the order of their index):",
-        "",
-        "| | bit for bit the same |",
-        "|---|---|",
-        *(f"| {row[0].case.name} | {_yes(row)} |" for row in rows if isinstance(row[0].case, Agreement)),
-        "",
-        "## What must be refused",
-        "",
-        "The error names the attribute and the Gaussian, and nothing is drawn:",
-        "",
-        "| | refused by name |",
-        "|---|---|",
-        *(f"| {row[0].case.name} | {_yes(row)} |" for row in rows if isinstance(row[0].case, Refusal)),
-        "",
+        *_reasons([case for case, _ in drawn]),
+        AGREEMENTS,
+        *table(("", "bit for bit the same"), _verdicts(rows, Agreement)),
+        REFUSALS,
+        *table(("", "refused by name"), _verdicts(rows, Refusal)),
         *_drift_section(drift),
-        "## What it can not do",
-        "",
-        "- Thresholds make a picture a discontinuous function of the Gaussians: a contribution that crosses "
-        "the alpha floor (1/255) "
-        "changes a pixel by as much. Gradients don't know of it.",
-        "- Gaussians are sorted by their centres and don't interpenetrate ([what that costs](volume_fidelity.md)).",
-        "- Without dilation, a Gaussian thinner than a pixel may fall between all pixel centres: it is not "
-        "drawn then, and has no gradient.",
-        "- World coordinates around 10⁶ can't be held in float32 to better than 0.06. `Surrogate` and "
-        "training subtract the scene's "
-        "origin in float64 first; who calls `surrogate.splatting.render` must do so too.",
-        "- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, "
-        "and so is what memory can't hold.",
-        "",
+        LIMITS,
     ]
 
 
-def _case_row(row: Sequence[Outcome]) -> str:
-    case = row[0].case
-    assert isinstance(case, Case)
-    gradient = max((error for o in row for error in o.gradients.values()), default=0.0)
+def _case_row(case: Case, row: Sequence[Outcome]) -> tuple[str, ...]:
     return (
-        f"| {case.name} | {case.image:.0e} | {_error(max(o.image for o in row))} | {case.gradient:.0e} | "
-        f"{_error(gradient)} | "
-        f"{'yes' if all(o.finite for o in row) else '**no**'} | {100 * max(o.uncertain for o in row):.2g} % | "
-        f"{_error(max(o.jump for o in row))} |"
+        case.name,
+        f"{case.image:.0e}",
+        _error(max(o.image for o in row)),
+        f"{case.gradient:.0e}",
+        _error(max((error for o in row for error in o.gradients.values()), default=0.0)),
+        "yes" if all(o.finite for o in row) else "**no**",
+        f"{100 * max(o.uncertain for o in row):.2g} %",
+        _error(max(o.jump for o in row)),
     )
 
 
-def _reasons(cases: Sequence[Any]) -> list[str]:
-    names: dict[str, list[str]] = {}
-    for case in cases:
-        if case.why:
-            names.setdefault(case.why, []).append(case.name)
-    return [f"- {why}: {'; '.join(found)}." for why, found in names.items()]
+def _reasons(cases: Sequence[Case]) -> list[str]:
+    reasons = dict.fromkeys(case.why for case in cases if case.why)
+    return [f"- {why}: {'; '.join(case.name for case in cases if case.why == why)}." for why in reasons]
 
 
-def _yes(row: Sequence[Outcome]) -> str:
-    return "yes" if all(o.passed for o in row) else f"**no**: {'; '.join(c for o in row for c in o.complaints)}"
+def _verdicts(rows: Sequence[Sequence[Outcome]], kind: type) -> list[tuple[str, str]]:
+    found = [
+        (row[0].case.name, [c for o in row for c in o.complaints]) for row in rows if isinstance(row[0].case, kind)
+    ]
+    return [(name, f"**no**: {'; '.join(complaints)}" if complaints else "yes") for name, complaints in found]
 
 
 def _error(value: float) -> str:
@@ -141,30 +152,19 @@ def _drift_section(drift: Drift | None) -> list[str]:
     if drift is None:
         return []
     looks = zip(drift.exact, drift.rounded, drift.nudged, drift.distances(), strict=True)
-    return [
-        "## Does training drift?",
-        "",
-        "The same small ensemble (60 Gaussians with their bilinear deformation, 32 x 32 pixels) is trained "
-        "three times on the same images "
-        "in the same order: in float64 by the definitions in plain torch; in float32 by the kernels; and in "
-        "float64 from a start that is rounded otherwise "
-        "in the last place of float32. Training amplifies any difference, so the third run says how far "
-        "apart runs end that nobody would call wrong. "
-        f"Float32 must end within {MOST_DECIBELS:g} dB and within {MOST_TIMES:g} times that distance.",
-        "",
-        "| step | distance of centres, float32 | distance, nudged float64 | loss, float64 | loss, float32 | "
-        "PSNR of held-out images, float64 | "
-        "float32 | nudged |",
-        "|---|---|---|---|---|---|---|---|",
-        *(
-            f"| {step} | {far:.1e} | {nudged:.1e} | {a.loss:.5f} | {b.loss:.5f} | {a.psnr:.2f} dB | "
-            f"{b.psnr:.2f} dB | {c.psnr:.2f} dB |"
-            for a, b, c, (step, far, nudged) in looks
-        ),
-        "",
-        ("It does not." if not drift.complaints else f"**It does**: {'; '.join(drift.complaints)}."),
-        "",
+    cells = [
+        (
+            str(step),
+            f"{far:.1e}",
+            f"{nudged:.1e}",
+            f"{a.loss:.5f}",
+            f"{b.loss:.5f}",
+            *(f"{x.psnr:.2f} dB" for x in (a, b, c)),
+        )
+        for a, b, c, (step, far, nudged) in looks
     ]
+    verdict = f"**It does**: {'; '.join(drift.complaints)}." if drift.complaints else "It does not."
+    return [DRIFT.format(decibels=MOST_DECIBELS, times=MOST_TIMES), *table(DRIFT_HEADER, cells), "", verdict]
 
 
 def _picture(outcomes: Sequence[Outcome]) -> bytes:

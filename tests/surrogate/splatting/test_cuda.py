@@ -16,7 +16,7 @@ from surrogate.splatting import Constants, Primitives, cuda, draw_over, render
 from surrogate.splatting.device import chosen
 from surrogate.studies.stress.check import snapped
 from surrogate.studies.stress.scenes import cloud, off_center, view, with_lengths
-from surrogate.studies.stress.table import table
+from surrogate.studies.stress.table import tables
 from surrogate.training.losses import image_loss_reference
 
 CONSTANTS = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1.0 / 255.0}
@@ -225,4 +225,4 @@ class TestOnAGpu:
             assert float((a.cpu() - b).abs().flatten().quantile(0.99)) < 2e-4 * float(b.abs().max())
 
     def test_hard_cases_are_finite(self) -> None:
-        assert all(outcome.finite for outcome in table({"backend": "cuda"}))
+        assert all(outcome.finite for outcome in tables({"cuda": {"backend": "cuda"}})["cuda"])

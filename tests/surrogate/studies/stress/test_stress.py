@@ -16,9 +16,9 @@ import surrogate.splatting
 from surrogate.cli import main
 from surrogate.splatting import Primitives, Rendering, cpu
 from surrogate.studies.stress.cases import Agreement, Case, agreements, cases, refusals
-from surrogate.studies.stress.check import check, check_agreement, check_refusal
+from surrogate.studies.stress.check import check, check_agreement, check_refusal, draw_twin
 from surrogate.studies.stress.drift import Drift, Look, measure_drift
-from surrogate.studies.stress.table import table
+from surrogate.studies.stress.table import tables
 
 HEAVY = 5_000  # Gaussians
 
@@ -145,12 +145,33 @@ def test_runs_that_part_are_said_to() -> None:
 def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     done = CliRunner().invoke(main, ["stress", "-o", str(tmp_path / "good")])
     assert done.exit_code == 0, done.output
+    rows = len(cases()) + len(agreements()) + len(refusals())
+    assert done.output.count("holds ") == rows * len(native.instruction_sets())
     page = (tmp_path / "good" / "stress.md").read_text()
     assert "All rows hold." in page
     assert "It does not." in page
     assert (tmp_path / "good" / "stress.png").stat().st_size > 50_000
+    some = [by_name("radius 1 px"), by_name("one Gaussian")]
+    monkeypatch.setattr("surrogate.studies.stress.table.cases", lambda: some)
     monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", drawn_wrong(brighter))
     done = CliRunner().invoke(main, ["stress", "--backend", "wrong", "--no-drift", "-o", str(tmp_path / "bad")])
     assert done.exit_code == 1
-    assert "image error" in (tmp_path / "bad" / "stress.md").read_text()
-    assert len(table({"backend": "wrong"})) == len(cases()) + len(agreements()) + len(refusals())
+    page = (tmp_path / "bad" / "stress.md").read_text()
+    assert "image error" in page
+    assert all(case.name in page for case in some)  # no row after a missed one is left out
+
+
+def test_the_twin_draws_a_case_once_for_all_backends(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn, some = [], [by_name("one Gaussian"), by_name("radius 1 px")]
+    monkeypatch.setattr("surrogate.studies.stress.table.cases", lambda: some)
+    monkeypatch.setattr(
+        "surrogate.studies.stress.table.draw_twin", lambda case: (drawn.append(case), draw_twin(case))[1]
+    )
+    backends = {name: {"instruction_set": name} for name in native.instruction_sets()}
+    found = tables(backends)
+    assert drawn == some
+    assert list(found) == list(backends)
+    for name, outcomes in found.items():
+        assert len(outcomes) == len(some) + len(agreements()) + len(refusals())
+        alone = check(some[1], backends[name])
+        assert (outcomes[1].image, outcomes[1].gradients) == (alone.image, alone.gradients)
