@@ -74,137 +74,92 @@ def _shown(value: Any) -> str:
     return " and ".join(value) if isinstance(value, tuple) else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _variants() -> tuple[Variant, ...]:
-    rates = "whether the deformation learns better where the canonical Gaussians hardly move in stage 2"
-    return (
-        Variant(DEFAULT, "what the scene's settings give; all others are compared with it"),
-        Variant(PAPER, "the deformation field of GS-Surrogate instead of the bilinear one", {"deformation": PAPER}),
-        Variant(
-            "paper-bfloat16",
-            "the same in the precision that processors with matrix units are fastest in",
-            {"deformation": PAPER, "field_precision": "bfloat16"},
-        ),
-        Variant(
-            "paper-bfloat16-x10",
-            "what ten times the time does for the paper's field",
-            {"deformation": PAPER, "field_precision": "bfloat16"},
-            budgets=10.0,
-        ),
-        *(Variant(f"canonical-rate-{f:g}", rates, factors={"canonical_rate_factor": f}) for f in (0.1, 0.01, 0.001)),
-        Variant("geometry-only", "whether places and shapes alone can follow the parameters", {"held_still": LOOKS}),
-        Variant(
-            "looks-only", "whether opacities and colours alone can follow the parameters", {"held_still": GEOMETRY}
-        ),
-        *(
-            Variant(
-                f"hard-examples-{power:g}",
-                "images that are badly reproduced are shown more often",
-                {"hard_example_power": power},
-            )
-            for power in (1.0, 1.5)
-        ),
-        *(
-            Variant(
-                f"deformation-penalty-{weight}",
-                "small offsets are preferred, as L_deform of GS-Surrogate does",
-                {"deformation_penalty": float(weight)},
-            )
-            for weight in ("1e-4", "1e-3", "1e-2")
-        ),
-        Variant("no-decay", "what the exponential decay of all rates is worth", {"final_rate_factor": 1.0}),
-        Variant(
-            "gradient-relocation",
-            "dead Gaussians go where pictures pull, as densification chooses, not where opacity is",
-            {"relocation_target": "gradient"},
-        ),
-        Variant("no-relocation", "what moving dead Gaussians is worth", {"relocation_interval": 0}),
-        Variant("joint", "whether a stage of its own for the canonical Gaussians is needed", {"canonical_steps": 0}),
-        *(
-            Variant(
-                f"start-{start}",
-                "where the Gaussians start, which training may or may not forget",
-                {"initialization": start},
-            )
-            for start in ("random", "hull", "sfm", "in-situ")
-        ),
-        *(
-            Variant(
-                f"gaussians-x{factor:g}",
-                "detail against steps: more Gaussians show more, and take longer",
-                factors={"gaussians": factor},
-            )
-            for factor in (0.5, 2.0)
-        ),
-        *(
-            Variant(f"latent-{size}", "how many modes of deformation the Gaussians share", {"latent_size": size})
-            for size in (8, 32)
-        ),
-        *(
-            Variant(
-                f"ssim-{weight:g}", "how much structure weighs beside absolute differences", {"ssim_weight": weight}
-            )
-            for weight in (0.0, 0.5)
-        ),
-        Variant(
-            "default-in-paper-steps",
-            "both deformations after equally many steps, as few as the paper's takes in the budget",
-            steps_of=PAPER,
-        ),
-        Variant(
-            "paper-in-default-steps",
-            "both deformations after equally many steps, as many as the default takes in the budget",
-            {"deformation": PAPER},
-            steps_of=DEFAULT,
-        ),
-    )
+def _each(setting: str, why: str, named: Mapping[str, Any], *, scaled: bool = False) -> list[Variant]:
+    """A variant for each value of a setting, or with `scaled` each factor of it, by name."""
+    changes: list[tuple[str, dict[str, Any]]] = [(name, {setting: value}) for name, value in named.items()]
+    return [Variant(name, why, factors=of) if scaled else Variant(name, why, of) for name, of in changes]
 
 
-def _of_visualization() -> tuple[Variant, ...]:
-    field, fast = {"visualization_deformation": PAPER}, {"field_precision": "bfloat16"}
-    return (
-        Variant(DEFAULT, "what the scene's settings give; all others are compared with it"),
-        Variant(PAPER, "the deformation field of GS-Surrogate, without its backbone, as F_vis", field),
-        Variant(
-            "paper-bfloat16", "the same in the precision that processors with matrix units are fastest in", field | fast
-        ),
-        Variant("paper-bfloat16-x10", "what ten times the time does for it", field | fast, budgets=10.0),
-        *(
-            Variant(kind, "another design of F_vis", {"visualization_deformation": kind})
-            for kind in ("bilinear", "values")
-        ),
-        *(
-            Variant(
-                f"simulation-rate-{factor:g}",
-                "how much F_sim is tuned along with F_vis, where it is",
-                {"simulation_rate_factor": factor},
-            )
-            for factor in (0.0, 0.01, 1.0)
-        ),
-        *(
-            Variant(f"latent-{size}", "how many modes F_vis has", {"visualization_latent_size": size})
-            for size in (8, 32)
-        ),
-        *(
-            Variant(f"value-bins-{count}", "of how many field values every Gaussian has weights", {"value_bins": count})
-            for count in (16, 64)
-        ),
-        Variant(
-            "hard-examples-1", "images that are badly reproduced are shown more often", {"hard_example_power": 1.0}
-        ),
-        Variant(
-            "deformation-penalty-1e-3",
-            "small offsets are preferred, as L_deform of GS-Surrogate does",
-            {"deformation_penalty": 1e-3},
-        ),
-        Variant("no-decay", "what the exponential decay of all rates is worth", {"final_rate_factor": 1.0}),
-        Variant(
-            "default-in-paper-steps",
-            "both designs after equally many steps, as few as the paper's takes in the budget",
-            steps_of="paper-bfloat16",
-        ),
-    )
-
+FIELD, FIELD_OF_F_VIS = {"deformation": PAPER}, {"visualization_deformation": PAPER}
+FAST = {"field_precision": "bfloat16"}
+AS_GIVEN = "what the scene's settings give; all others are compared with it"
+FASTEST = "the same in the precision that processors with matrix units are fastest in"
+MORE_OFTEN = "images that are badly reproduced are shown more often"
+SMALL_OFFSETS = "small offsets are preferred, as L_deform of GS-Surrogate does"
+DECAY = "what the exponential decay of all rates is worth"
 
 # The first is what the others are compared with; one that takes another's steps stands after it.
-VARIANTS = _variants()
-VISUALIZATION_VARIANTS = _of_visualization()
+VARIANTS = (
+    Variant(DEFAULT, AS_GIVEN),
+    Variant(PAPER, "the deformation field of GS-Surrogate instead of the bilinear one", FIELD),
+    Variant("paper-bfloat16", FASTEST, FIELD | FAST),
+    Variant("paper-bfloat16-x10", "what ten times the time does for the paper's field", FIELD | FAST, budgets=10.0),
+    *_each(
+        "canonical_rate_factor",
+        "whether the deformation learns better where the canonical Gaussians hardly move in stage 2",
+        {"canonical-rate-0.1": 0.1, "canonical-rate-0.01": 0.01, "canonical-rate-0.001": 0.001},
+        scaled=True,
+    ),
+    Variant("geometry-only", "whether places and shapes alone can follow the parameters", {"held_still": LOOKS}),
+    Variant("looks-only", "whether opacities and colours alone can follow the parameters", {"held_still": GEOMETRY}),
+    *_each("hard_example_power", MORE_OFTEN, {"hard-examples-1": 1.0, "hard-examples-1.5": 1.5}),
+    *_each(
+        "deformation_penalty", SMALL_OFFSETS, {f"deformation-penalty-{w}": float(w) for w in ("1e-4", "1e-3", "1e-2")}
+    ),
+    Variant("no-decay", DECAY, {"final_rate_factor": 1.0}),
+    Variant(
+        "gradient-relocation",
+        "dead Gaussians go where pictures pull, as densification chooses, not where opacity is",
+        {"relocation_target": "gradient"},
+    ),
+    Variant("no-relocation", "what moving dead Gaussians is worth", {"relocation_interval": 0}),
+    Variant("joint", "whether a stage of its own for the canonical Gaussians is needed", {"canonical_steps": 0}),
+    *_each(
+        "initialization",
+        "where the Gaussians start, which training may or may not forget",
+        {f"start-{start}": start for start in ("random", "hull", "sfm", "in-situ")},
+    ),
+    *_each(
+        "gaussians",
+        "detail against steps: more Gaussians show more, and take longer",
+        {"gaussians-x0.5": 0.5, "gaussians-x2": 2.0},
+        scaled=True,
+    ),
+    *_each("latent_size", "how many modes of deformation the Gaussians share", {"latent-8": 8, "latent-32": 32}),
+    *_each("ssim_weight", "how much structure weighs beside absolute differences", {"ssim-0": 0.0, "ssim-0.5": 0.5}),
+    Variant(
+        "default-in-paper-steps",
+        "both deformations after equally many steps, as few as the paper's takes in the budget",
+        steps_of=PAPER,
+    ),
+    Variant(
+        "paper-in-default-steps",
+        "both deformations after equally many steps, as many as the default takes in the budget",
+        FIELD,
+        steps_of=DEFAULT,
+    ),
+)
+VISUALIZATION_VARIANTS = (
+    Variant(DEFAULT, AS_GIVEN),
+    Variant(PAPER, "the deformation field of GS-Surrogate, without its backbone, as F_vis", FIELD_OF_F_VIS),
+    Variant("paper-bfloat16", FASTEST, FIELD_OF_F_VIS | FAST),
+    Variant("paper-bfloat16-x10", "what ten times the time does for it", FIELD_OF_F_VIS | FAST, budgets=10.0),
+    *_each("visualization_deformation", "another design of F_vis", {"bilinear": "bilinear", "values": "values"}),
+    *_each(
+        "simulation_rate_factor",
+        "how much F_sim is tuned along with F_vis, where it is",
+        {"simulation-rate-0": 0.0, "simulation-rate-0.01": 0.01, "simulation-rate-1": 1.0},
+    ),
+    *_each("visualization_latent_size", "how many modes F_vis has", {"latent-8": 8, "latent-32": 32}),
+    *_each(
+        "value_bins", "of how many field values every Gaussian has weights", {"value-bins-16": 16, "value-bins-64": 64}
+    ),
+    *_each("hard_example_power", MORE_OFTEN, {"hard-examples-1": 1.0}),
+    *_each("deformation_penalty", SMALL_OFFSETS, {"deformation-penalty-1e-3": 1e-3}),
+    Variant("no-decay", DECAY, {"final_rate_factor": 1.0}),
+    Variant(
+        "default-in-paper-steps",
+        "both designs after equally many steps, as few as the paper's takes in the budget",
+        steps_of="paper-bfloat16",
+    ),
+)

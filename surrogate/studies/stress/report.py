@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from torch import Tensor
 
 from catalogs import durable
-from surrogate.evaluation.tables import table
+from surrogate.evaluation.tables import document, table_of
 from surrogate.provenance import commit, machine
 from surrogate.studies.stress.cases import Agreement, Case, Refusal
 from surrogate.studies.stress.check import MARGIN, Outcome
@@ -19,18 +19,15 @@ from surrogate.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
 
 PAGE, PICTURE = "stress.md", "stress.png"
 COLUMNS = 9
-INTRODUCTION = """\
-# Hard cases
+INTRODUCTION = """# Hard cases
 
 May the splatting engine be trusted where scenes are not ordinary? Each row below is drawn and differentiated in float32 by
 {backends}, and by the float64 twin (`surrogate/splatting/reference.py`) that defines what is right. Every row has bounds of
 its own; `surrogate stress` ends with an error if one is missed. Nothing is repaired before it is compared: a NaN anywhere is
 a miss.
 
-**{verdict}** `surrogate stress`, commit {commit}, {processor}, {cores} cores, {system}. Scenes are drawn by fixed seeds.
-"""
-DRAWN = """\
-![The hard cases as they are drawn]({picture})
+**{verdict}** `surrogate stress`, commit {commit}, {processor}, {cores} cores, {system}. Scenes are drawn by fixed seeds."""
+DRAWN = """![The hard cases as they are drawn]({picture})
 
 ## What is drawn
 
@@ -38,29 +35,21 @@ DRAWN = """\
 the largest), over all pixels and backends; *gradient* the largest error by any attribute, relative to the largest gradient
 of its kind, for a random functional of the picture. What is drawn has two thresholds, the alpha floor and the least
 transmittance: where a contribution lies within {margin:g} of one (relative), float32 may rightly fall to its other side. Such
-pixels are *uncertain*: their share is given, and the largest *jump* in them, but the bounds hold in all others.
-"""
-AGREEMENTS = """
-## What must not change a bit
+pixels are *uncertain*: their share is given, and the largest *jump* in them, but the bounds hold in all others."""
+AGREEMENTS = """## What must not change a bit
 
 Picture and gradients of 3,000 Gaussians, of which every other lies exactly where the one before it does (ties are drawn in
-the order of their index):
-"""
-REFUSALS = """
-## What must be refused
+the order of their index):"""
+REFUSALS = """## What must be refused
 
-The error names the attribute and the Gaussian, and nothing is drawn:
-"""
-DRIFT = """
-## Does training drift?
+The error names the attribute and the Gaussian, and nothing is drawn:"""
+DRIFT = """## Does training drift?
 
 The same small ensemble (60 Gaussians with their bilinear deformation, 32 x 32 pixels) is trained three times on the same images
 in the same order: in float64 by the definitions in plain torch; in float32 by the kernels; and in float64 from a start that is
 rounded otherwise in the last place of float32. Training amplifies any difference, so the third run says how far apart runs end
-that nobody would call wrong. Float32 must end within {decibels:g} dB and within {times:g} times that distance.
-"""
-LIMITS = """
-## What it can not do
+that nobody would call wrong. Float32 must end within {decibels:g} dB and within {times:g} times that distance."""
+LIMITS = """## What it can not do
 
 - Thresholds make a picture a discontinuous function of the Gaussians: a contribution that crosses the alpha floor (1/255)
   changes a pixel by as much. Gradients don't know of it.
@@ -68,19 +57,8 @@ LIMITS = """
 - Without dilation, a Gaussian thinner than a pixel may fall between all pixel centres: it is not drawn then, and has no gradient.
 - World coordinates around 10⁶ can't be held in float32 to better than 0.06. `Surrogate` and training subtract the scene's origin
   in float64 first; who calls `surrogate.splatting.render` must do so too.
-- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, and so is what memory can't hold.
-"""
-HEADER = ("", "image, bound", "image, found", "gradient, bound", "gradient, found", "finite", "uncertain", "jump")
-DRIFT_HEADER = (
-    "step",
-    "distance of centres, float32",
-    "distance, nudged float64",
-    "loss, float64",
-    "loss, float32",
-    "PSNR of held-out images, float64",
-    "float32",
-    "nudged",
-)
+- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, and so is what memory
+  can't hold."""
 
 
 def write(folder: Path, tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> None:
@@ -88,83 +66,72 @@ def write(folder: Path, tables: Mapping[str, Sequence[Outcome]], drift: Drift | 
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(tables.values()))
     durable.replace(folder / PICTURE, _picture([o for o in first if o.pictures is not None]))
-    durable.replace(folder / PAGE, "\n".join(_page(tables, drift)).encode())
+    durable.replace(folder / PAGE, _page(tables, drift).encode())
 
 
-def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> list[str]:
-    rows = list(zip(*tables.values(), strict=True))
-    drawn = [(row[0].case, row) for row in rows if isinstance(row[0].case, Case)]
-    missed = [
-        f"- missed: {o.case.name} ({name}): {'; '.join(o.complaints)}"
-        for name, t in tables.items()
-        for o in t
-        if not o.passed
-    ]
+def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> str:
+    rows = list(zip(*tables.values(), strict=True))  # a row holds an outcome of each backend
+    drawn = [row for row in rows if isinstance(row[0].case, Case)]
+    missed = [(name, o) for name, outcomes in tables.items() for o in outcomes if not o.passed]
     verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
-    return [
+    return document(
         INTRODUCTION.format(backends=", ".join(tables), verdict=verdict, commit=commit(), **machine()),
-        *([*missed, ""] if missed else []),
+        "\n".join(f"- missed: {o.case.name} ({name}): {'; '.join(o.complaints)}" for name, o in missed),
         DRAWN.format(picture=PICTURE, margin=MARGIN),
-        *table(HEADER, (_case_row(case, row) for case, row in drawn)),
-        "",
+        table_of(
+            drawn,
+            ("", lambda row: row[0].case.name),
+            ("image, bound", lambda row: f"{row[0].case.image:.0e}"),
+            ("image, found", lambda row: _error(o.image for o in row)),
+            ("gradient, bound", lambda row: f"{row[0].case.gradient:.0e}"),
+            ("gradient, found", lambda row: _error(error for o in row for error in o.gradients.values())),
+            ("finite", lambda row: "yes" if all(o.finite for o in row) else "**no**"),
+            ("uncertain", lambda row: f"{100 * max(o.uncertain for o in row):.2g} %"),
+            ("jump", lambda row: _error(o.jump for o in row)),
+        ),
         "Where bounds differ from the usual ones:",
-        "",
-        *_reasons([case for case, _ in drawn]),
+        _reasons([row[0].case for row in drawn]),
         AGREEMENTS,
-        *table(("", "bit for bit the same"), _verdicts(rows, Agreement)),
+        _verdicts("bit for bit the same", [row for row in rows if isinstance(row[0].case, Agreement)]),
         REFUSALS,
-        *table(("", "refused by name"), _verdicts(rows, Refusal)),
-        *_drift_section(drift),
+        _verdicts("refused by name", [row for row in rows if isinstance(row[0].case, Refusal)]),
+        *([] if drift is None else _drift_blocks(drift)),
         LIMITS,
-    ]
-
-
-def _case_row(case: Case, row: Sequence[Outcome]) -> tuple[str, ...]:
-    return (
-        case.name,
-        f"{case.image:.0e}",
-        _error(max(o.image for o in row)),
-        f"{case.gradient:.0e}",
-        _error(max((error for o in row for error in o.gradients.values()), default=0.0)),
-        "yes" if all(o.finite for o in row) else "**no**",
-        f"{100 * max(o.uncertain for o in row):.2g} %",
-        _error(max(o.jump for o in row)),
     )
 
 
-def _reasons(cases: Sequence[Case]) -> list[str]:
+def _reasons(cases: Sequence[Case]) -> str:
     reasons = dict.fromkeys(case.why for case in cases if case.why)
-    return [f"- {why}: {'; '.join(case.name for case in cases if case.why == why)}." for why in reasons]
+    return "\n".join(f"- {why}: {'; '.join(case.name for case in cases if case.why == why)}." for why in reasons)
 
 
-def _verdicts(rows: Sequence[Sequence[Outcome]], kind: type) -> list[tuple[str, str]]:
-    found = [
-        (row[0].case.name, [c for o in row for c in o.complaints]) for row in rows if isinstance(row[0].case, kind)
-    ]
-    return [(name, f"**no**: {'; '.join(complaints)}" if complaints else "yes") for name, complaints in found]
+def _verdicts(heading: str, rows: Sequence[Sequence[Outcome]]) -> str:
+    def verdict(row: Sequence[Outcome]) -> str:
+        complaints = [complaint for outcome in row for complaint in outcome.complaints]
+        return f"**no**: {'; '.join(complaints)}" if complaints else "yes"
+
+    return table_of(rows, ("", lambda row: row[0].case.name), (heading, verdict))
 
 
-def _error(value: float) -> str:
-    return f"{value:.1e}" if value else "0"
+def _error(values: Iterable[float]) -> str:
+    largest = max(values, default=0.0)
+    return f"{largest:.1e}" if largest else "0"
 
 
-def _drift_section(drift: Drift | None) -> list[str]:
-    if drift is None:
-        return []
-    looks = zip(drift.exact, drift.rounded, drift.nudged, drift.distances(), strict=True)
-    cells = [
-        (
-            str(step),
-            f"{far:.1e}",
-            f"{nudged:.1e}",
-            f"{a.loss:.5f}",
-            f"{b.loss:.5f}",
-            *(f"{x.psnr:.2f} dB" for x in (a, b, c)),
-        )
-        for a, b, c, (step, far, nudged) in looks
-    ]
+def _drift_blocks(drift: Drift) -> list[str]:
+    shown = table_of(
+        list(zip(drift.distances(), drift.exact, drift.rounded, drift.nudged, strict=True)),
+        ("step", lambda at: str(at[0][0])),
+        ("distance of centres, float32", lambda at: f"{at[0][1]:.1e}"),
+        ("distance, nudged float64", lambda at: f"{at[0][2]:.1e}"),
+        ("loss, float64", lambda at: f"{at[1].loss:.5f}"),
+        ("loss, float32", lambda at: f"{at[2].loss:.5f}"),
+        ("PSNR of held-out images, float64", lambda at: f"{at[1].psnr:.2f} dB"),
+        ("float32", lambda at: f"{at[2].psnr:.2f} dB"),
+        ("nudged", lambda at: f"{at[3].psnr:.2f} dB"),
+    )
     verdict = f"**It does**: {'; '.join(drift.complaints)}." if drift.complaints else "It does not."
-    return [DRIFT.format(decibels=MOST_DECIBELS, times=MOST_TIMES), *table(DRIFT_HEADER, cells), "", verdict]
+    return [DRIFT.format(decibels=MOST_DECIBELS, times=MOST_TIMES), shown, verdict]
 
 
 def _picture(outcomes: Sequence[Outcome]) -> bytes:

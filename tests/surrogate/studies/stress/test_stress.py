@@ -19,6 +19,7 @@ from surrogate.studies.stress.cases import Agreement, Case, agreements, cases, r
 from surrogate.studies.stress.check import check, check_agreement, check_refusal, draw_twin
 from surrogate.studies.stress.drift import Drift, Look, measure_drift
 from surrogate.studies.stress.table import tables
+from tests.support.tables import tables as widths_of_tables
 
 HEAVY = 5_000  # Gaussians
 
@@ -150,6 +151,9 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
     page = (tmp_path / "good" / "stress.md").read_text()
     assert "All rows hold." in page
     assert "It does not." in page
+    assert "\n| one Gaussian | 1e-05 | " in page
+    assert "\n| NaN in means | yes |\n" in page
+    assert all(len(set(widths)) == 1 for widths in widths_of_tables(page))
     assert (tmp_path / "good" / "stress.png").stat().st_size > 50_000
     some = [by_name("radius 1 px"), by_name("one Gaussian")]
     monkeypatch.setattr("surrogate.studies.stress.table.cases", lambda: some)
