@@ -70,7 +70,7 @@ def _records(values: Sequence[Any]) -> list[Any]:
 
 
 def misplaced(catalog: Catalog, members: Iterable[PlannedMember]) -> list[str]:
-    """Where stored members have the names of planned ones, but other parameters, another split or other appearances."""
+    """Stored members that have a planned one's name, but other parameters, another split or other appearances."""
     planned = {m.name: m for m in members}
     differences = []
     for stored in catalog.members:

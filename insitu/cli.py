@@ -175,7 +175,7 @@ def probe(
 def _read_fields(
     paths: tuple[Path, ...], arrays: tuple[str, ...], spacing: tuple[float, float, float] | None, nan: str
 ) -> dict[str, dict[str, Any]]:
-    """Grids by array and file; of the only array where none is named."""
+    """Grids by array, then by file; of the only array where none is named."""
     from insitu.readers.files import read_field
 
     named: tuple[str | None, ...] = arrays or (None,)
@@ -225,7 +225,7 @@ def _pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) 
 
 
 def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Those of the names asked for, all by default."""
+    """The fields asked for by name, all by default."""
     unknown = [name for name in names if name not in fields]
     if unknown:
         raise ValueError(f"--array: the scene's fields are {list(fields)}, got {unknown}: name more in source.fields")
@@ -262,7 +262,7 @@ def _fail_on(failures: dict[str, str]) -> None:
 
 @contextmanager
 def _command() -> Iterator[ProgressLine]:
-    """The line for a command's progress; what a user can mend and warnings are told in plain sentences, one line each."""
+    """Run a command with a progress line; mistakes that a user can mend, and warnings, are told in one plain line each."""
     try:
         with ProgressLine() as line, warnings.catch_warnings(), _termination_interrupts():
             warnings.showwarning = lambda message, *_, **__: line.say(f"Warning: {message}")

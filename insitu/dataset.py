@@ -100,7 +100,7 @@ def _check_fields(scene: Scene, fields: Sequence[str]) -> None:
 
 
 def _check_unchanged(scene: Scene, path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> None:
-    """Raise ValueError naming what the scene says otherwise than the catalog made from it; more members are welcome."""
+    """Raise ValueError naming where the scene differs from the one that made the catalog; new members are welcome."""
     if not is_catalog(path):
         return
     catalog = Catalog.open(path)
@@ -145,7 +145,7 @@ def _import(scene: Scene, folder: Path, progress: Callable[[object], None]) -> t
 
 
 class _Stopwatch:
-    """Adds this run's seconds to those recorded in `dataset.json`, now and then, so that a killed run counts too."""
+    """Adds this run's seconds to those in `dataset.json`, every 10 s, so that a killed run counts too."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._started = folder, clock.perf_counter()

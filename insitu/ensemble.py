@@ -1,4 +1,4 @@
-"""Many members: rendered over processes, one catalog, nothing lost when some fail or the whole is interrupted."""
+"""Many members rendered by worker processes into one catalog; what fails or is interrupted costs nothing else."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from insitu.hook import Session, warn_caller
 from insitu.planning import Pilot, PlanOptions, check_complete, combine_pilots, measure_pilot
 from insitu.progress import EnsembleProgress, Tracker
 from insitu.rendered import RenderedMember
-from insitu.workers import Report, WorkerPool, channel, single_threaded
+from insitu.workers import Report, WorkerPool, send, single_threaded
 
 PILOTS = 2
 STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
@@ -50,7 +50,7 @@ class FieldSource(Protocol):
 
 @dataclass(frozen=True)
 class EnsembleResult:
-    """What became of the members: rendered now, already there before, failed (with why), and the seconds it took."""
+    """What became of the members: rendered now, present before, or failed and why; and the seconds it took."""
 
     rendered: tuple[RenderedMember, ...]
     skipped: tuple[str, ...]
@@ -127,7 +127,7 @@ def run_ensemble(
 
 
 def pilot_members(members: Sequence[PlannedMember], space: ParameterSpace, count: int = PILOTS) -> list[PlannedMember]:
-    """Up to `count` training members that lie far apart: the lowest corner's, then ever the farthest from those taken.
+    """Up to `count` training members that lie far apart: the lowest corner's, then always the farthest from those taken.
 
     Farthest-point sampling (Gonzalez 1985) in parameters normalized to their bounds.
     """
@@ -208,7 +208,7 @@ class _Run:
 
 
 def _warn(name: str, notes: Iterable[str]) -> None:
-    """Here, since warnings stay in the process of a worker."""
+    """Warn in this process of what a member's worker noted."""
     for note in notes:
         warn_caller(UserWarning(f"{name}: {note}"))
 
@@ -219,7 +219,7 @@ def _measure(source: FieldSource, member: PlannedMember, nan: str, cache: Path |
     fields = as_fields(field, options.appearances or (), nan=nan)
     if cache is not None:
         save_field(cache, member.name, _identity(source, member), field)
-    channel().send(Report(member.name, "pilot", 0.0))
+    send(Report(member.name, "pilot", 0.0))
     pilot = measure_pilot(fields, options)
     return replace(pilot, notes=(*fields.notes, *pilot.notes))
 
@@ -227,11 +227,11 @@ def _measure(source: FieldSource, member: PlannedMember, nan: str, cache: Path |
 def _render(
     path: Path, source: FieldSource, member: PlannedMember, nan: str, cache: Path | None
 ) -> tuple[RenderedMember, float | None]:
-    """In a worker: a member, rendered into the catalog, and the seconds that its field took, as `_field` says."""
+    """In a worker: render a member into the catalog; returns it and the seconds that its field took (see `_field`)."""
     field, seconds = _field(source, member, cache)
 
     def progress(images: int) -> None:
-        channel().send(Report(member.name, "render", 0.0, images))
+        send(Report(member.name, "render", 0.0, images))
 
     progress(0)
     with Session(path, nan=nan, progress=progress, warn=lambda note: None) as session:
@@ -254,8 +254,8 @@ def _field(source: FieldSource, member: PlannedMember, cache: Path | None) -> tu
         field = load_field(cache, member.name, _identity(source, member))
         if field is not None:
             return field, None
-    channel().send(Report(member.name, "simulate" if source.expensive else "read", 0.0))
-    field = source.field(member, lambda fraction: channel().send(Report(member.name, "simulate", fraction)))
+    send(Report(member.name, "simulate" if source.expensive else "read", 0.0))
+    field = source.field(member, lambda fraction: send(Report(member.name, "simulate", fraction)))
     return field, clock.perf_counter() - started
 
 

@@ -39,7 +39,7 @@ def save_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any)
 
 
 def load_field(folder: Path, name: str, identity: Mapping[str, Any]) -> Field | dict[str, Field] | None:
-    """The field, or the fields by name, stored as `name` by the same `identity`; None: absent, made otherwise or not readable."""
+    """The field, or fields by name, stored as `name` with this `identity`; None where absent, made otherwise or unreadable."""
     try:
         with np.load(_path(folder, name), allow_pickle=False) as stored:
             record = json.loads(str(stored["record"]))
@@ -61,7 +61,7 @@ def _numbers(values: Any) -> list[float]:
 
 
 def drop_field(folder: Path, name: str) -> None:
-    """Forget the field stored as `name`, and the folder when it was the last."""
+    """Delete the field stored as `name`, and the folder with the last one."""
     _path(folder, name).unlink(missing_ok=True)
     with suppress(OSError):  # not empty yet, or already gone
         folder.rmdir()

@@ -91,7 +91,7 @@ def as_fields(
 
 
 def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: Sequence[Appearance]) -> None:
-    """Raise ValueError unless a member's fields, called `names`, are what `appearances` show, and others what `known` ones do."""
+    """Raise ValueError unless the fields called `names` include all that `appearances` show, and only what `known` ones show."""
     if not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(f"the fields of a member are held by name, {{'speed': array}}, got the names {list(names)}")
     wanted, shown = shown_fields(appearances), shown_fields(known)

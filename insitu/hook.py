@@ -181,7 +181,7 @@ class Session:
         )
 
     def _created(self, fields: Fields) -> Catalog:
-        """The catalog, made for its first member."""
+        """The catalog, made for its first member's fields."""
         pilot = measure_pilot(fields, self._options)
         for note in pilot.notes:
             self._warn(UserWarning(note))
@@ -190,7 +190,7 @@ class Session:
     def _write(
         self, fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan, writer: MemberWriter, memory: PeakMemory
     ) -> dict[str, Any]:
-        """Write a member's images, one in memory at a time, and its fields' summaries; what `RenderedMember` tells of them."""
+        """Write a member's images, one in memory at a time, and its fields' summaries; returns figures for `RenderedMember`."""
         from render import render_views
 
         started, written, images = clock.perf_counter(), 0.0, 0
@@ -266,7 +266,7 @@ def render_member(
 
 
 def _signature_of_hook() -> inspect.Signature:
-    """The signature of `render_member` with what it hands on to `Session` and to its method spelt out."""
+    """The signature of `render_member`, its `**arguments` spelt out as `Session` and its method take them."""
     own = inspect.signature(render_member)
     of_session, of_member = (inspect.signature(f).parameters for f in (Session, Session.render_member))
     handed_on = [p for p in of_session.values() if p.name not in own.parameters] + [
@@ -280,7 +280,7 @@ render_member.__signature__ = _signature_of_hook()  # type: ignore[attr-defined]
 
 
 def member_name(parameters: Mapping[str, float]) -> str:
-    """A member's default name: its parameters, or their digest where that would be long or no name."""
+    """A member's default name: its parameters, or a digest of them where that would be too long or not allowed."""
     text = "_".join(f"{name}-{float(value)!r}" for name, value in parameters.items())
     text = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
     fits = len(text) <= LONGEST_NAME and name_problem(text) is None
@@ -288,7 +288,7 @@ def member_name(parameters: Mapping[str, float]) -> str:
 
 
 def _record(name: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
-    """What a member's record says by itself; refuses what no catalog takes before a new one is made for it."""
+    """The provenance of a member; refuses a bad name or value before a new catalog is made for it."""
     problem = name_problem(name)
     if problem:
         raise CatalogError(f"a member can't be called so: {problem}")

@@ -134,7 +134,7 @@ class Pilot:
 
 
 def measure_pilot(fields: Fields, options: PlanOptions) -> Pilot:
-    """Look at one member: its box, its ranges and, unless given, the sample distances that pictures of its fields need."""
+    """Measure one member: its box, its ranges and, unless given, the sample distances that its pictures need."""
     _, appearances = check_complete(options)
     bounds = options.bounds or fields.box
     check_inside(fields.box, bounds)
@@ -186,7 +186,7 @@ def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
 
 
 def check_complete(options: PlanOptions) -> tuple[ParameterSpace, tuple[Appearance, ...]]:
-    """The space and appearances of a new catalog; raises ValueError without: no field can stand in for them."""
+    """The space and appearances that a new catalog needs; raises ValueError without them: no field can stand in."""
     if options.space is None or not options.appearances:
         missing = "space" if options.space is None else "appearances"
         raise ValueError(
@@ -200,7 +200,7 @@ def check_complete(options: PlanOptions) -> tuple[ParameterSpace, tuple[Appearan
 
 
 def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
-    """The plan of a new catalog: the options, and what they leave open decided from `pilot`."""
+    """The plan of a new catalog: the options, and from `pilot` what they leave open."""
     space, appearances = check_complete(options)
     views = options.views or ViewPlan()
     provenance: dict[str, Any] = {
@@ -241,12 +241,12 @@ def target_decibels(options: PlanOptions) -> float:
 
 
 def is_catalog(path: Path) -> bool:
-    """Whether a catalog was made at `path`; one whose making was interrupted is none yet."""
+    """Whether there is a catalog at `path`; one whose creation was interrupted does not count."""
     return (path / "catalog.json").is_file()
 
 
 def given_distances(distance: float | Mapping[str, float], appearances: Sequence[Appearance]) -> dict[str, float]:
-    """The sample distance of each volume rendering; raises ValueError where they name others."""
+    """The sample distance of each volume rendering; raises ValueError where a mapping names others."""
     names = [a.name for a in appearances if isinstance(a, VolumeRendering)]
     if not isinstance(distance, Mapping):
         return {name: float(distance) for name in names}

@@ -72,7 +72,7 @@ class Tracker:
         self._render_seconds += render_seconds
 
     def idle(self, member: str) -> None:
-        """A pilot, or a failure: the worker has left the member."""
+        """The worker has left the member, after a pilot or a failure."""
         self._stages.pop(member, None)
 
     def failed(self, member: str) -> None:

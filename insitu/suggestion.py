@@ -1,4 +1,4 @@
-"""A transfer function to begin with, from what pilot members hold and how opaque they look."""
+"""A first transfer function, from what pilot members hold and how opaque they look."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ COLORS = (
 
 
 def appearance_names(fields: Sequence[str]) -> dict[str, str]:
-    """A name for the appearance of each of several fields: like the field's as far as names allow, and no two alike."""
+    """A name for the appearance of each field: like the field's as far as names allow, no two alike."""
     names: dict[str, str] = {}
     for field in fields:
         stem = f"dvr-{re.sub(NOT_IN_NAMES, '-', field)[:LONGEST_NAME]}"

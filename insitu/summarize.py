@@ -1,4 +1,4 @@
-"""What a member's field knew, kept in kilobytes before the field is gone: histogram, range, sampled points.
+"""What is kept of a member's field, in kilobytes: histogram, range, sampled points.
 
 Works through the grid in slabs of whole z-slices, so that its extra memory does not grow with the field.
 """
@@ -41,13 +41,13 @@ def value_range(appearances: Sequence[Appearance], fallback: tuple[float, float]
 
 
 def value_range_of(plan: CatalogPlan, field: str) -> tuple[float, float]:
-    """The fixed range of values of a field that the plan recorded."""
+    """A field's fixed range of values, as the plan recorded it."""
     low, high = plan.provenance["value_ranges"][field] if len(plan.fields) > 1 else plan.provenance["value_range"]
     return low, high
 
 
 def summarize_shown(grids: Mapping[str, Grid], plan: CatalogPlan) -> dict[str, FieldSummary]:
-    """What is kept of each field of a member, by name, under all of the catalog's appearances of it.
+    """The summary of each field of a member, by name, under all of the catalog's appearances of it.
 
     Of the settings of a transfer function's variation only the base counts: they all show the same places.
     """

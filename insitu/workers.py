@@ -1,4 +1,4 @@
-"""Worker processes: how they start, how they tell what they do, and how they stop when asked or left alone."""
+"""Worker processes: how they start, report, and stop when asked or left alone."""
 
 from __future__ import annotations
 
@@ -36,28 +36,22 @@ class Report:
     images: int = 0
 
 
-class Channel:
-    """A worker's line to the process that runs the ensemble; without one (a foreign executor) it does nothing."""
-
-    def __init__(self, reports: Any = None, stop: Any = None) -> None:
-        self._reports, self._stop = reports, stop
-
-    def send(self, report: Report) -> None:
-        """Pass `report` on; raises StopRequested where the ensemble was interrupted."""
-        if self._stop is not None and self._stop.is_set():
-            raise StopRequested
-        if self._reports is not None:
-            self._reports.put(report)
-
-
-_channel = Channel()  # a worker process has one parent, so one channel
+# In a worker of our own: the queue of its reports, and the event that asks it to stop.  It has one parent ...
+_parent: tuple[Any, Any] | None = None
 _idle = threading.Event()  # ... and one task at a time
 _idle.set()
 
 
-def channel() -> Channel:
-    """This process's channel."""
-    return _channel
+def send(report: Report) -> None:
+    """Pass `report` to the process that runs the ensemble; raises StopRequested where that was interrupted.
+
+    Does nothing in a foreign executor.
+    """
+    if _parent is not None:
+        reports, stop = _parent
+        if stop.is_set():
+            raise StopRequested
+        reports.put(report)
 
 
 class WorkerPool:
@@ -203,8 +197,8 @@ def single_threaded(settings: Mapping[str, str] = ONE_THREAD) -> Iterator[None]:
 
 
 def _start_worker(reports: Any, stop: Any) -> None:
-    global _channel
-    _channel = Channel(reports, stop)
+    global _parent
+    _parent = reports, stop
     reports.cancel_join_thread()  # never wait at the end for someone to read
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent asks us to stop
     threading.Thread(target=_leave_with_parent, args=(stop,), daemon=True).start()

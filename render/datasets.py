@@ -23,7 +23,7 @@ class ResamplingWarning(UserWarning):
 
 
 class _Samples(NamedTuple):
-    """Values (nz, ny, nx), `spacing` and `origin` (x, y, z), which samples lie `outside` all cells, and how they were made."""
+    """Values (nz, ny, nx), spacing and origin (x, y, z), the samples `outside` all cells, and how all were made."""
 
     values: NDArray[Any]
     spacing: ArrayLike
@@ -75,7 +75,7 @@ def as_grid(
     array: str | None = None,
     nan: str = "refuse",
 ) -> Grid:
-    """As `to_grid`, but without warning: what there is to say are the grid's `notes`."""
+    """As `to_grid`, without warning: the grid's `notes` say what a warning would."""
     if isinstance(data, Grid):
         if spacing is not None or origin is not None:
             raise ValueError("a Grid has its own spacing and origin")

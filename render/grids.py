@@ -1,4 +1,4 @@
-"""One clean grid of samples, which is all that is ever rendered.
+"""One clean grid of samples: the only thing that is ever rendered.
 
 VTK renders NaN, single slices and numbers beyond single precision silently wrong: they are refused here, before it sees them.
 """

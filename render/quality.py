@@ -69,7 +69,7 @@ def find_sample_distance(
     cameras: Sequence[Camera],
     target_decibels: float = 50.0,
 ) -> SampleDistance:
-    """As `choose_sample_distance`, but without warning: that none is good enough is the result's `note`."""
+    """As `choose_sample_distance`, without warning: the result's `note` says where none is good enough."""
     if not cameras:
         raise ValueError("choosing a sample distance needs at least one camera")
     if isinstance(appearance, Isosurface):

@@ -52,10 +52,11 @@ class Hdf5Ensemble:
     origin: tuple[float, float, float]
     field_name: str
     time: float | None
+    expensive: ClassVar[bool] = False
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], datasets: Sequence[str] = ("field",)) -> Hdf5Ensemble:
-        """Read the description of an ensemble, and none of its fields, which are the data sets of these names.
+        """Read the description of an ensemble; its fields, the data sets of these names, stay on disk.
 
         Raises FileNotFoundError, or ValueError naming file, dataset or attribute at fault and what it should be.
         """
@@ -96,8 +97,6 @@ class Hdf5Ensemble:
             )
             for i, (row, split) in enumerate(zip(self.parameters, self.splits, strict=True))
         )
-
-    expensive: ClassVar[bool] = False
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -156,7 +155,7 @@ def _described(file: h5py.File, path: Path, datasets: tuple[str, ...]) -> Hdf5En
 
 
 def _field_shape(file: h5py.File, dataset: str, count: int) -> tuple[int, int, int]:
-    """(nz, ny, nx) of a field's data set of `count` members; raises ValueError for what is no such thing."""
+    """(nz, ny, nx) of a field's data set of `count` members; raises ValueError where it is not one."""
     field = _dataset(file, dataset, 4, "(member, z, y, x)")
     if field.dtype.kind not in "fiu":
         raise ValueError(f"dataset {dataset!r} must hold real numbers, got {field.dtype}")

@@ -1,4 +1,4 @@
-"""Simulations that run in situ without any other code: what a scene may name, and the field that each returns."""
+"""Bundled simulations: what a scene may name, and the fields that each returns."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from insitu.probe import probe_fields
+from render import to_grid
 
 
 def test_members_weigh_the_same_whatever_their_size() -> None:
@@ -32,6 +33,13 @@ def test_holes_are_left_out() -> None:
     assert probe_fields([field], nan="transparent").range == (1.0, 1.0)
     with pytest.raises(ValueError, match="NaN"):
         probe_fields([field])
+
+
+def test_holes_of_a_grid_do_not_weigh() -> None:
+    values = np.zeros((9, 9, 9))
+    values[:, :, 4:] = np.nan  # filled with the nearest value, which is the 1 before them
+    values[:, :, 3] = 1.0
+    assert probe_fields([to_grid(values, nan="transparent")]).values.mean() == pytest.approx(0.25, abs=0.01)
 
 
 def test_no_member_is_an_error() -> None:
