@@ -106,35 +106,29 @@ def _title(catalog: Catalog) -> str:
 
 def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
     """The visualization parameters that differ between appearances: isovalues, displacements of a transfer function."""
+    shown = [plan.varied(appearance.name) for appearance in plan.appearances]
+    surfaces = {appearance.name for appearance in plan.appearances if isinstance(appearance, Isosurface)}
+    having, units = {ISOVALUE: surfaces}, {ISOVALUE: ""}
+    for variation in (v for v in plan.variations if v.edits_base):
+        for parameter in variation.space.parameters:
+            having[parameter.name] = {variation.base, *variation.named(*SPLITS)}
+            units[parameter.name] = parameter.unit
     found = []
-    if ISOVALUE in plan.varied_names:
-        values = [float(a.isovalue) if isinstance(a, Isosurface) else None for a in plan.appearances]
-        found.append((ISOVALUE, "", values))
-    for variation in (v for v in plan.variations if v.continuous and v.space.names != (ISOVALUE,)):
-        for i, parameter in enumerate(variation.space.parameters):
-            values = [
-                setting.values[i]
-                if (setting := variation.setting(a.name))
-                else 0.0
-                if a.name == variation.base
-                else None
-                for a in plan.appearances
-            ]
-            found.append((parameter.name, parameter.unit, values))
-    return [
-        {"name": name, "unit": unit, "low": min(known), "high": max(known), "values": values}
-        for name, unit, values in found
-        if len(known := {value for value in values if value is not None}) > 1
-    ]
+    for name in plan.varied_names:
+        values = [v[name] if a.name in having[name] else None for a, v in zip(plan.appearances, shown, strict=True)]
+        known = {value for value in values if value is not None}
+        if len(known) > 1:
+            found.append({"name": name, "unit": units[name], "low": min(known), "high": max(known), "values": values})
+    return found
 
 
 def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
-    said = {"name": appearance.name, "title": _appearance_title(appearance, plan)}
-    setting = plan.setting(appearance.name)
-    variation = next((v for v in plan.variations if v.setting(appearance.name) is not None), None)
-    if setting is None or variation is None or not variation.continuous:
-        return {**said, "kind": appearance.name}
-    return {**said, "kind": variation.plural, "group": f"{variation.plural}, {setting.split}"}
+    named = {"name": appearance.name, "title": _appearance_title(appearance, plan)}
+    for variation in (v for v in plan.variations if v.continuous):
+        setting = variation.setting(appearance.name)
+        if setting is not None:
+            return {**named, "kind": variation.plural, "group": f"{variation.plural}, {setting.split}"}
+    return {**named, "kind": appearance.name}
 
 
 def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:

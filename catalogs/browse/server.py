@@ -1,7 +1,7 @@
 """Serve one catalog: its page and the plain files below it, nothing else.
 
-To this machine alone, unless an address is given by which others reach it: then whoever asks must know a random token, which
-stands in the address that is printed and is kept as a cookie from then on.
+It answers this machine alone, unless it listens on an address that others reach: then a request must carry a random token, which
+stands in the printed address and is kept as a cookie from then on.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import socket
 import stat
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -95,13 +95,8 @@ class CatalogRequest(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
             return
         with content:
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(size))
-            self.send_header("Cache-Control", "no-cache")
-            self.send_header("X-Content-Type-Options", "nosniff")
-            self.send_header("Referrer-Policy", "no-referrer")
-            self.end_headers()
+            about = {"Content-Type": kind, "Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"}
+            self._send_head(HTTPStatus.OK, size, about)
             if with_body:
                 shutil.copyfileobj(content, self.wfile)
 
@@ -109,19 +104,21 @@ class CatalogRequest(BaseHTTPRequestHandler):
         """Whether the request carries the token; where not, it is answered here: in the address it becomes a cookie."""
         parts = urlsplit(self.path)
         if access.is_token(parse_qs(parts.query).get("token", [None])[0]):
-            self.send_response(HTTPStatus.SEE_OTHER)
-            self.send_header("Location", "/")
-            self.send_header("Set-Cookie", f"{access.cookie}={access.token}; HttpOnly; SameSite=Lax; Path=/")
-            self.send_header("Content-Length", "0")
-            self.send_header("Cache-Control", "no-store")
-            self.send_header("Referrer-Policy", "no-referrer")
-            self.end_headers()
+            cookie = f"{access.cookie}={access.token}; HttpOnly; SameSite=Lax; Path=/"
+            about = {"Location": "/", "Set-Cookie": cookie, "Cache-Control": "no-store"}
+            self._send_head(HTTPStatus.SEE_OTHER, 0, about)
             return False
         cookies = (pair.strip().partition("=") for pair in self.headers.get("Cookie", "").split(";"))
         if any(name == access.cookie and access.is_token(value) for name, _, value in cookies):
             return True
         self.send_error(HTTPStatus.FORBIDDEN, explain="Open the address with the token that the program printed.")
         return False
+
+    def _send_head(self, status: HTTPStatus, size: int, about: Mapping[str, str]) -> None:
+        self.send_response(status)
+        for name, value in {**about, "Content-Length": str(size), "Referrer-Policy": "no-referrer"}.items():
+            self.send_header(name, value)
+        self.end_headers()
 
     def log_message(self, *arguments: Any) -> None:
         """Say nothing: the terminal belongs to whoever started the server."""

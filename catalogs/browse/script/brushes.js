@@ -149,7 +149,7 @@ function showBrushes() {
       if (document.activeElement !== input) input.value = text(rangeOf(+line.dataset.axis)[end]);
     });
   const lines = `line${rows.count === 1 ? "" : "s"}`, all = rows.count.toLocaleString("en");
-  const part = selection.brushed ? `${selection.count.toLocaleString("en")} of ` : "";
+  const part = selection.brushed ? `${selection.rows.length.toLocaleString("en")} of ` : "";
   $("line-count").textContent = `${part}${all} ${lines}${selection.brushed ? " brushed" : ""}`;
   $("reset").disabled = !selection.brushed;
 }

@@ -107,7 +107,7 @@ const memberTitle = m => `${memberNames[m]}: ${dimensions.filter(d => d.of === "
 
 // The brushed members and the present one; of too many those around it.
 function showMembers() {
-  const menu = $("member"), here = cell().member, brushed = brushedMembers();
+  const menu = $("member"), here = cell().member, brushed = selection.members;
   let place = brushed.indexOf(here);
   const from = Math.max(0, Math.min((place < 0 ? 0 : place) - OFFERED / 2, brushed.length - OFFERED));
   const window = brushed.slice(from, from + OFFERED);
@@ -124,7 +124,7 @@ function showMembers() {
 }
 
 function stepMember(sign) {
-  const brushed = brushedMembers(), place = brushed.indexOf(cell().member);
+  const brushed = selection.members, place = brushed.indexOf(cell().member);
   const next = place < 0 ? 0 : Math.max(0, Math.min(brushed.length - 1, place + sign));
   chooseCell({ ...cell(), member: brushed[next] });
 }

@@ -15,8 +15,7 @@ const gridChoices = () => [
 function cellsOfGrid() {
   const here = state.sides[0];
   if (state.show === "rows") {
-    const chosen = selectedRows();
-    return { member: chosen.map(row => rows.member[row]), appearance: chosen.map(row => rows.appearance[row]) };
+    return { member: selection.rows.map(row => rows.member[row]), appearance: selection.rows.map(row => rows.appearance[row]) };
   }
   const i = dimensions.findIndex(d => state.show === `along ${d.name}`);
   if (i >= 0) {
@@ -24,8 +23,7 @@ function cellsOfGrid() {
     if (dimensions[i].of === "appearance") return { member: same("member"), appearance: numbers };
     return { member: numbers, appearance: numbers.map(m => keepToAppearances({ ...here, member: m }).appearance) };
   }
-  const members = brushedMembers();
-  return { member: members, appearance: members.map(m => shownAppearance(m, here.appearance)) };
+  return { member: selection.members, appearance: selection.members.map(m => shownAppearance(m, here.appearance)) };
 }
 
 // The wanted appearance, or the first that is brushed, of a member that does not show it.

@@ -26,7 +26,8 @@ function categories(name, of, names, numbers) {
 
 // ---- what the brushes select
 
-const selection = { version: 0, brushed: false, mask: new Uint8Array(rows.count).fill(1), count: rows.count, members: everyMember };
+const everyRow = Int32Array.from({ length: rows.count }, (_, row) => row);
+const selection = { version: 0, brushed: false, mask: new Uint8Array(rows.count).fill(1), rows: everyRow, members: everyMember };
 
 function passes(m, a) {
   const of = { member: m, appearance: a };
@@ -47,21 +48,11 @@ function select() {
       if (!(value >= least && value <= most)) mask[row] = 0;
     }
   });
-  let count = 0;
-  for (let row = 0; row < rows.count; row++)
-    if (mask[row]) { count++; memberIn[rows.member[row]] = 1; }
+  const selected = everyRow.filter(row => mask[row]);
+  for (const row of selected) memberIn[rows.member[row]] = 1;
   Object.assign(selection, {
-    version: selection.version + 1, brushed: state.brushes.some(Boolean), count, members: everyMember.filter(m => memberIn[m]),
+    version: selection.version + 1, brushed: state.brushes.some(Boolean), rows: selected, members: everyMember.filter(m => memberIn[m]),
   });
-}
-
-const brushedMembers = () => selection.members;
-
-function selectedRows() {
-  const chosen = new Int32Array(selection.count);
-  let at = 0;
-  for (let row = 0; row < rows.count; row++) if (selection.mask[row]) chosen[at++] = row;
-  return chosen;
 }
 
 // ---- where lines run
@@ -100,7 +91,7 @@ function trace(pen, row) {
 // ---- drawing, a batch per stroke and a few milliseconds per frame, in an order that looks like the whole from the start
 
 const shuffled = (() => {
-  const order = Int32Array.from({ length: rows.count }, (_, i) => i);
+  const order = everyRow.slice();
   let seed = 1;
   for (let i = order.length - 1; i > 0; i--) {
     seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0;
@@ -158,7 +149,7 @@ function drawBackdrop() {
 }
 
 function drawSelected() {
-  drawLayer("brushed-lines", selection.count, row => selection.mask[row] ? memberSplits[rows.member[row]] : -1, catalog.splits.map(token));
+  drawLayer("brushed-lines", selection.rows.length, row => selection.mask[row] ? memberSplits[rows.member[row]] : -1, catalog.splits.map(token));
 }
 
 // ---- the present line, and the one under the pointer
@@ -186,8 +177,7 @@ function nearestLine(x, y) {
   if (axes.length > 1) i = Math.max(0, Math.min(axes.length - 2, i));
   const k = Math.min(i + 1, axes.length - 1), part = k === i ? 0 : Math.max(0, Math.min(1, (x - plot.x[i]) / (plot.x[k] - plot.x[i])));
   let best = -1, least = REACH;
-  for (let row = 0; row < rows.count; row++) {
-    if (!selection.mask[row]) continue;
+  for (const row of selection.rows) {
     const far = Math.abs(lineY(Math.max(0, i), row) * (1 - part) + lineY(k, row) * part - y);
     if (far < least) { least = far; best = row; }
   }
