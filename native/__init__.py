@@ -3,12 +3,11 @@
 The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are copied); the same
 input gives bitwise the same output for any number of threads.
 
-    forward(means, scales, quats, opacities, colors, world_to_camera, intrinsics, size, constants, threads, instruction_set="",
-            background=None)
-            -> Drawing, with color (H, W, 3) and alpha (H, W) or, over a background colour, with over (H, W, 4): colours over
-            the background, and alpha
-            intrinsics: fx, fy, cx, cy; size: width, height; constants: those of `surrogate.splatting.Constants`, in its order
-    backward(drawing, grad_color, grad_alpha, threads), or backward_over(drawing, gradient, threads)
+    forward(gaussians, world_to_camera, intrinsics, size, constants, threads, instruction_set="", background=(0, 0, 0))
+            -> Drawing, with its picture (H, W, 4): colours over the background, and alpha
+            gaussians: means, scales, quats, opacities, colors; intrinsics: fx, fy, cx, cy; size: width, height; constants:
+            those of `surrogate.splatting.Constants`, in its order
+    backward(drawing, gradient, threads)
             -> gradients by means, scales, quats, opacities, colors, and by the projected centres their lengths (N,)
     image_loss(image, target, ssim_weight, threads, instruction_set="")
             -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)
@@ -42,7 +41,6 @@ from typing import Any
 __all__ = [
     "add_bilinear",
     "backward",
-    "backward_over",
     "bilinear_gradients",
     "extinction_table",
     "forward",

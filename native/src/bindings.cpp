@@ -2,7 +2,6 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -13,7 +12,6 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <tuple>
@@ -47,27 +45,28 @@ void require_finite(const Input& array, const char* name, size_t columns) {
                                         std::to_string(values[i]) + ": every number must be finite");
 }
 
+using Five = std::array<Input, 5>;
+
+constexpr const char* kAttributes[] = {"means", "scales", "quats", "opacities", "colors"};
+
+std::vector<size_t> shape_for(int attribute, size_t count) {
+    constexpr size_t kColumns[] = {3, 3, 4, 0, 3};
+    return kColumns[attribute] ? std::vector<size_t>{count, kColumns[attribute]} : std::vector<size_t>{count};
+}
+
 // A drawing, with the arrays that it reads again in the backward pass.
 struct BoundDrawing {
-    Input means, scales, quats, opacities, colors;
-    std::optional<std::array<float, 3>> background;
-    std::optional<Output> color, alpha;  // without a background
-    std::optional<Output> over;          // with one
+    Five gaussians;
+    Output picture;
     std::unique_ptr<Drawing> drawing;
-
-    template <class Float>
-    Frame<Float> frame(Float* color_data, Float* alpha_data, Float* over_data) const {
-        Frame<Float> f{color_data, alpha_data, over_data, {}};
-        if (background) std::copy(background->begin(), background->end(), f.background);
-        return f;
-    }
 };
 
 View view_of(const Matrix& world_to_camera, const std::array<double, 4>& intrinsics, const std::array<int, 2>& size,
-             const std::array<double, 7>& constants) {
+             const std::array<double, 7>& constants, const std::array<float, 3>& background) {
     const auto [near, dilation, alpha_floor, alpha_cap, min_transmittance, frame_margin, shortest_quaternion] = constants;
     View view{{near, dilation, float(alpha_floor), float(alpha_cap), float(min_transmittance), frame_margin, shortest_quaternion},
-              {}, {}, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], size[0], size[1]};
+              {}, {}, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], size[0], size[1],
+              {background[0], background[1], background[2]}};
     for (int r = 0; r < 3; ++r) {
         for (int c = 0; c < 3; ++c) view.rotation[3 * r + c] = world_to_camera(r, c);
         view.translation[r] = world_to_camera(r, 3);
@@ -84,71 +83,38 @@ View view_of(const Matrix& world_to_camera, const std::array<double, 4>& intrins
     return view;
 }
 
-std::unique_ptr<BoundDrawing> forward(Input means, Input scales, Input quats, Input opacities, Input colors,
-                                      Matrix world_to_camera, std::array<double, 4> intrinsics, std::array<int, 2> size,
-                                      const std::array<double, 7>& constants, int threads, const std::string& instruction_set,
-                                      std::optional<std::array<float, 3>> background) {
+std::unique_ptr<BoundDrawing> forward(Five arrays, Matrix world_to_camera, std::array<double, 4> intrinsics,
+                                      std::array<int, 2> size, std::array<double, 7> constants, int threads,
+                                      const std::string& instruction_set, std::array<float, 3> background) {
+    const Input& means = arrays[0];
     require(means.ndim() == 2 && means.shape(1) == 3, "means must have shape [N, 3], got " + shape_of(means));
     const size_t count = means.shape(0);
-    require_shape(scales, "scales", {count, 3});
-    require_shape(quats, "quats", {count, 4});
-    require_shape(opacities, "opacities", {count});
-    require_shape(colors, "colors", {count, 3});
-    const View view = view_of(world_to_camera, intrinsics, size, constants);
-    require_finite(means, "means", 3);
-    require_finite(scales, "scales", 3);
-    require_finite(quats, "quats", 4);
-    require_finite(opacities, "opacities", 1);
-    require_finite(colors, "colors", 3);
+    for (int k = 1; k < 5; ++k) require_shape(arrays[k], kAttributes[k], shape_for(k, count));
+    const View view = view_of(world_to_camera, intrinsics, size, constants, background);
+    for (int k = 0; k < 5; ++k) require_finite(arrays[k], kAttributes[k], count ? arrays[k].size() / count : 1);
     const Kernels& kernels = kernels_named(instruction_set);
-    const size_t rows = size_t(view.height), columns = size_t(view.width);
     auto bound = std::make_unique<BoundDrawing>();
-    bound->means = means;
-    bound->scales = scales;
-    bound->quats = quats;
-    bound->opacities = opacities;
-    bound->colors = colors;
-    bound->background = background;
-    if (background) {
-        bound->over = new_array({rows, columns, 4});
-    } else {
-        bound->color = new_array({rows, columns, 3});
-        bound->alpha = new_array({rows, columns});
-    }
-    const auto data = [](const std::optional<Output>& array) { return array ? array->data() : nullptr; };
-    const Frame<float> frame = bound->frame(data(bound->color), data(bound->alpha), data(bound->over));
-    const Gaussians gaussians{means.data(), scales.data(), quats.data(), opacities.data(), colors.data(), int64_t(count)};
+    bound->gaussians = arrays;
+    bound->picture = new_array({size_t(view.height), size_t(view.width), 4});
+    const Gaussians gaussians{means.data(),     arrays[1].data(), arrays[2].data(),
+                              arrays[3].data(), arrays[4].data(), int64_t(count)};
     nb::gil_scoped_release released;
-    bound->drawing = std::make_unique<Drawing>(gaussians, view, kernels, threads, frame);
+    bound->drawing = std::make_unique<Drawing>(gaussians, view, kernels, threads, bound->picture.data());
     return bound;
 }
 
-using Gradients = std::tuple<Output, Output, Output, Output, Output, Output>;
-
-Gradients gradients_of(const BoundDrawing& bound, const Frame<const float>& gradient, int threads) {
-    const size_t count = bound.means.shape(0);
-    Gradients out{new_array({count, 3}), new_array({count, 3}), new_array({count, 4}),
-                  new_array({count}),    new_array({count, 3}), new_array({count})};
-    const GaussianGradients gradients{std::get<0>(out).data(), std::get<1>(out).data(), std::get<2>(out).data(),
-                                      std::get<3>(out).data(), std::get<4>(out).data(), std::get<5>(out).data()};
-    nb::gil_scoped_release released;
-    bound.drawing->backward(gradient, threads, gradients);
-    return out;
-}
-
-Gradients backward(const BoundDrawing& bound, Input grad_color, Input grad_alpha, int threads) {
+std::vector<Output> backward(const BoundDrawing& bound, Input gradient, int threads) {
     const View& view = bound.drawing->view;
-    require(!bound.background, "this drawing is over a background: use backward_over");
-    require_shape(grad_color, "grad_color", {size_t(view.height), size_t(view.width), 3});
-    require_shape(grad_alpha, "grad_alpha", {size_t(view.height), size_t(view.width)});
-    return gradients_of(bound, bound.frame<const float>(grad_color.data(), grad_alpha.data(), nullptr), threads);
-}
-
-Gradients backward_over(const BoundDrawing& bound, Input gradient, int threads) {
-    const View& view = bound.drawing->view;
-    require(bound.background.has_value(), "this drawing has no background: use backward");
     require_shape(gradient, "gradient", {size_t(view.height), size_t(view.width), 4});
-    return gradients_of(bound, bound.frame<const float>(nullptr, nullptr, gradient.data()), threads);
+    const size_t count = bound.gaussians[0].shape(0);
+    std::vector<Output> out;
+    for (int k = 0; k < 5; ++k) out.push_back(new_array(shape_for(k, count)));
+    out.push_back(new_array({count}));
+    const GaussianGradients gradients{out[0].data(), out[1].data(), out[2].data(),
+                                      out[3].data(), out[4].data(), out[5].data()};
+    nb::gil_scoped_release released;
+    bound.drawing->backward(gradient.data(), threads, gradients);
+    return out;
 }
 
 using Loss = std::tuple<double, double, Output>;
@@ -183,9 +149,7 @@ NB_MODULE(_kernels, m) {
     using namespace gs;
     using namespace nb::literals;
     nb::class_<BoundDrawing>(m, "Drawing")
-        .def_prop_ro("color", [](const BoundDrawing& d) { return d.color; }, nb::rv_policy::automatic)
-        .def_prop_ro("alpha", [](const BoundDrawing& d) { return d.alpha; }, nb::rv_policy::automatic)
-        .def_prop_ro("over", [](const BoundDrawing& d) { return d.over; }, nb::rv_policy::automatic)
+        .def_prop_ro("picture", [](const BoundDrawing& d) { return d.picture; }, nb::rv_policy::automatic)
         .def_prop_ro("drawn", [](const BoundDrawing& d) { return d.drawing->drawn(); })
         .def_prop_ro("touches", [](const BoundDrawing& d) { return d.drawing->touches(); });
     m.def("instruction_sets", [] {
@@ -193,10 +157,9 @@ NB_MODULE(_kernels, m) {
         for (const Kernels* kernels : available()) names.push_back(kernels->name);
         return names;
     });
-    m.def("forward", &forward, "means"_a, "scales"_a, "quats"_a, "opacities"_a, "colors"_a, "world_to_camera"_a,
-          "intrinsics"_a, "size"_a, "constants"_a, "threads"_a, "instruction_set"_a = "", "background"_a = nb::none());
-    m.def("backward", &backward, "drawing"_a, "grad_color"_a, "grad_alpha"_a, "threads"_a);
-    m.def("backward_over", &backward_over, "drawing"_a, "gradient"_a, "threads"_a);
+    m.def("forward", &forward, "gaussians"_a, "world_to_camera"_a, "intrinsics"_a, "size"_a, "constants"_a, "threads"_a,
+          "instruction_set"_a = "", "background"_a = std::array<float, 3>{});
+    m.def("backward", &backward, "drawing"_a, "gradient"_a, "threads"_a);
     bind_deformations(m);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,

@@ -61,7 +61,7 @@ void sort_by_depth(Buffer<DepthKey>& order, Buffer<DepthKey>& spare, int64_t cou
 
 }  // namespace
 
-Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int threads, const Frame<float>& frame)
+Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int threads, float* picture)
     : gaussians(g), view(v), kernels_(kernels), memory_(take_workspace()) {
     if (g.count >= int64_t(UINT32_MAX)) throw std::length_error("more Gaussians than 32 bits can count");
     tiling_ = {int(tasks_of(v.width, kernels.tile_width)), int(tasks_of(v.height, kernels.tile_height)), kernels.tile_width,
@@ -75,7 +75,7 @@ Drawing::Drawing(const Gaussians& g, const View& v, const Kernels& kernels, int 
     parallel(tiles, threads, [&](int64_t tile) {
         kernels_.forward_tile(m.splats.data(), m.entries.data() + m.starts[tile], int64_t(m.starts[tile + 1] - m.starts[tile]),
                               view, int(tile % tiling_.across) * tiling_.width, int(tile / tiling_.across) * tiling_.height,
-                              m.states.data() + tile * state, frame);
+                              m.states.data() + tile * state, picture);
     });
 }
 
@@ -177,7 +177,7 @@ void Drawing::list(int threads) {
     });
 }
 
-void Drawing::backward(const Frame<const float>& gradient, int threads, const GaussianGradients& out) {
+void Drawing::backward(const float* gradient, int threads, const GaussianGradients& out) {
     const std::lock_guard<std::mutex> guard(in_backward_);
     Workspace& m = *memory_;
     const int64_t tiles = int64_t(tiling_.across) * tiling_.down, state = 4 * tiling_.width * tiling_.height;

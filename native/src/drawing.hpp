@@ -38,14 +38,14 @@ struct Workspace {
 
 class Drawing {
 public:
-    // Draws into the frame.  The Gaussians must stay as they are until the last `backward`.
-    Drawing(const Gaussians&, const View&, const Kernels&, int threads, const Frame<float>&);
+    // Draws into `picture` [H, W, 4].  The Gaussians must stay as they are until the last `backward`.
+    Drawing(const Gaussians&, const View&, const Kernels&, int threads, float* picture);
     ~Drawing();
     Drawing(const Drawing&) = delete;
     Drawing& operator=(const Drawing&) = delete;
 
-    // Gradients, by the Gaussians, of a loss with these gradients by the frame; `out` must hold zeros.
-    void backward(const Frame<const float>& gradient, int threads, const GaussianGradients& out);
+    // Gradients, by the Gaussians, of a loss with this gradient by the picture; `out` must hold zeros.
+    void backward(const float* gradient, int threads, const GaussianGradients& out);
 
     int64_t drawn() const { return drawn_; }      // Gaussians that reach the picture
     int64_t touches() const { return touches_; }  // (Gaussian, tile) pairs

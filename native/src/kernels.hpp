@@ -21,6 +21,7 @@ struct View : Constants {
     double translation[3];
     double fx, fy, cx, cy;
     int width, height;
+    float background[3];  // that colours are drawn over; alpha, the fourth channel, leaves it out
 };
 
 // One Gaussian as the pixel loops need it: log2(alpha) = peak - u^2 - v^2 at the pixel position (x, y), where
@@ -88,16 +89,6 @@ struct ImagePair {
     int height, width, image_channels, channels;
 };
 
-// A picture to draw: colours and alpha apart, or, where `over` is not null, together as [H, W, 4] with the colours over
-// `background`.  And, in the backward pass, the gradient by it.
-template <class Float>
-struct Frame {
-    Float* color;  // [H, W, 3], premultiplied
-    Float* alpha;  // [H, W]
-    Float* over;   // [H, W, 4]
-    float background[3];
-};
-
 constexpr int kParts = 5;          // tensors that a Gaussian's parameters lie in
 constexpr int kMostColumns = 64;   // of a Gaussian's parameters, all tensors together
 constexpr int kMostLatent = 256;
@@ -139,12 +130,11 @@ struct Kernels {
     // `begin` where each one's begin in `touches`, and at its end where they end.
     void (*project)(const Gaussians&, const View&, const Tiling&, int64_t first, int64_t last, Splat*, float* depths,
                     Touches& touches, uint32_t* begin);
-    // Draws one tile from its list, front to back; `state` keeps four values per pixel.
-    void (*forward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, float* state,
-                         const Frame<float>&);
+    // Draws one tile of the picture [H, W, 4] from its list, front to back; `state` keeps four values per pixel.
+    void (*forward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, float* state, float* picture);
     // Moments of one tile's entries, each written to moments + slot * kMoments.
     void (*backward_tile)(const Splat*, const Entry*, int64_t count, const View&, int left, int top, const float* state,
-                          const Frame<const float>& gradient, float* moments);
+                          const float* gradient, float* moments);
     // Chain rule of the projection for Gaussians [first, last), with their moments in slots begin[0] to begin[last - first].
     void (*project_backward)(const Gaussians&, const View&, int64_t first, int64_t last, const float* moments,
                              const uint32_t* begin, const GaussianGradients&);

@@ -26,15 +26,15 @@ def render(primitives: Primitives, camera: Camera, constants: Constants, **optio
 
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
     """
-    return Rendering(*_Splat.apply(*primitives, _View(camera, constants, **options)))
+    picture = render_over(primitives, camera, (0.0, 0.0, 0.0), constants, **options)
+    return Rendering(picture[..., :3], picture[..., 3])
 
 
 def render_over(
     primitives: Primitives, camera: Camera, background: Sequence[float], constants: Constants, **options: Any
 ) -> Tensor:
     """The same over a `background` colour (3,), with alpha as the fourth channel: (H, W, 4)."""
-    view = _View(camera, constants, background=tuple(map(float, background)), **options)
-    return _Splat.apply(*primitives, view)
+    return _Splat.apply(*primitives, _View(camera, constants, tuple(map(float, background)), **options))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,29 +43,26 @@ class _View:
 
     camera: Camera
     constants: Constants
+    background: tuple[float, ...]
     threads: int | None = None
     instruction_set: str = ""
     screen_gradients: Tensor | None = None
-    background: tuple[float, ...] | None = None
 
 
 class _Splat(torch.autograd.Function):
-    """Colour (H, W, 3) and alpha (H, W), or, with a background, one picture (H, W, 4)."""
+    """The picture (H, W, 4) over a background, with alpha."""
 
     @staticmethod
-    def forward(ctx: Any, *inputs: Any) -> Tensor | tuple[Tensor, Tensor]:
+    def forward(ctx: Any, *inputs: Any) -> Tensor:
         *tensors, view = inputs
         ctx.save_for_backward(*tensors)  # only so that torch refuses a backward after one was changed in place
         ctx.view, ctx.threads = view, view.threads or cores()
         ctx.drawing = _drawn([_array(tensor) for tensor in tensors], view, ctx.threads)
-        if view.background is not None:
-            return torch.from_numpy(ctx.drawing.over)
-        return torch.from_numpy(ctx.drawing.color), torch.from_numpy(ctx.drawing.alpha)
+        return torch.from_numpy(ctx.drawing.picture)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        backward = native.backward if ctx.view.background is None else native.backward_over
-        *arrays, screen = backward(ctx.drawing, *(_array(gradient) for gradient in gradients), ctx.threads)
+        *arrays, screen = native.backward(ctx.drawing, _array(gradients[0]), ctx.threads)
         if ctx.view.screen_gradients is not None:
             ctx.view.screen_gradients.copy_(torch.from_numpy(screen))
         return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, ctx.saved_tensors, strict=True)), None
@@ -85,7 +82,7 @@ def _drawn(arrays: list[NDArray[np.float32]], view: _View, threads: int) -> Any:
     )
     try:
         return native.forward(
-            *arrays, camera.world_to_camera, intrinsics, size, limits, threads, view.instruction_set, view.background
+            arrays, camera.world_to_camera, intrinsics, size, limits, threads, view.instruction_set, view.background
         )
     except MemoryError as error:
         raise MemoryError(

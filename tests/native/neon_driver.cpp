@@ -35,6 +35,7 @@ int main() {
     view.near = camera[16], view.dilation = camera[17];
     view.width = sizes[1], view.height = sizes[2], view.alpha_floor = 1.0f / 255.0f, view.alpha_cap = 0.999f;
     view.min_transmittance = 1e-4f, view.frame_margin = 0.15, view.shortest_quaternion = 1e-12;
+    view.background[0] = 1.0f, view.background[1] = 0.5f, view.background[2] = 0.25f;
     const auto means = read<float>(3 * count), scales = read<float>(3 * count), quats = read<float>(4 * count);
     const auto opacities = read<float>(count), colors = read<float>(3 * count);
     const auto gradient = read<float>(4 * pixels), target = read<float>(4 * pixels);
@@ -45,13 +46,12 @@ int main() {
 
     std::vector<float> picture(4 * pixels);
     const gs::Gaussians gaussians{means.data(), scales.data(), quats.data(), opacities.data(), colors.data(), int64_t(count)};
-    const gs::Frame<float> frame{nullptr, nullptr, picture.data(), {1.0f, 0.5f, 0.25f}};
-    gs::Drawing drawing(gaussians, view, gs::kernels_baseline, threads, frame);
+    gs::Drawing drawing(gaussians, view, gs::kernels_baseline, threads, picture.data());
     write(picture);
 
     std::vector<float> by_means(3 * count), by_scales(3 * count), by_quats(4 * count), by_opacities(count), by_colors(3 * count);
     std::vector<float> screen(count);
-    drawing.backward({nullptr, nullptr, gradient.data(), {1.0f, 0.5f, 0.25f}}, threads,
+    drawing.backward(gradient.data(), threads,
                      {by_means.data(), by_scales.data(), by_quats.data(), by_opacities.data(), by_colors.data(), screen.data()});
     for (const auto* values : {&by_means, &by_scales, &by_quats, &by_opacities, &by_colors}) write(*values);
 

@@ -44,14 +44,13 @@ def draw(arrays: Arrays, width: int = 70, height: int = 50, threads: int = 1, **
     intrinsics = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
     size = {"width": width, "height": height}
     chosen = [[changes.pop(name, values[name]) for name in values] for values in (intrinsics, size, CONSTANTS)]
-    return native.forward(*arrays, camera.world_to_camera, *chosen, threads, **changes)
+    return native.forward(arrays, camera.world_to_camera, *chosen, threads, **changes)
 
 
 def everything(arrays: Arrays, width: int = 70, height: int = 50, threads: int = 1) -> list[NDArray[np.float32]]:
     """The picture and all gradients of its sum."""
     drawing = draw(arrays, width, height, threads)
-    ones = np.ones((height, width, 3), np.float32), np.ones((height, width), np.float32)
-    return [drawing.color, drawing.alpha, *native.backward(drawing, *ones, threads)]
+    return [drawing.picture, *native.backward(drawing, np.ones((height, width, 4), np.float32), threads)]
 
 
 def same(first: list[NDArray[np.float32]], second: list[NDArray[np.float32]]) -> bool:
@@ -63,7 +62,7 @@ def test_every_machine_has_the_baseline_and_the_best_comes_first() -> None:
     assert names[-1] == "baseline"
     assert len(set(names)) == len(names)
     default, best = draw(gaussians(50)), draw(gaussians(50), instruction_set=names[0])
-    assert np.array_equal(default.color, best.color)
+    assert np.array_equal(default.picture, best.picture)
 
 
 def test_a_picture_of_any_number_and_size_does_not_depend_on_what_was_drawn_before() -> None:
@@ -98,9 +97,8 @@ def test_a_drawing_keeps_what_it_needs_alive_and_can_be_differentiated_twice() -
     drawing = draw(gaussians(200))
     gc.collect()
     everything(gaussians(500, seed=3))  # takes memory that a careless drawing would still be reading
-    ones = np.ones((50, 70, 3), np.float32), np.ones((50, 70), np.float32)
     for _ in range(2):
-        assert same(list(native.backward(drawing, *ones, 1)), expected[2:])
+        assert same(list(native.backward(drawing, np.ones((50, 70, 4), np.float32), 1)), expected[1:])
 
 
 def test_what_does_not_reach_the_picture_has_no_gradient() -> None:
@@ -108,7 +106,7 @@ def test_what_does_not_reach_the_picture_has_no_gradient() -> None:
     scene[0][:25, 1] = 100.0
     drawing = draw(scene)
     assert drawing.drawn <= 25
-    assert not any(gradient[:25].any() for gradient in everything(scene)[2:])
+    assert not any(gradient[:25].any() for gradient in everything(scene)[1:])
 
 
 @pytest.mark.parametrize(
@@ -126,7 +124,7 @@ def test_what_does_not_reach_the_picture_has_no_gradient() -> None:
 def test_every_constant_counts(name: str, value: float) -> None:
     assert list(CONSTANTS) == [*Constants.__annotations__]
     usual, changed = draw(gaussians(200)), draw(gaussians(200), **{name: value})
-    assert not np.array_equal(usual.alpha, changed.alpha)
+    assert not np.array_equal(usual.picture[..., 3], changed.picture[..., 3])
 
 
 @pytest.mark.parametrize(
@@ -152,20 +150,15 @@ def test_bad_arrays_are_refused() -> None:
     with pytest.raises(ValueError, match=r"quats must have shape \[5, 4\], got \[5, 3\]"):
         draw([*scene[:2], scene[0], *scene[3:]])
     drawing = draw(scene)
-    with pytest.raises(ValueError, match=r"grad_color must have shape \[50, 70, 3\]"):
-        native.backward(drawing, np.zeros((50, 71, 3), np.float32), np.zeros((50, 70), np.float32), 1)
+    with pytest.raises(ValueError, match=r"gradient must have shape \[50, 70, 4\]"):
+        native.backward(drawing, np.zeros((50, 71, 4), np.float32), 1)
 
 
-def test_a_drawing_is_differentiated_as_it_was_drawn() -> None:
-    scene = gaussians(5)
-    ones = np.ones((50, 70, 3), np.float32), np.ones((50, 70), np.float32)
-    apart, over = draw(scene), draw(scene, background=(1.0, 1.0, 1.0))
-    assert over.color is None
-    assert apart.over is None
-    with pytest.raises(ValueError, match="use backward_over"):
-        native.backward(over, *ones, 1)
-    with pytest.raises(ValueError, match="use backward"):
-        native.backward_over(apart, np.ones((50, 70, 4), np.float32), 1)
+def test_a_background_shows_through_what_is_not_opaque() -> None:
+    scene, color = gaussians(20), np.array([0.2, 0.5, 1.0], np.float32)
+    plain, over = draw(scene).picture, draw(scene, background=tuple(color.tolist())).picture
+    assert np.array_equal(over[..., 3], plain[..., 3])
+    np.testing.assert_allclose(over[..., :3], plain[..., :3] + (1 - plain[..., 3:]) * color, rtol=1e-5, atol=1e-6)
 
 
 def test_other_layouts_and_precisions_are_converted() -> None:
