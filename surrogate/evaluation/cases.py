@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -74,8 +75,9 @@ def cases_of(
 
 def base_cells(catalog: Catalog, appearance: str) -> CaseCells:
     """Test images of the base appearance, by row of `VIEWS` and column of `PARAMETERS`; no choice may be made on them."""
+    members = catalog.members
     found = {
-        row: {c: cases_of(catalog.members, {appearance: {}}, splits, views) for c, splits in PARAMETERS.items()}
+        row: {column: cases_of(members, {appearance: {}}, splits, views) for column, splits in PARAMETERS.items()}
         for row, views in VIEWS.items()
     }
     return {row: {**columns, "seen_parameters": drawn(columns["seen_parameters"])} for row, columns in found.items()}
@@ -83,17 +85,17 @@ def base_cells(catalog: Catalog, appearance: str) -> CaseCells:
 
 def base_validation(catalog: Catalog, appearance: str) -> list[Case]:
     """Images of validation members, else of validation views: choices are made on these."""
-    shown = {appearance: {}}  # type: Mapping[str, Mapping[str, float | str]]
-    found = cases_of(catalog.members, shown, (VALIDATION,), ("train", VALIDATION))
-    return found or cases_of(catalog.members, shown, ("train",), (VALIDATION,))
+    of = partial(cases_of, catalog.members, {appearance: {}})
+    return of((VALIDATION,), ("train", VALIDATION)) or of(("train",), (VALIDATION,))
 
 
 def variation_cells(catalog: Catalog, variation: Variation) -> CaseCells:
     """Test images at unseen views, by row of `SETTINGS` and column of `PARAMETERS`."""
+    members = catalog.members
     return {
         row: {
-            c: drawn_evenly(_varied_cases(catalog, variation, settings, splits, ("test",)))
-            for c, splits in PARAMETERS.items()
+            column: drawn_evenly(cases_of(members, _asked(variation, settings), splits, ("test",)))
+            for column, splits in PARAMETERS.items()
         }
         for row, settings in SETTINGS.items()
     }
@@ -101,8 +103,8 @@ def variation_cells(catalog: Catalog, variation: Variation) -> CaseCells:
 
 def variation_validation(catalog: Catalog, variation: Variation) -> list[Case]:
     """Images of validation members under validation settings; of fields, which are all trained, under any."""
-    settings = VALIDATION if variation.continuous else "train"
-    return drawn_evenly(_varied_cases(catalog, variation, (settings,), (VALIDATION,), ("train", VALIDATION)))
+    shown = _asked(variation, (VALIDATION,) if variation.continuous else ("train",))
+    return drawn_evenly(cases_of(catalog.members, shown, (VALIDATION,), ("train", VALIDATION)))
 
 
 def drawn(cases: Sequence[Case], most: int = MOST_IMAGES) -> list[Case]:
@@ -123,12 +125,6 @@ def drawn_evenly(cases: Sequence[Case], most: int = MOST_VARIED) -> list[Case]:
     return [cases[i] for i in sorted(i for _, i in sorted(turns, key=lambda turn: turn[0])[:most])]
 
 
-def _varied_cases(
-    catalog: Catalog,
-    variation: Variation,
-    setting_splits: Sequence[str],
-    member_splits: Sequence[str],
-    view_splits: Sequence[str],
-) -> list[Case]:
-    shown = {s.appearance: variation.asked(s) for s in variation.settings if s.split in setting_splits}
-    return cases_of(catalog.members, shown, member_splits, view_splits)
+def _asked(variation: Variation, splits: Sequence[str]) -> dict[str, dict[str, float | str]]:
+    """What a surrogate is asked for, by appearance."""
+    return {s.appearance: variation.asked(s) for s in variation.settings if s.split in splits}

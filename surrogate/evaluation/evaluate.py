@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -26,11 +27,11 @@ from surrogate.evaluation.cases import (
 )
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
-from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, mean, score_cases, spread
+from surrogate.evaluation.scoring import Cells, Progress, Report, Scored, by_cell, mean, score_cases, spread
 from surrogate.evaluation.timing import Milliseconds, measure
-from surrogate.evaluation.trivial.interpolation import Rule, fixed_rules, tuned_rules
-from surrogate.evaluation.trivial.pictures import MemberMixtures
-from surrogate.evaluation.trivial.settings import SettingMixtures, Trained, place_of
+from surrogate.evaluation.trivial.interpolation import fixed_rules, setting_rules, tuned_rules
+from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures
+from surrogate.evaluation.trivial.settings import SettingPictures
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
@@ -55,7 +56,7 @@ class Baseline:
     """
 
     name: str
-    scores: Mapping[str, Sequence[Scored]]
+    scores: Mapping[str, Sequence[Scored]] = field(repr=False)
     degrees: float = 0.0
     shown: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
@@ -74,9 +75,9 @@ class VariedEvaluation:
 
     variation: Variation
     deformation: str
-    cells: Cells
-    validation: Sequence[Scored]
-    baselines: Sequence[Baseline]
+    cells: Cells = field(repr=False)
+    validation: Sequence[Scored] = field(repr=False)
+    baselines: Sequence[Baseline] = field(repr=False)
     milliseconds: Mapping[str, Milliseconds]
 
     @property
@@ -99,9 +100,9 @@ class Evaluation:
     unavailable : why a perceptual metric can't be had on this machine, by its name.
     """
 
-    cells: Cells
-    validation: Sequence[Scored]
-    baselines: Sequence[Baseline]
+    cells: Cells = field(repr=False)
+    validation: Sequence[Scored] = field(repr=False)
+    baselines: Sequence[Baseline] = field(repr=False)
     milliseconds: Mapping[str, Milliseconds]
     variations: Sequence[VariedEvaluation] = ()
     unavailable: Mapping[str, str] = field(default_factory=dict)
@@ -112,16 +113,9 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
     """Score `surrogate` on the images of `catalog` that it was made for."""
     appearance, perceptual = str(surrogate.training["appearance"]), PerceptualMetrics.load()
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
-    judged = drawn(watched)
-    scored = _score_cells(
-        SurrogatePredictor(surrogate.at, catalog.plan.background),
-        catalog,
-        cells,
-        judged,
-        perceptual,
-        [row["unseen_parameters"] for row in cells.values()],
-        partial(progress, "surrogate"),
-    )
+    judged, few = drawn(watched), [row["unseen_parameters"] for row in cells.values()]
+    told = partial(progress, "surrogate")
+    scored = _score_cells(surrogate, catalog, cells, judged, perceptual, few, told)
     groups = {row: cells[row]["unseen_parameters"] for row in VIEWS}
     groups[VALIDATION] = [case for case in judged if case.member.split == VALIDATION]
     change, view = measure(surrogate, catalog.members)
@@ -143,50 +137,40 @@ def _evaluate_variation(
 ) -> VariedEvaluation:
     variation = visualization.variation
     cells, judged = variation_cells(catalog, variation), variation_validation(catalog, variation)
-    scored = _score_cells(
-        SurrogatePredictor(surrogate.at, catalog.plan.background),
-        catalog,
-        cells,
-        judged,
-        perceptual,
-        [group for row in cells.values() for group in row.values()],
-        partial(progress, f"surrogate, {variation.name}"),
-    )
+    few, told = [group for row in cells.values() for group in row.values()], f"surrogate, {variation.name}"
+    scored = _score_cells(surrogate, catalog, cells, judged, perceptual, few, partial(progress, told))
     groups = {**cells["unseen_settings"], VALIDATION: judged}
-    reported = partial(progress, "trivial predictors of settings")
-    baselines = _setting_baselines(surrogate, catalog, variation, groups, reported) if variation.continuous else []
+    told = "trivial predictors of settings"
+    baselines = _setting_baselines(surrogate, catalog, variation, groups, partial(progress, told))
     change, view = measure(surrogate, catalog.members, [variation.asked(setting) for setting in variation.settings])
     milliseconds = {"visualization_change": change, "view_change": view}
     return VariedEvaluation(variation, visualization.deformation.kind, *scored, baselines, milliseconds)
 
 
 def _score_cells(
-    predictor: Predictor,
+    surrogate: Surrogate,
     catalog: Catalog,
     cells: CaseCells,
     validation: Sequence[Case],
     perceptual: PerceptualMetrics,
     looked_into: Sequence[Sequence[Case]],
-    progress: Callable[[int, int], None],
+    progress: Progress,
 ) -> tuple[Cells, list[Scored]]:
-    """Test images by row and column, and validation images; a few of the groups that are `looked_into` by perceptual metrics."""
-    cases = [*all_cases(cells), *validation]
+    """Test images by cell, and validation images; a few of each group that is `looked_into` by perceptual metrics too."""
+    predictor, cases = SurrogatePredictor(surrogate.at, catalog.plan.background), [*all_cases(cells), *validation]
     few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
     [found] = score_cases(predictor, catalog, cases, perceptual=perceptual, looked_at=few, progress=progress)
     return by_cell(cells, found), [found[case] for case in validation]
 
 
-def _score_groups(
-    predictor: Predictor,
-    catalog: Catalog,
-    groups: Mapping[str, Sequence[Case]],
-    progress: Callable[[int, int], None],
-) -> list[dict[str, list[Scored]]]:
-    """For each name of a predictor its scores by group."""
+def _baselines(
+    predictor: Predictor, catalog: Catalog, groups: Mapping[str, Sequence[Case]], progress: Progress, **known: Any
+) -> list[Baseline]:
+    """What a predictor makes of named groups of images, where it can; `known` is said of all its names."""
     cases = [case for group in groups.values() for case in group]
     return [
-        {name: [found[case] for case in group if case in found] for name, group in groups.items()}
-        for found in score_cases(predictor, catalog, cases, progress=progress)
+        Baseline(name, {g: [found[case] for case in group if case in found] for g, group in groups.items()}, **known)
+        for name, found in zip(predictor.names, score_cases(predictor, catalog, cases, progress=progress), strict=True)
     ]
 
 
@@ -195,25 +179,24 @@ def _member_baselines(
     appearance: str,
     groups: Mapping[str, Sequence[Case]],
     watched: Sequence[Case],
-    progress: Callable[[int, int], None],
+    progress: Progress,
 ) -> list[Baseline]:
-    """Mixtures of training members at named `groups` of images; their constants are chosen on `watched` validation images."""
+    """Mixtures of training members; their constants are chosen on `watched` validation images."""
     members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
     cases = [case for group in groups.values() for case in group]
     if not members or not cases:
         return []
-    mixtures = partial(MemberMixtures, catalog, appearance, members)
+    space = catalog.plan.space
+    pictures = MemberPictures(space, appearance, members)
     tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
-    tuned = [_best(family, catalog, mixtures(family), tuning) for family in tuned_rules() if tuning]
-    predictor = mixtures([*fixed_rules(len(catalog.plan.space)), *tuned])
-    degrees = predictor.borrowed_degrees(cases)
-    scores = _score_groups(predictor, catalog, groups, progress)
-    return [Baseline(name, found, degrees) for name, found in zip(predictor.names, scores, strict=True)]
-
-
-def _best(family: Sequence[Rule], catalog: Catalog, mixtures: MemberMixtures, tuning: Sequence[Case]) -> Rule:
-    means = [mean(found.values(), "psnr") for found in score_cases(mixtures, catalog, tuning)]
-    return family[int(np.argmax([-math.inf if value is None else value for value in means]))]
+    rules = fixed_rules(len(space))
+    for family in tuned_rules() if tuning else ():
+        means = [
+            mean(found.values(), "psnr") for found in score_cases(Mixtures(catalog, pictures, family), catalog, tuning)
+        ]
+        rules.append(family[int(np.argmax([-math.inf if value is None else value for value in means]))])
+    degrees = pictures.borrowed_degrees(cases)
+    return _baselines(Mixtures(catalog, pictures, rules), catalog, groups, progress, degrees=degrees)
 
 
 def _setting_baselines(
@@ -221,20 +204,23 @@ def _setting_baselines(
     catalog: Catalog,
     variation: Variation,
     groups: Mapping[str, Sequence[Case]],
-    progress: Callable[[int, int], None],
+    progress: Progress,
 ) -> list[Baseline]:
-    """What stored pictures of trained settings, and the surrogate's own, make of unseen ones."""
-    mixtures, trained = SettingMixtures(catalog, variation), Trained.of(variation)
-    scores = _score_groups(mixtures, catalog, groups, progress)
-    counts = {name: [len(mixtures.shown(s.target.member)) for s in group] for name, group in scores[0].items()}
-    shown = {name: (min(values), max(values)) for name, values in counts.items() if values}
+    """What stored pictures of trained settings, and the surrogate's own, make of unseen ones; none of fields, all trained."""
+    if not variation.continuous:
+        return []
+    pictures = SettingPictures(variation)
+    counts = {name: [len(pictures.shown(case.member)) for case in group] for name, group in groups.items()}
+    shown = {name: (min(found), max(found)) for name, of in counts.items() if (found := list(filter(None, of)))}
+    mixtures = Mixtures(catalog, pictures, setting_rules(len(variation.space), variation.plural))
 
     def at_nearest(case: Case) -> dict[str, float | str]:
-        nearest = variation.setting(trained.nearest(place_of(case, variation)))
+        nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
         return {**case.member.parameters, **({} if nearest is None else variation.asked(nearest))}
 
-    still = SurrogatePredictor(surrogate.at, catalog.plan.background, at_nearest, (AT_NEAREST,))
+    unmoved = SurrogatePredictor(surrogate.at, catalog.plan.background, at_nearest, (AT_NEAREST,))
+    unseen = {name: groups[name] for name in ["unseen_parameters"]}
     return [
-        *(Baseline(name, found, shown=shown) for name, found in zip(mixtures.names, scores, strict=True)),
-        Baseline(AT_NEAREST, _score_groups(still, catalog, {c: groups[c] for c in ["unseen_parameters"]}, progress)[0]),
+        *_baselines(mixtures, catalog, groups, progress, shown=shown),
+        *_baselines(unmoved, catalog, unseen, progress),
     ]

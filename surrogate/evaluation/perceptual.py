@@ -15,8 +15,9 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -118,8 +119,8 @@ class PerceptualMetrics:
         return Perceptual(values.get("ms_ssim"), values.get("lpips"), values.get("flip"))
 
     def __repr__(self) -> str:
-        missing = "".join(f"\n    no {name}: {reason}" for name, reason in self.unavailable.items())
-        return f"PerceptualMetrics({', '.join(self._measures)}){missing}"
+        missing = (f"no {name}: {reason}" for name, reason in self.unavailable.items())
+        return f"PerceptualMetrics({'; '.join([', '.join(self._measures), *missing])})"
 
 
 def _load_ms_ssim() -> Measure:
@@ -151,67 +152,53 @@ def _load_flip() -> Measure:
 
 
 def _load_lpips() -> Measure:
-    heads = _heads()
-    return _Lpips(_alexnet(_weights_path()), heads)
-
-
-@dataclass(frozen=True, eq=False)
-class _Lpips:
-    """LPIPS of two pictures (H, W, 3) from AlexNet's convolutions and the linear head of each."""
-
-    convolutions: Sequence[tuple[Tensor, Tensor]]  # weights [C', C, K, K], biases [C']
-    heads: Sequence[Tensor]  # [1, C', 1, 1]
+    heads, convolutions = _heads(), _alexnet(_weights_path())
 
     @torch.inference_mode()
-    def __call__(self, truth: Picture, prediction: Picture) -> float:
+    def measure(truth: Picture, prediction: Picture) -> float:
         if min(truth.shape[:2]) < LPIPS_SMALLEST:
             return math.nan
         distance = 0.0
-        for features, head in zip(self._features(_batch(truth, prediction)), self.heads, strict=True):
+        for features, head in zip(_features(_batch(truth, prediction), convolutions), heads, strict=True):
             length = features.square().sum(dim=1, keepdim=True).sqrt()  # [2, 1, h, w]
             directions = features / (length + LEAST_LENGTH)
             difference = (directions[:1] - directions[1:]).square()  # [1, C', h, w]
             distance += float(functional.conv2d(difference, head).mean())
         return distance
 
-    def _features(self, images: Tensor) -> list[Tensor]:
-        """Rectified features [2, C', h, w] of each convolution for images [2, 3, H, W] in [0, 1]."""
-        shift, scale = (torch.tensor(values).view(1, 3, 1, 1) for values in (SHIFT, SCALE))
-        features = (2.0 * images - 1.0 - shift) / scale
-        found = []
-        for (index, _, stride, padding), (weights, biases) in zip(CONVOLUTIONS, self.convolutions, strict=True):
-            if index in POOLED:
-                features = functional.max_pool2d(features, kernel_size=3, stride=2)
-            features = functional.conv2d(features, weights, biases, stride, padding).relu()
-            found.append(features)
-        return found
+    return measure
+
+
+def _features(images: Tensor, convolutions: Sequence[tuple[Tensor, Tensor]]) -> Iterator[Tensor]:
+    """Rectified features [2, C', h, w] of each convolution, given by weights and biases, for images [2, 3, H, W] in [0, 1]."""
+    shift, scale = (torch.tensor(values).view(1, 3, 1, 1) for values in (SHIFT, SCALE))
+    features = (2.0 * images - 1.0 - shift) / scale
+    for (index, _, stride, padding), (weights, biases) in zip(CONVOLUTIONS, convolutions, strict=True):
+        if index in POOLED:
+            features = functional.max_pool2d(features, kernel_size=3, stride=2)
+        features = functional.conv2d(features, weights, biases, stride, padding).relu()
+        yield features
 
 
 def _weights_path() -> Path:
     """The file that the environment names, else torch's cached copy."""
     named = os.environ.get(WEIGHTS_VARIABLE)
-    if named:
-        path = Path(named).expanduser()
-        if not path.is_file():
-            raise _Unavailable(f"{WEIGHTS_VARIABLE} names {path}, which is no file")
+    path = Path(named).expanduser() if named else Path(torch.hub.get_dir()) / "checkpoints" / WEIGHTS_FILE
+    if path.is_file():
         return path
-    path = Path(torch.hub.get_dir()) / "checkpoints" / WEIGHTS_FILE
-    if not path.is_file():
-        raise _Unavailable(
-            f"no AlexNet weights: put {WEIGHTS_ADDRESS} at {path} or name a copy in {WEIGHTS_VARIABLE} "
-            "(nothing is downloaded for you)"
-        )
-    return path
+    if named:
+        raise _Unavailable(f"{WEIGHTS_VARIABLE} names {path}, which is no file")
+    raise _Unavailable(
+        f"no AlexNet weights: put {WEIGHTS_ADDRESS} at {path} or name a copy in {WEIGHTS_VARIABLE} "
+        "(nothing is downloaded for you)"
+    )
 
 
 def _alexnet(path: Path) -> list[tuple[Tensor, Tensor]]:
     """Weights and biases of `CONVOLUTIONS` from a state dict of torchvision's AlexNet."""
-    state = _read(path)
+    tensor = partial(_tensor, _read(path), path)
     return [
-        (
-            _tensor(state, f"features.{index}.weight", shape, path),
-            _tensor(state, f"features.{index}.bias", shape[:1], path),
-        )
+        (tensor(f"features.{index}.weight", shape), tensor(f"features.{index}.bias", shape[:1]))
         for index, shape, _, _ in CONVOLUTIONS
     ]
 
@@ -224,11 +211,9 @@ def _heads() -> list[Tensor]:
     path = Path(package.submodule_search_locations[0]) / HEADS_FILE
     if not path.is_file():
         raise _Unavailable(f"this release of {HEADS_PACKAGE} lacks the heads of LPIPS ({HEADS_FILE}): {INSTALL}")
-    state = _read(path)
-    return [
-        _tensor(state, f"lin{layer}.model.1.weight", (1, shape[0], 1, 1), path)
-        for layer, (_, shape, _, _) in enumerate(CONVOLUTIONS)
-    ]
+    tensor = partial(_tensor, _read(path), path)
+    shapes = [(1, shape[0], 1, 1) for _, shape, _, _ in CONVOLUTIONS]
+    return [tensor(f"lin{layer}.model.1.weight", shape) for layer, shape in enumerate(shapes)]
 
 
 def _read(path: Path) -> Mapping[str, Any]:
@@ -242,7 +227,7 @@ def _read(path: Path) -> Mapping[str, Any]:
         raise _Unavailable(f"{path} can't be read as a state dict of tensors ({type(error).__name__})") from error
 
 
-def _tensor(state: Mapping[str, Any], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+def _tensor(state: Mapping[str, Any], path: Path, name: str, shape: tuple[int, ...]) -> Tensor:
     tensor = state.get(name)
     if not isinstance(tensor, Tensor) or tuple(tensor.shape) != shape:
         raise _Unavailable(f"{path} holds other weights than LPIPS needs: it has no {name} of shape {shape}")

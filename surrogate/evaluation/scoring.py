@@ -27,7 +27,8 @@ DEFINITIONS = {
     "mean of decibels"
 }
 
-Report = Callable[[str, int, int], None]
+Report = Callable[[str, int, int], None]  # stage, done, total
+Progress = Callable[[int, int], None]  # done, total
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ def score_cases(
     *,
     perceptual: PerceptualMetrics | None = None,
     looked_at: Collection[Case] = (),
-    progress: Callable[[int, int], None] = lambda *_: None,
+    progress: Progress = lambda *_: None,
 ) -> list[dict[Case, Scored]]:
     """How well a predictor shows images of `catalog`: for each of its names those of `cases` that it can predict, in order.
 
@@ -112,10 +113,14 @@ def score_cases(
         return [compare(case, truth, picture, background, metrics) for picture in draw(case)]
 
     found: dict[Case, list[Scored]] = {}
+    waiting: Iterable[tuple[Case, list[Scored]]] = ()
     with ThreadPoolExecutor(2) as pool:
-        for batch, draw in predictor.batches(cases):
-            found |= zip(batch, pool.map(scored, batch, repeat(draw)), strict=True)
+        for batch, draw in predictor.batches(cases):  # the next one is prepared while this one is scored
+            found |= waiting
             progress(len(found), len(cases))
+            waiting = zip(batch, pool.map(scored, batch, repeat(draw)), strict=True)
+        found |= waiting
+    progress(len(found), len(cases))
     return [{case: found[case][k] for case in cases if case in found} for k, _ in enumerate(predictor.names)]
 
 

@@ -16,6 +16,7 @@ from scipy.spatial import QhullError
 from scipy.spatial.distance import cdist
 
 Weights = NDArray[np.float64]  # [T, M]
+NEIGHBOURS = 4
 RIDGES = (1e-6, 1e-4, 1e-2, 1e-1, 1.0)
 ON_HULL = (
     1e-11  # of the way to the middle, by which targets outside are moved: those on the hull are outside by rounding
@@ -62,6 +63,16 @@ def linear(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
     return weights
 
 
+def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+    """The `NEIGHBOURS` nearest, each by one over its distance; where one is met, that one alone."""
+    distances = cdist(wanted, known)  # [T, M]
+    order = np.argsort(distances, axis=1, kind="stable")[:, :NEIGHBOURS]  # [T, min(M, NEIGHBOURS)]
+    weights = np.zeros_like(distances)
+    for row, near, away in zip(weights, order, distances, strict=True):
+        row[near] = 1.0 / away[near] if away[near[0]] > 0.0 else np.eye(len(near))[0]
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float64)
+
+
 def ridge(known: NDArray[np.float64], wanted: NDArray[np.float64], *, degree: int, penalty: float) -> Weights:
     """Ridge regression on all monomials up to `degree`."""
     features, targets = _monomials(known, degree), _monomials(wanted, degree)  # [M, F], [T, F]
@@ -83,6 +94,14 @@ def fixed_rules(parameters: int) -> list[Rule]:
     """Rules without constants; piecewise-linear interpolation only up to three parameters."""
     found = [Rule("mean image", mean_image), Rule("nearest member", nearest_member)]
     return [*found, Rule("linear interpolation", linear)] if parameters <= 3 else found
+
+
+def setting_rules(parameters: int, plural: str) -> list[Rule]:
+    """Rules between settings of so many visualization parameters, called `plural`."""
+    nearest = Rule("nearest trained setting", nearest_member)
+    if parameters == 1:
+        return [nearest, Rule(f"linear interpolation of {plural}", linear)]
+    return [nearest, Rule(f"inverse distances to the {NEIGHBOURS} nearest settings", inverse_distance)]
 
 
 def tuned_rules() -> list[list[Rule]]:

@@ -69,9 +69,9 @@ def test_scores_keep_the_order_and_a_few_are_looked_at(tmp_path) -> None:
     shown = [(m, a, v) for m, a, v in shown if a in MEMBERS[m][1]]
     assert [(c.member.name, c.appearance, c.view) for c in cases] == shown
     mixed = [cases[i] for i in np.random.default_rng(0).permutation(len(cases))]
-    done: list[tuple[int, int]] = []
+    done, asked = list[tuple[int, int]](), list[dict]()
     [scores] = score_cases(
-        SurrogatePredictor(surrogate.at, None),
+        SurrogatePredictor(lambda **parameters: asked.append(parameters) or surrogate.at(**parameters), None),
         catalog,
         mixed,
         perceptual=Counting(),
@@ -83,7 +83,7 @@ def test_scores_keep_the_order_and_a_few_are_looked_at(tmp_path) -> None:
     assert min(s.score.psnr for s in found) > 57.0  # nothing was mixed up: only 8 bits are between them
     assert sum(s.perceptual is not None for s in found) == 5
     assert done[-1] == (len(cases), len(cases))
-    assert len(done) == 7  # three members under three, three and one appearances
+    assert len(asked) == 7  # three members under three, three and one appearances
     [elsewhere] = score_cases(SurrogatePredictor(surrogate.at, None, lambda _: {"p": 0.9}), catalog, mixed[:1])
     wrong = surrogate.at(p=0.9).render(mixed[0].camera)
     truth = catalog.image(mixed[0].member, mixed[0].appearance, mixed[0].view)

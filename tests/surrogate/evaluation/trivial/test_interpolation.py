@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 
 from surrogate.evaluation.trivial.interpolation import (
     fixed_rules,
+    inverse_distance,
     linear,
     mean_image,
     nearest_member,
@@ -84,6 +85,25 @@ def test_radial_interpolates_its_members_as_scipy_does() -> None:
     )(wanted)
     assert np.allclose(weights @ values, theirs + values.mean(), atol=1e-4)
     assert np.allclose(weights.sum(axis=1), 1.0)
+
+
+def test_inverse_distances_are_those_of_the_four_nearest() -> None:
+    random = np.random.default_rng(3)
+    known, wanted = random.random((9, 4)), random.random((5, 4))
+    weights = inverse_distance(known, wanted)
+    for place, row in zip(wanted, weights, strict=True):
+        distances = [float(np.sqrt(sum((place - other) ** 2))) for other in known]
+        near = sorted(range(9), key=lambda i, d=distances: d[i])[:4]
+        total = sum(1 / distances[i] for i in near)
+        expected = [1 / distances[i] / total if i in near else 0.0 for i in range(9)]
+        np.testing.assert_allclose(row, expected, rtol=1e-12)
+
+
+def test_inverse_distances_meet_what_they_know_and_need_no_four() -> None:
+    known = np.array([[0.0], [1.0], [3.0]])
+    weights = inverse_distance(known, np.array([[1.0], [2.0]]))
+    np.testing.assert_allclose(weights, [[0, 1, 0], [0.2, 0.4, 0.4]])
+    np.testing.assert_array_equal(inverse_distance(known[:1], np.array([[7.0]])), [[1.0]])
 
 
 def test_interpolation_is_offered_up_to_three_parameters() -> None:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from surrogate.evaluation.cases import Case
-from surrogate.evaluation.trivial.settings import SettingMixtures, Trained, inverse_distance
+from surrogate.evaluation.trivial.interpolation import setting_rules
+from surrogate.evaluation.trivial.mixtures import Mixtures
+from surrogate.evaluation.trivial.settings import SettingPictures, Trained
 from tests.support.varied_blobs import FUNCTIONS, ISOVALUE, PLACES, varied_catalog, varied_surrogate
 
 
@@ -19,10 +21,10 @@ def test_the_base_is_known_among_transfer_functions_and_not_among_isovalues() ->
 
 
 def test_only_what_is_shown_is_known() -> None:
-    some = Trained.of(FUNCTIONS, ("dvr", "iso=1", "tf-test-0", "tf-train-2"))
+    some = Trained.of(FUNCTIONS).among(("dvr", "iso=1", "tf-test-0", "tf-train-2"))
     assert some.appearances == ("tf-train-2", "dvr")
-    assert len(Trained.of(ISOVALUE, ("dvr", "iso=2.5"))) == 0
-    assert Trained.of(ISOVALUE, ("dvr",)).places.shape == (0, 1)
+    assert len(Trained.of(ISOVALUE).among(("dvr", "iso=2.5"))) == 0
+    assert Trained.of(ISOVALUE).among(("dvr",)).places.shape == (0, 1)
 
 
 def test_nearest_is_by_the_distance_that_a_network_sees() -> None:
@@ -30,25 +32,6 @@ def test_nearest_is_by_the_distance_that_a_network_sees() -> None:
     assert Trained.of(ISOVALUE).nearest(ISOVALUE.normalize((11.0,))) == "iso=16"  # 10 is midway
     assert Trained.of(FUNCTIONS).nearest(np.array([0.75, 0.25, 0, 0])) == "tf-train-0"
     assert Trained.of(FUNCTIONS).nearest(np.array([0.2, 0.25, 0, 0])) == "dvr"
-
-
-def test_inverse_distances_are_those_of_the_four_nearest() -> None:
-    random = np.random.default_rng(3)
-    known, wanted = random.random((9, 4)), random.random((5, 4))
-    weights = inverse_distance(known, wanted)
-    for place, row in zip(wanted, weights, strict=True):
-        distances = [float(np.sqrt(sum((place - other) ** 2))) for other in known]
-        near = sorted(range(9), key=lambda i, d=distances: d[i])[:4]
-        total = sum(1 / distances[i] for i in near)
-        expected = [1 / distances[i] / total if i in near else 0.0 for i in range(9)]
-        np.testing.assert_allclose(row, expected, rtol=1e-12)
-
-
-def test_inverse_distances_meet_what_they_know_and_need_no_four() -> None:
-    known = np.array([[0.0], [1.0], [3.0]])
-    weights = inverse_distance(known, np.array([[1.0], [2.0]]))
-    np.testing.assert_allclose(weights, [[0, 1, 0], [0.2, 0.4, 0.4]])
-    np.testing.assert_array_equal(inverse_distance(known[:1], np.array([[7.0]])), [[1.0]])
 
 
 @pytest.mark.parametrize(
@@ -59,7 +42,8 @@ def test_isovalues_are_interpolated_between_their_neighbours(
 ) -> None:
     catalog = varied_catalog(tmp_path / "a.cdb", varied_surrogate(), {"train-0": (0.0, ISOVALUE.named("train"))})
     member = catalog.member("train-0")
-    [(cases, draw)] = SettingMixtures(catalog, ISOVALUE).batches([Case(member, 2, "unseen", {"isovalue": isovalue})])
+    mixtures = Mixtures(catalog, SettingPictures(ISOVALUE), setting_rules(1, "isovalues"))
+    [(cases, draw)] = mixtures.batches([Case(member, 2, "unseen", {"isovalue": isovalue})])
     nearest, between = draw(cases[0])
     pictures = {name: catalog.image(member, name, 2) / 255.0 for name in weights}
     np.testing.assert_allclose(between, sum(w * pictures[name] for name, w in weights.items()), atol=1e-5)
