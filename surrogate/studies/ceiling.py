@@ -9,7 +9,7 @@ may be made by it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,16 +29,17 @@ from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
+from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.training.data import ImageRow, TrainingData, load_examples
 from surrogate.training.loop import StageRun
-from surrogate.training.progress import ProgressReport, TrainingProgress
+from surrogate.training.progress import TrainingProgress
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 
 FOLDER = "ceiling"  # of a scene's records
 KIND, VERSION = "ceiling", 3
 SHOWN = ("member", "split", "appearance", "parameters", "psnr", "ssim", "surrogate")  # in tables
-REPORT_SECONDS = 0.5
+REPORT_STEPS = 50  # between two looks at the progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ def measure_ceiling(
     records: Path,
     surrogate: Surrogate | None = None,
     *,
-    progress: ProgressReport = lambda _: None,
+    progress: Callable[[StudyProgress], None] = lambda _: None,
 ) -> list[dict[str, Any]]:
     """An entry for the base appearance and for the middle unseen setting of every variation, as `load_ceilings` has them.
 
@@ -82,26 +83,22 @@ def measure_ceiling(
     Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
     """
     source, mark = Source(settings, catalog), fingerprint(settings, catalog)
-    wanted = subjects(source)
-    forms = [_settings(settings, subject, surrogate) for subject in wanted]
-    keys = [_key(mark, subject, form) for subject, form in zip(wanted, forms, strict=True)]
-    known = [_finished(records, key, surrogate) for key in keys]
-    report = _Report(progress, [form.steps.canonical for form, one in zip(forms, known, strict=True) if one is None])
-    entries = []
-    for subject, form, key, found in zip(wanted, forms, keys, known, strict=True):
-        begun = time.process_time()
-        record = found or Record(
-            KIND,
-            VERSION,
-            {**key, "settings": settings.to_json()},
-            _fitted_alone(form, source, subject, report),
-            Provenance.now(time.process_time() - begun, __name__),
-        )
-        if surrogate is not None or found is None:
+    forms = {subject: _settings(settings, subject, surrogate) for subject in subjects(source)}
+    keys = {subject: _key(mark, subject, form) for subject, form in forms.items()}
+    found = {subject: _finished(records, key, surrogate) for subject, key in keys.items()}
+    watch, left = StudyWatch(progress), sum(record is None for record in found.values())
+    for subject, record in found.items():
+        if record is None:
+            watch.begin(subject.appearance, left := left - 1)
+            begun = time.process_time()
+            values = _fitted_alone(forms[subject], source, subject, watch)
+            key = {**keys[subject], "settings": settings.to_json()}
+            record = Record(KIND, VERSION, key, values, Provenance.now(time.process_time() - begun, __name__))
+        if surrogate is not None or "surrogate" not in record.values:
             record = replace(record, values={**record.values, "surrogate": _reached(surrogate, source, subject)})
             record.save(_path(records, subject.appearance))
-        entries.append(_entry(record))
-    return entries
+        found[subject] = record
+    return [_entry(record) for record in found.values() if record is not None]
 
 
 def load_ceilings(records: Path) -> list[dict[str, Any]]:
@@ -204,19 +201,22 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
     }
 
 
-def _fitted_alone(
-    settings: TrainingSettings, source: Source, subject: Subject, report: Callable[[str, float], None]
-) -> dict[str, Any]:
+def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, watch: StudyWatch) -> dict[str, Any]:
     """Fit the subject, and judge it at its test views."""
-    started, catalog = time.perf_counter(), source.catalog
+    started, catalog, rate = time.perf_counter(), source.catalog, Rate()
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
-    examples = load_examples(catalog, rows, source.normalization)
-    data = TrainingData(examples, (), catalog.plan.background)
+    data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
     gaussians = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
     gaussians = gaussians.to(chosen(settings.device))
     run = StageRun(canonical_stage(gaussians, settings), settings, data)
     while run.step < run.stage.steps:
-        report(subject.appearance, run.advance())
+        loss = run.advance()
+        if run.step % REPORT_STEPS == 0 or run.step == run.stage.steps:
+            count = Count("alone", run.step, run.stage.steps, rate(run.step), "steps")
+            now = TrainingProgress(
+                count.stage, count.done, count.total, count.rate, loss, seconds_left=count.seconds_left
+            )
+            watch.tell(now, count.seconds_left)
     seconds = time.perf_counter() - started
     still = DeformedGaussians(gaussians.copy(), {}, source.normalization, Rasterizer.of(settings))
     return {
@@ -244,26 +244,3 @@ def _means(at: Callable[..., DeformedGaussians], catalog: Catalog, subject: Subj
     """What Gaussians reach on the subject's images."""
     [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, subject.cases())
     return {metric: mean(found.values(), metric) for metric in ("psnr", "ssim")}
-
-
-class _Report:
-    """Counts the steps of all fits, and tells of them now and then."""
-
-    def __init__(self, progress: ProgressReport, steps: Sequence[int]) -> None:
-        self._progress, self._steps = progress, sum(steps)
-        self._step, self._loss = 0, 0.0
-        self._rate, self._told = Rate(), time.perf_counter()
-        self._rate(0)
-
-    def __call__(self, appearance: str, loss: float) -> None:
-        self._step += 1
-        self._loss = loss if self._step == 1 else 0.99 * self._loss + 0.01 * loss
-        now = time.perf_counter()
-        if now - self._told < REPORT_SECONDS and self._step < self._steps:
-            return
-        self._told, count = now, Count(appearance, self._step, self._steps, self._rate(self._step), "steps")
-        self._progress(
-            TrainingProgress(
-                appearance, self._step, self._steps, count.rate, self._loss, seconds_left=count.seconds_left
-            )
-        )

@@ -16,7 +16,6 @@ KIND, VERSION = "ablation", 1
 KEY = ("variant", "seed", "budget", "budgets", "mark", "scene", "settings")
 DECIDING = "surrogate.studies.ablation.pace"  # beside training and evaluation: it decides how many steps are taken
 TIME_TOLERANCE = 0.15  # of the budget
-Stamp = tuple[int, int]  # of a file: another one after it was replaced
 
 
 @dataclass(frozen=True)
@@ -112,14 +111,6 @@ class Records:
         wanted = asdict(self.result(variant, seed))
         key = {name: wanted[name] for name in KEY}
         return next(_results([Record.load(self._path(variant.name, seed), KIND, VERSION, key)]), None)
-
-    def stamp(self, variant: Variant, seed: int) -> Stamp | None:
-        """Tells a result that is kept from one that has taken its place since, however alike; None without any."""
-        try:
-            found = self._path(variant.name, seed).stat()
-        except OSError:
-            return None
-        return found.st_ino, found.st_mtime_ns
 
     def all(self) -> list[Result]:
         """All that this study knows, by seed."""

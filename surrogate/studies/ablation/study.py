@@ -19,7 +19,7 @@ from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
 from surrogate.studies.ablation.fits import Fits
 from surrogate.studies.ablation.pace import Pace, clock, scheduled, with_steps
-from surrogate.studies.ablation.records import DECIDING, Records, Result, Stamp
+from surrogate.studies.ablation.records import DECIDING, Records, Result
 from surrogate.studies.ablation.variants import Variant, selected
 from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.training.progress import TrainingProgress
@@ -61,7 +61,7 @@ class Study:
         self.longest, self._again = longest, again
         self.records = Records(folder if records is None else records, fits, seconds)
         self._fits, self._work = fits, folder / WORK
-        self._rejected: dict[_One, Stamp | None] = {}
+        self._rejected: dict[_One, Result | None] = {}
 
     def run(
         self,
@@ -77,7 +77,7 @@ class Study:
         watch = StudyWatch(progress, (1.0 + PROBE) * self.records.budget)
         # Every variant once before any has its second seed.
         left, fitted = [(variant, seed) for seed in range(self.seeds) for variant in self.variants], True
-        self._rejected = {one: self.records.stamp(*one) for one in left if self._is_to_be_repeated(*one)}
+        self._rejected = {one: self.records.find(*one) for one in left if self._is_to_be_repeated(*one)}
         while left and fitted:
             left, fitted = self._passed_over(left, watch, tell)
 
@@ -134,8 +134,8 @@ class Study:
         return bool(result.error) or late or result.provenance.code != code(DECIDING)
 
     def _is_finished(self, variant: Variant, seed: int) -> bool:
-        result, rejected = self.records.find(variant, seed), self._rejected.get((variant, seed))
-        if result is None or (rejected is not None and rejected == self.records.stamp(variant, seed)):
+        result = self.records.find(variant, seed)
+        if result is None or result == self._rejected.get((variant, seed)):
             return False
         if not variant.steps_of or result.error:
             return True

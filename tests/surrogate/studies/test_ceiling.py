@@ -11,7 +11,7 @@ from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
 from surrogate.studies import ceiling as module
 from surrogate.studies.ceiling import Subject, line, load_ceilings, measure_ceiling, subjects
-from surrogate.training.progress import TrainingProgress
+from surrogate.studies.progress import StudyProgress
 from surrogate.training.source import Source
 from tests.support.blobs import Blobs
 from tests.support.varied_blobs import BLOBS, MEMBERS, varied_catalog, varied_surrogate
@@ -38,7 +38,7 @@ def by_appearance(entries: list[dict]) -> dict[str, dict]:
 
 def test_one_member_alone_is_learnt_well(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("train", 1.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
-    seen: list[TrainingProgress] = []
+    seen: list[StudyProgress] = []
     settings = SCENE.changed(gaussians=80, canonical_steps=200, deformation_steps=400)
     entries = measure_ceiling(settings, catalog, tmp_path, progress=seen.append)
     (entry,) = entries
@@ -47,7 +47,8 @@ def test_one_member_alone_is_learnt_well(make_catalog, tmp_path: Path) -> None:
     assert entry["psnr"] > 25.0
     assert entry["surrogate"] is None
     assert entry["seconds"] > 0
-    assert (seen[-1].step, seen[-1].steps, seen[-1].seconds_left) == (600, 600, 0.0)
+    assert (seen[-1].name, seen[-1].number, seen[-1].count, seen[-1].seconds_left) == ("drawn", 1, 1, 0.0)
+    assert "600 / 600" in seen[-1].work
     assert load_ceilings(tmp_path) == entries
 
 
@@ -92,12 +93,12 @@ def test_an_interruption_keeps_what_is_finished(
 ) -> None:
     path, fit, fitted = tmp_path, module._fitted_alone, []
 
-    def interrupted(settings: TrainingSettings, source: Source, subject: Subject, report: object) -> dict:
+    def interrupted(settings: TrainingSettings, source: Source, subject: Subject, watch: object) -> dict:
         if len(fitted) == 1:
             fitted.append("interrupted")
             raise KeyboardInterrupt
         fitted.append(subject.appearance)
-        return fit(settings, source, subject, report)  # type: ignore[arg-type]
+        return fit(settings, source, subject, watch)  # type: ignore[arg-type]
 
     monkeypatch.setattr(module, "_fitted_alone", interrupted)
     with pytest.raises(KeyboardInterrupt):
