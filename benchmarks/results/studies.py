@@ -11,7 +11,7 @@ from typing import Any
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.studies.ablation.comparison import Row, compared
-from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER
+from surrogate.studies.ablation.experiments import BASE_FOLDER, VISUALIZATION_FOLDER
 from surrogate.studies.ablation.records import DECIDING, Result, load_results
 from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS, Variant
 

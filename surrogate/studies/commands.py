@@ -57,7 +57,7 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
 @RUNS
 @RECORDS
 @click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
-@click.option("--seeds", default=3, show_default=True, help="Fits of each variant.")
+@click.option("--seeds", default=3, show_default=True, help="Experiment of each variant.")
 @click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
 @click.option(
     "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"
@@ -72,7 +72,13 @@ def ablate(
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
     opened, line = OpenScene.open(scene, runs, records), ProgressLine()
-    from surrogate.studies.ablation.fits import BASE_FOLDER, VISUALIZATION_FOLDER, BaseFits, Fits, VisualizationFits
+    from surrogate.studies.ablation.experiments import (
+        BASE_FOLDER,
+        VISUALIZATION_FOLDER,
+        BaseExperiment,
+        Experiment,
+        VisualizationExperiment,
+    )
     from surrogate.studies.ablation.records import Result
     from surrogate.studies.ablation.run import ablate as run
     from surrogate.studies.ablation.table import PAGE, verdict
@@ -87,14 +93,14 @@ def ablate(
 
     kept = "finished fits are kept, and the same command goes on with the others"
     with one_line_errors(RuntimeError, interrupted=kept):
-        fits: Fits = (
-            VisualizationFits(opened.settings, opened.catalog, load_surrogate(opened.model))
+        experiment: Experiment = (
+            VisualizationExperiment(opened.settings, opened.catalog, load_surrogate(opened.model))
             if visualization
-            else BaseFits(opened.settings, opened.catalog)
+            else BaseExperiment(opened.settings, opened.catalog)
         )
         options |= {"only": names, "records": opened.records / study}
         with line:
-            rows = run(opened.name, fits, opened.folder / study, progress=line, tell=tell, **options)
+            rows = run(opened.name, experiment, opened.folder / study, progress=line, tell=tell, **options)
     click.echo(verdict(rows))
     click.echo(opened.folder / study / PAGE)
 

@@ -18,7 +18,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
 from surrogate.studies import ceiling
-from surrogate.studies.ablation.fits import BaseFits
+from surrogate.studies.ablation.experiments import BaseExperiment
 from surrogate.studies.ablation.records import DECIDING, Records
 from surrogate.studies.ablation.variants import VARIANTS
 from surrogate.studies.repeats.records import save
@@ -145,8 +145,8 @@ def make_study(
     root: Path, name: str, catalog: Catalog, psnr: dict[str, tuple[float, ...]], budget: float = 60.0
 ) -> None:
     """Results of variants by name, one for each seed."""
-    fits = BaseFits(SETTINGS_OF_SCENE, catalog)
-    records = Records(root / "records" / name / "ablation", fits, budget)
+    experiment = BaseExperiment(SETTINGS_OF_SCENE, catalog)
+    records = Records(root / "records" / name / "ablation", experiment, budget)
     for variant in VARIANTS:
         for seed, reached in enumerate(psnr.get(variant.name, ())):
             result = records.result(

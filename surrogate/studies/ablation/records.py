@@ -9,12 +9,12 @@ from typing import Any
 
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Provenance, Record
-from surrogate.studies.ablation.fits import Fits
+from surrogate.studies.ablation.experiments import Experiment
 from surrogate.studies.ablation.variants import Variant
 
 KIND, VERSION = "ablation", 1
 KEY = ("variant", "seed", "budget", "budgets", "mark", "scene", "settings")
-DECIDING = "surrogate.studies.ablation.pace"  # beside training and evaluation: it decides how many steps are taken
+DECIDING = "surrogate.studies.ablation.timing"  # beside training and evaluation: it decides how many steps are taken
 TIME_TOLERANCE = 0.15  # of the budget
 
 
@@ -30,10 +30,10 @@ class Result:
     scene : the scene's settings.
     budgets : how many budgets this fit was given.
     canonical_steps, deformation_steps, visualization_steps : that were taken.
-    seconds : of training, from its first image to its last step, by `surrogate.studies.ablation.pace.clock`.
+    seconds : of training, from its first image to its last step, by `surrogate.studies.ablation.timing.clock`.
     psnr, ssim : means over the `images` validation images; psnr in dB.
     gaussians : how many there were.
-    pace : seconds before the first step, and of a step in each stage, as they were measured before.
+    step_times : seconds before the first step, and of a step in each stage, as they were measured before.
     error : why there is no result; "" where there is one.
     """
 
@@ -52,7 +52,7 @@ class Result:
     ssim: float = 0.0
     images: int = 0
     gaussians: int = 0
-    pace: Sequence[float] = ()
+    step_times: Sequence[float] = ()
     error: str = ""
     provenance: Provenance = field(default_factory=Provenance)
 
@@ -83,15 +83,15 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Records:
-    """The results of one study: those in `folder` of the variants of `fits`, given `budget` seconds each."""
+    """The results of one study: those in `folder` of the variants of `experiment`, given `budget` seconds each."""
 
     folder: Path
-    fits: Fits
+    experiment: Experiment
     budget: float
 
     def settings(self, variant: Variant, seed: int) -> TrainingSettings:
         """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""
-        return variant.settings(self.fits.base).changed(seed=self.fits.base.seed + seed)
+        return variant.settings(self.experiment.base).changed(seed=self.experiment.base.seed + seed)
 
     def result(self, variant: Variant, seed: int, **found: Any) -> Result:
         """A result of this study."""
@@ -99,8 +99,8 @@ class Records:
             settings = self.settings(variant, seed).to_json()
         except ValueError:  # such settings can't be: `found` holds the error
             settings = {}
-        scene = self.fits.scene.to_json()
-        return Result(variant.name, seed, self.budget, self.fits.mark, settings, scene, variant.budgets, **found)
+        scene = self.experiment.scene.to_json()
+        return Result(variant.name, seed, self.budget, self.experiment.mark, settings, scene, variant.budgets, **found)
 
     def save(self, result: Result) -> None:
         """Keep a result, at once and whole."""
@@ -114,9 +114,11 @@ class Records:
 
     def all(self) -> list[Result]:
         """All that this study knows, by seed."""
-        named = {variant.name: variant for variant in self.fits.variants}
+        named = {variant.name: variant for variant in self.experiment.variants}
         there = [
-            one for one in load_results(self.folder, mark=self.fits.mark, budget=self.budget) if one.variant in named
+            one
+            for one in load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
+            if one.variant in named
         ]
         found = [self.find(named[one.variant], one.seed) for one in there]
         return [result for result in found if result is not None]

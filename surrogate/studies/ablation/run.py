@@ -9,7 +9,7 @@ from typing import Any
 from catalogs import durable
 from surrogate.studies.ablation import table
 from surrogate.studies.ablation.comparison import Row, compared
-from surrogate.studies.ablation.fits import Fits
+from surrogate.studies.ablation.experiments import Experiment
 from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.study import Study
 from surrogate.studies.progress import StudyProgress
@@ -19,7 +19,7 @@ LOCK = ".page.lock"
 
 def ablate(
     scene: str,
-    fits: Fits,
+    experiment: Experiment,
     folder: Path,
     *,
     progress: Callable[[StudyProgress], None] = lambda _: None,
@@ -30,13 +30,13 @@ def ablate(
 
     `options` and errors are those of `Study`.
     """
-    study = Study(fits, folder, **options)
+    study = Study(experiment, folder, **options)
     durable.make_folder(folder)
     durable.remove_abandoned(folder)
 
     def write_page() -> list[Row]:
         with durable.locked(folder / LOCK):  # or the last process to write might not know the last result
-            rows = compared(study.records.all(), fits.variants)
+            rows = compared(study.records.all(), experiment.variants)
             table.write(scene, folder, study.records.budget, rows)
         return rows
 

@@ -17,14 +17,14 @@ from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
-from surrogate.studies.ablation.fits import Fits
-from surrogate.studies.ablation.pace import Pace, clock, scheduled, with_steps
+from surrogate.studies.ablation.experiments import Experiment
 from surrogate.studies.ablation.records import DECIDING, Records, Result
+from surrogate.studies.ablation.timing import StepTimes, clock, scheduled, with_steps
 from surrogate.studies.ablation.variants import Variant, selected
 from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.training.progress import TrainingProgress
 
-PROBE = 0.1  # of the budget, spent on measuring the pace first
+PROBE = 0.1  # of the budget, spent on measuring the speed first
 LONGEST = 10.0  # budgets, that a fit may take whose steps are given
 WORK = "fits"  # where each is trained, and locked by the process that does
 MODEL = "surrogate"
@@ -33,17 +33,17 @@ _One = tuple[Variant, int]  # with its seed
 
 
 class Study:
-    """The variants of `fits`, each trained for `seconds` with each of so many `seeds`, in `folder`; results are kept in `records`.
+    """The variants of `experiment`, each trained in `folder` for `seconds` with each of so many `seeds`.
 
-    `records` is `folder` unless given.  A result of the same settings is left out, unless other code made it or it is a failure.
-    `only` names variants, none meaning all; `longest` is how many seconds a fit may take whose steps another one gives.  With
-    `again`, a result that took noticeably more or less time than it should is not taken for one.
+    Results are kept in `records`, by default `folder`; one of the same settings and code is not made again, unless it is a failure.
+    `only` names variants, by default all; `longest` is how many seconds a fit may take whose steps another one gives.  With
+    `again`, a fit that took noticeably more or less time than it should is repeated.
     Raises ValueError for an unknown variant, and for times or seeds that are not positive.
     """
 
     def __init__(
         self,
-        fits: Fits,
+        experiment: Experiment,
         folder: Path,
         *,
         records: Path | None = None,
@@ -57,10 +57,10 @@ class Study:
         for name, value in (("seconds", seconds), ("seeds", seeds), ("longest", longest)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, got {value}")
-        self.variants, self.seeds = selected(only, fits.variants), seeds
+        self.variants, self.seeds = selected(only, experiment.variants), seeds
         self.longest, self._again = longest, again
-        self.records = Records(folder if records is None else records, fits, seconds)
-        self._fits, self._work = fits, folder / WORK
+        self.records = Records(folder if records is None else records, experiment, seconds)
+        self._experiment, self._work = experiment, folder / WORK
         self._rejected: dict[_One, Result | None] = {}
 
     def run(
@@ -154,7 +154,7 @@ class Study:
 
     def _like(self, variant: Variant, seed: int) -> Result | None:
         """The result whose steps a variant takes, if there is one."""
-        found = self.records.find(next(v for v in self._fits.variants if v.name == variant.steps_of), seed)
+        found = self.records.find(next(v for v in self._experiment.variants if v.name == variant.steps_of), seed)
         return None if found is None or found.error else found
 
     def _attempted(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> Result:
@@ -171,23 +171,23 @@ class Study:
 
     def _fit(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)
-        default = self._fits.variants[0]
+        default = self._experiment.variants[0]
         same = settings == self.records.settings(default, seed) and variant.budgets == default.budgets
         if same and variant is not default and not variant.steps_of:
             raise ValueError("the scene's settings say the same, so this is the default")
-        watch.tell("measuring the pace", (PROBE + variant.budgets) * self.records.budget)
-        pace = self._fits.pace(settings, PROBE * self.records.budget)
-        planned = self._planned(variant, seed, settings, pace)
-        now, over = clock(settings), time.perf_counter() + pace.seconds(planned)
+        watch.tell("measuring the speed", (PROBE + variant.budgets) * self.records.budget)
+        times = self._experiment.step_times(settings, PROBE * self.records.budget)
+        planned = self._planned(variant, seed, settings, times)
+        now, over = clock(settings), time.perf_counter() + times.seconds(planned)
         begun = now()
 
         def report(training: TrainingProgress) -> None:
             left = max(over - time.perf_counter(), 0.0)
             watch.tell(replace(training, loss=None, psnr=None, seconds_left=left), left)
 
-        surrogate = self._fits.trained(planned, work, report)
+        surrogate = self._experiment.trained(planned, work, report)
         taken = now() - begun
-        scored = self._fits.score(surrogate)
+        scored = self._experiment.score(surrogate)
         psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
         if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
             raise ValueError(f"training diverged: PSNR {psnr} dB, SSIM {ssim}")
@@ -200,19 +200,19 @@ class Study:
             "ssim": ssim,
             "images": len(scored),
             "gaussians": len(surrogate.gaussians),
-            "pace": list(pace),
+            "step_times": list(times),
         }
 
-    def _planned(self, variant: Variant, seed: int, settings: TrainingSettings, pace: Pace) -> TrainingSettings:
+    def _planned(self, variant: Variant, seed: int, settings: TrainingSettings, times: StepTimes) -> TrainingSettings:
         if not variant.steps_of:
-            return scheduled(settings, variant.budgets * self.records.budget, pace)
+            return scheduled(settings, variant.budgets * self.records.budget, times)
         like = self._like(variant, seed)
         if like is None:
             raise ValueError(f"{variant.steps_of} has no result of this seed whose steps could be taken")
         planned = with_steps(settings, like.steps)
-        if pace.seconds(planned) > self.longest:
+        if times.seconds(planned) > self.longest:
             raise ValueError(
-                f"{like.steps:,} steps would take {pace.seconds(planned):,.0f} s, more than the {self.longest:,.0f} s that "
+                f"{like.steps:,} steps would take {times.seconds(planned):,.0f} s, more than the {self.longest:,.0f} s that "
                 "a fit may take: --longest allows more"
             )
         return planned

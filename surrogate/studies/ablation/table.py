@@ -84,7 +84,7 @@ def _introduction(budget: float, done: Sequence[Row]) -> str:
     images = sorted({result.images for row in done for result in row.results})
     return (
         f"Each variant was trained for {budget:g} s of processor time per seed, from its first image to its last step, with as "
-        "many steps as fit into that by its own pace, and then shown "
+        "many steps as fit into that by its own speed, and then shown "
         f"{' or '.join(map(str, images))} validation images that none learns from (test images are not touched). "
         f"{chosen}. PSNR: mean ± standard deviation over seeds. Difference: from the default "
         "(or as said), ± its standard error; with few seeds that is itself uncertain, and of many variants that differ by "

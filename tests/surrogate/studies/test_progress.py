@@ -38,7 +38,7 @@ def test_those_that_follow_take_as_long_as_those_before_on_average(now: list[flo
     seen: list[StudyProgress] = []
     watch = StudyWatch(seen.append, 50.0)
     watch.begin("default, seed 0", 4)
-    watch.tell("measuring the pace", 50.0)
+    watch.tell("measuring the speed", 50.0)
     assert seen[-1].seconds_left == 5 * 50.0
     now[0] += 30.0
     watch.end()
@@ -46,5 +46,5 @@ def test_those_that_follow_take_as_long_as_those_before_on_average(now: list[flo
     now[0] += 10.0
     watch.end()
     watch.begin("paper, seed 0", 2)
-    watch.tell("measuring the pace", 5.0)
+    watch.tell("measuring the speed", 5.0)
     assert seen[-1].seconds_left == 5.0 + 2 * 20.0

@@ -18,13 +18,13 @@ import pytest
 from catalogs.catalog import Catalog
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import locked
-from surrogate.studies.ablation import fits
+from surrogate.studies.ablation import experiments
 from surrogate.studies.ablation import study as module
-from surrogate.studies.ablation.fits import BaseFits, base_settings
-from surrogate.studies.ablation.pace import clock, measured
+from surrogate.studies.ablation.experiments import BaseExperiment, base_settings
 from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.run import LOCK, ablate
 from surrogate.studies.ablation.study import Study
+from surrogate.studies.ablation.timing import clock, measure_step_times
 from surrogate.studies.ablation.variants import VARIANTS, Variant
 from surrogate.studies.progress import StudyProgress
 from surrogate.training.run import train
@@ -49,7 +49,11 @@ def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
     def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[Result]:
         fitted: list[Result] = []
         ablate(
-            "blobs", BaseFits(settings, data), tmp_path, tell=fitted.append, **{"seconds": BUDGET, "seeds": 1} | options
+            "blobs",
+            BaseExperiment(settings, data),
+            tmp_path,
+            tell=fitted.append,
+            **{"seconds": BUDGET, "seeds": 1} | options,
         )
         return fitted
 
@@ -59,12 +63,14 @@ def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
 @pytest.fixture(autouse=True)
 def no_loading_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine, loading the images may take longer than so small a budget."""
-    monkeypatch.setattr(fits, "measured", lambda *arguments: measured(*arguments)._replace(start=0.0))
+    monkeypatch.setattr(
+        experiments, "measure_step_times", lambda *arguments: measure_step_times(*arguments)._replace(start=0.0)
+    )
 
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fits take no time: for what is about which of them are done."""
+    """Experiment take no time: for what is about which of them are done."""
     monkeypatch.setattr(module.Study, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1})
     monkeypatch.setattr("surrogate.studies.ablation.table.plot", lambda _: None)
 
@@ -180,7 +186,7 @@ def test_any_exception_is_a_row(conduct, monkeypatch: pytest.MonkeyPatch) -> Non
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("no\n room")
 
-    monkeypatch.setattr(fits, "train", fail)
+    monkeypatch.setattr(experiments, "train", fail)
     assert conduct(only=["default"])[0].error == "MemoryError: no room"
 
 
@@ -206,7 +212,7 @@ def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog,
     pressed = []
 
     def press(progress: StudyProgress) -> None:
-        if progress.name == "no-decay, seed 0" and "pace" not in progress.work and not pressed:
+        if progress.name == "no-decay, seed 0" and "speed" not in progress.work and not pressed:
             pressed.append(str(progress))
             os.kill(os.getpid(), signal.SIGINT)
 
@@ -378,13 +384,13 @@ def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
 )
 def test_impossible_studies_are_refused(catalog: Catalog, tmp_path: Path, options: dict, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        Study(BaseFits(SCENE, catalog), tmp_path, **options)
+        Study(BaseExperiment(SCENE, catalog), tmp_path, **options)
 
 
 def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: Path) -> None:
     bare = make_catalog(members=(("train", 0.0), ("test", 1.0)), view_splits=("train", "test"))
     with pytest.raises(ValueError, match="has no validation images"):
-        BaseFits(SCENE, bare)
+        BaseExperiment(SCENE, bare)
 
 
 def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPatch) -> None:

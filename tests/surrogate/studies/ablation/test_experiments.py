@@ -11,7 +11,7 @@ from surrogate.deformation import FieldDeformation, ValuesDeformation
 from surrogate.evaluation.scoring import mean
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
-from surrogate.studies.ablation.fits import VisualizationFits
+from surrogate.studies.ablation.experiments import VisualizationExperiment
 from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.run import ablate
 from surrogate.studies.ablation.variants import DEFAULT, VISUALIZATION_VARIANTS
@@ -37,8 +37,8 @@ def catalog(surrogate: Surrogate, tmp_path_factory: pytest.TempPathFactory) -> C
 
 
 @pytest.fixture(scope="module")
-def fits(surrogate: Surrogate, catalog: Catalog) -> VisualizationFits:
-    return VisualizationFits(SCENE, catalog, surrogate)
+def experiment(surrogate: Surrogate, catalog: Catalog) -> VisualizationExperiment:
+    return VisualizationExperiment(SCENE, catalog, surrogate)
 
 
 def test_the_first_variant_is_the_default_and_all_others_change_something() -> None:
@@ -51,10 +51,10 @@ def test_the_first_variant_is_the_default_and_all_others_change_something() -> N
 
 
 def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
-    fits: VisualizationFits, surrogate: Surrogate, tmp_path: Path
+    experiment: VisualizationExperiment, surrogate: Surrogate, tmp_path: Path
 ) -> None:
     found: list[Result] = []
-    ablate("blobs", fits, tmp_path, tell=found.append, seconds=0.4, seeds=1, only=["simulation-rate-0", "values"])
+    ablate("blobs", experiment, tmp_path, tell=found.append, seconds=0.4, seeds=1, only=["simulation-rate-0", "values"])
     default, values, frozen = found
     assert (default.variant, values.variant, frozen.variant) == ("default", "values", "simulation-rate-0")
     for result in (default, frozen):
@@ -71,15 +71,15 @@ def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
 
 
 def test_training_starts_from_the_base_and_gets_better(
-    fits: VisualizationFits, surrogate: Surrogate, tmp_path: Path
+    experiment: VisualizationExperiment, surrogate: Surrogate, tmp_path: Path
 ) -> None:
-    brief = fits.trained(fits.base.changed(visualization_steps=1), tmp_path, lambda _: None)
-    longer = fits.trained(fits.base.changed(visualization_steps=150), tmp_path, lambda _: None)
-    before, after = mean(fits.score(brief), "psnr"), mean(fits.score(longer), "psnr")
+    brief = experiment.trained(experiment.base.changed(visualization_steps=1), tmp_path, lambda _: None)
+    longer = experiment.trained(experiment.base.changed(visualization_steps=150), tmp_path, lambda _: None)
+    before, after = mean(experiment.score(brief), "psnr"), mean(experiment.score(longer), "psnr")
     assert before is not None
     assert after is not None
     assert after > before + 1.0
-    perfect = mean(fits.score(surrogate), "psnr")
+    perfect = mean(experiment.score(surrogate), "psnr")
     assert perfect is not None
     assert perfect > 45.0  # the catalog shows what it draws, in 8 bits
     for trained in (brief, longer):
@@ -88,14 +88,14 @@ def test_training_starts_from_the_base_and_gets_better(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_seed_gives_the_same_again(fits: VisualizationFits, tmp_path: Path) -> None:
-    settings = fits.base.changed(visualization_steps=20)
-    first, second = (fits.score(fits.trained(settings, tmp_path, lambda _: None)) for _ in range(2))
+def test_a_seed_gives_the_same_again(experiment: VisualizationExperiment, tmp_path: Path) -> None:
+    settings = experiment.base.changed(visualization_steps=20)
+    first, second = (experiment.score(experiment.trained(settings, tmp_path, lambda _: None)) for _ in range(2))
     assert [s.score for s in first] == [s.score for s in second]
 
 
 def test_what_diverges_in_its_last_step_is_said(
-    fits: VisualizationFits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    experiment: VisualizationExperiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     advance = StageRun.advance
 
@@ -107,32 +107,32 @@ def test_what_diverges_in_its_last_step_is_said(
 
     monkeypatch.setattr(StageRun, "advance", spoilt)
     with pytest.raises(ValueError, match="training diverged in stage isovalue at step 1 of 1, where visualization"):
-        fits.trained(fits.base.changed(visualization_steps=1), tmp_path, lambda _: None)
+        experiment.trained(experiment.base.changed(visualization_steps=1), tmp_path, lambda _: None)
 
 
-def test_variants_are_what_they_are_called(fits: VisualizationFits, tmp_path: Path) -> None:
-    short = fits.base.changed(visualization_steps=2)
-    paper = fits.trained(short.changed(visualization_deformation="paper"), tmp_path, lambda _: None)
+def test_variants_are_what_they_are_called(experiment: VisualizationExperiment, tmp_path: Path) -> None:
+    short = experiment.base.changed(visualization_steps=2)
+    paper = experiment.trained(short.changed(visualization_deformation="paper"), tmp_path, lambda _: None)
     assert all(isinstance(v.deformation, FieldDeformation) for v in paper.visualizations)
     assert all(
         not v.deformation.architecture.backbone_width
         for v in paper.visualizations
         if isinstance(v.deformation, FieldDeformation)
     )
-    default = fits.trained(short, tmp_path, lambda _: None)
+    default = experiment.trained(short, tmp_path, lambda _: None)
     assert [isinstance(v.deformation, ValuesDeformation) for v in default.visualizations] == [False, True]
 
 
 def test_what_a_study_needs_is_said(surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="train the scene first"):
-        VisualizationFits(SCENE, catalog, replace(surrogate, visualizations=()))
+        VisualizationExperiment(SCENE, catalog, replace(surrogate, visualizations=()))
     wider = replace(surrogate.normalization, extent=2.0 * surrogate.normalization.extent)
     renamed = replace(surrogate.space, parameters=(replace(surrogate.space.parameters[0], name="other"),))
     for other in (replace(surrogate, normalization=wider), replace(surrogate, space=renamed)):
         with pytest.raises(ValueError, match=r"other parameters or another box than catalog .*train the scene again"):
-            VisualizationFits(SCENE, catalog, other)
+            VisualizationExperiment(SCENE, catalog, other)
     with pytest.raises(ValueError, match="there is no F_vis"):
-        VisualizationFits(SCENE.changed(visualization_steps=0), catalog, surrogate)
-    monkeypatch.setattr("surrogate.studies.ablation.fits.validation_rows", lambda *_: [])
+        VisualizationExperiment(SCENE.changed(visualization_steps=0), catalog, surrogate)
+    monkeypatch.setattr("surrogate.studies.ablation.experiments.validation_rows", lambda *_: [])
     with pytest.raises(ValueError, match="must not be judged on test images"):
-        VisualizationFits(SCENE, catalog, surrogate)
+        VisualizationExperiment(SCENE, catalog, surrogate)

@@ -1,4 +1,4 @@
-"""How fast a variant trains here and now, and the steps that fit into a time."""
+"""How long a step of a variant takes here and now, and how many steps fit into a time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage, new_deformation, simulation_stage
 
-IMAGES = 96  # that the probe learns from, and by which the time to load all is judged
+IMAGES = 96  # that the probe learns from, and that the time to load all is estimated by
 WARM_STEPS, FEWEST_TIMED = 2, 3
 ROUGHLY = 0.15  # of the probe, for a first guess of how many steps it can take
 SETTLED = 0.5  # of a stage's steps, after which they are timed
@@ -32,8 +32,8 @@ def clock(settings: TrainingSettings) -> Callable[[], float]:
     return time.process_time if chosen(settings.device).type == "cpu" else time.perf_counter
 
 
-class Pace(NamedTuple):
-    """Seconds before the first step, and of a step in each stage; 0 in one that is not there."""
+class StepTimes(NamedTuple):
+    """Seconds before the first step, and per step of each stage; 0 for a stage without steps."""
 
     start: float
     canonical: float = 0.0
@@ -51,11 +51,11 @@ def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
 
 
 @one_torch_thread()
-def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pace:
-    """The pace of `settings`, from a training of about `seconds` that goes through all stages as the real one will.
+def measure_step_times(settings: TrainingSettings, catalog: Catalog, seconds: float) -> StepTimes:
+    """The step times of `settings`, measured in a training of about `seconds` that goes through all stages.
 
-    A step takes longer or shorter as Gaussians grow, fade and are relocated (one from a random start twice as long in the end),
-    so that the first steps of a stage say little.
+    The first steps of a stage say little: a step takes longer or shorter as Gaussians grow, fade and are relocated (from a random
+    start twice as long in the end).
     """
     source, now = Source(settings, catalog), clock(settings)
     data, loading = _some_data(source)
@@ -65,7 +65,7 @@ def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pa
     return settled(
         settings,
         seconds,
-        lambda form, timed: Pace(start, *_timed(form, gaussians, data, timed)),
+        lambda form, timed: StepTimes(start, *_timed(form, gaussians, data, timed)),
         ROUGHLY * seconds / 2.0,
     )
 
@@ -73,31 +73,31 @@ def measured(settings: TrainingSettings, catalog: Catalog, seconds: float) -> Pa
 def settled(
     settings: TrainingSettings,
     seconds: float,
-    trained: Callable[[TrainingSettings, Callable[[StageRun], float]], Pace],
+    trained: Callable[[TrainingSettings, Callable[[StageRun], float]], StepTimes],
     first: float,
-) -> Pace:
-    """The pace of a training of about `seconds`, timed once it has settled.
+) -> StepTimes:
+    """The step times of `settings`, measured in the second half of each stage of a training of about `seconds`.
 
-    `trained` goes through the stages of some settings, and lets the function that it is given time each; `first` is how many
-    seconds of each stage say how many steps such a training may have.
+    `trained` goes through the stages of some settings and times each by the function that it is given.  How many steps such a
+    training has is estimated from the first `first` seconds of each stage.
     """
     roughly = trained(settings, lambda run: _first_steps(run, first))
     short = scheduled(settings, (1.0 - ROUGHLY) * seconds, roughly._replace(start=0.0))
     return trained(short, _last_steps)
 
 
-def scheduled(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
+def scheduled(settings: TrainingSettings, seconds: float, times: StepTimes) -> TrainingSettings:
     """`settings` with as many steps as fit into `seconds`, shared out between the stages as before.
 
     Raises ValueError where the time is over before the first step.
     """
-    if pace.start >= seconds:
+    if times.start >= seconds:
         raise ValueError(
-            f"it takes {round(pace.start, 1):g} s before the first step, and the budget is {seconds:g} s: --seconds allows more"
+            f"it takes {round(times.start, 1):g} s before the first step, and the budget is {seconds:g} s: --seconds allows more"
         )
     before = steps_of(settings)
-    per_step = (pace.seconds(settings) - pace.start) / sum(before)
-    return with_steps(settings, round((seconds - pace.start) / per_step))
+    per_step = (times.seconds(settings) - times.start) / sum(before)
+    return with_steps(settings, round((seconds - times.start) / per_step))
 
 
 def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:

@@ -4,7 +4,14 @@ from pathlib import Path
 import pytest
 
 from surrogate.settings import TrainingSettings
-from surrogate.studies.ablation.pace import FEWEST_STEPS, Pace, measured, scheduled, steps_of, with_steps
+from surrogate.studies.ablation.timing import (
+    FEWEST_STEPS,
+    StepTimes,
+    measure_step_times,
+    scheduled,
+    steps_of,
+    with_steps,
+)
 from surrogate.training.run import train
 from tests.support.blobs import Blobs
 
@@ -22,11 +29,11 @@ SCENE = TrainingSettings(
 
 
 def test_steps_fill_the_time_and_are_shared_out_as_before() -> None:
-    pace = Pace(2.0, 0.01, 0.03)
-    planned = scheduled(SCENE, 12.0, pace)
+    times = StepTimes(2.0, 0.01, 0.03)
+    planned = scheduled(SCENE, 12.0, times)
     assert (planned.steps.canonical, planned.steps.deformation) == (100, 300)
-    assert pace.seconds(planned) == pytest.approx(12.0)
-    twice = scheduled(SCENE, 22.0, pace)
+    assert times.seconds(planned) == pytest.approx(12.0)
+    twice = scheduled(SCENE, 22.0, times)
     assert (twice.steps.canonical, twice.steps.deformation) == (200, 600)
     assert twice.changed(canonical_steps=100, deformation_steps=300) == SCENE
 
@@ -48,21 +55,21 @@ def test_a_start_that_takes_all_the_time_is_said() -> None:
     with pytest.raises(
         ValueError, match="it takes 70 s before the first step, and the budget is 60 s: --seconds allows more"
     ):
-        scheduled(SCENE, 60.0, Pace(70.0, 0.01, 0.01))
+        scheduled(SCENE, 60.0, StepTimes(70.0, 0.01, 0.01))
 
 
 def test_training_takes_about_as_long_as_its_pace_says(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, view_splits=VIEW_SPLITS)
-    pace = measured(SCENE, catalog, 0.2)
-    planned = scheduled(SCENE, 0.5, pace._replace(start=0.0))
+    times = measure_step_times(SCENE, catalog, 0.2)
+    planned = scheduled(SCENE, 0.5, times._replace(start=0.0))
     started = time.perf_counter()
     train(planned, catalog, tmp_path / "surrogate")
-    assert pace.canonical > 0
-    assert pace.deformation > 0
+    assert times.canonical > 0
+    assert times.deformation > 0
     assert 0.1 < time.perf_counter() - started < 5.0  # a machine with other things to do may be slow at times
 
 
 def test_a_stage_that_is_not_there_takes_no_time(make_catalog) -> None:
-    pace = measured(SCENE.changed(canonical_steps=0), make_catalog(SMALL, view_splits=VIEW_SPLITS), 0.1)
-    assert pace.canonical == 0.0
-    assert pace.deformation > 0.0
+    times = measure_step_times(SCENE.changed(canonical_steps=0), make_catalog(SMALL, view_splits=VIEW_SPLITS), 0.1)
+    assert times.canonical == 0.0
+    assert times.deformation > 0.0

@@ -1,4 +1,4 @@
-"""What a study fits: the base appearance from the start, or F_vis alone on a surrogate that is there."""
+"""What an ablation trains: the base appearance from the start, or F_vis alone on a finished surrogate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
-from surrogate.studies.ablation.pace import ROUGHLY, Pace, measured, settled
+from surrogate.studies.ablation.timing import ROUGHLY, StepTimes, measure_step_times, settled
 from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS, Variant
 from surrogate.training.data import ImageRow, TrainingData, validation_rows
 from surrogate.training.loop import StageRun
@@ -31,7 +31,7 @@ from surrogate.training.run import train
 from surrogate.training.source import DECISION_IMAGES, Source
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
 
-BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's run
+BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's results and records
 # Settings with which all time is given to training itself.
 NOTHING_ELSE: dict[str, Any] = {
     "fit_to_need": False,
@@ -45,8 +45,8 @@ WITHOUT_VALIDATION = (
 )
 
 
-class Fits(Protocol):
-    """What the variants of a study are, and how one of them is trained and judged."""
+class Experiment(Protocol):
+    """The variants of a study, and how one of them is trained and scored."""
 
     @property
     def variants(self) -> Sequence[Variant]:
@@ -64,8 +64,8 @@ class Fits(Protocol):
     def mark(self) -> str:
         """Changes with everything but the settings of a variant that its result depends on."""
 
-    def pace(self, settings: TrainingSettings, seconds: float) -> Pace:
-        """How fast these settings train here and now, found out in about `seconds`."""
+    def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
+        """How long a step of these settings takes here and now, measured in about `seconds`."""
 
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
         """The surrogate of these settings, trained in the folder `work`."""
@@ -74,11 +74,11 @@ class Fits(Protocol):
         """How well a surrogate shows the validation images."""
 
 
-class BaseFits:
+class BaseExperiment:
     """Stages 1 and 2 of a scene's settings, with all time given to training itself.
 
-    Nothing is chosen on the way, since each choice would take its time and fall differently from run to run: colours are of
-    degree 0 where they are left to be chosen, and "auto" is what it stands for.
+    Nothing is chosen during training, since a choice takes time and may fall differently from run to run: colours are of degree 0
+    where they are left to be chosen, and "auto" is replaced by what it stands for.
     Raises ValueError for a catalog without validation images.
     """
 
@@ -87,33 +87,33 @@ class BaseFits:
     def __init__(self, settings: TrainingSettings, catalog: Catalog) -> None:
         self.scene, self.base, self._catalog = settings, base_settings(settings, catalog), catalog
         self.mark = fingerprint(self.base, catalog)
-        self._judges = judges(self.base, catalog)
+        self._images = validation_images(self.base, catalog)
 
-    def pace(self, settings: TrainingSettings, seconds: float) -> Pace:
-        """See `Fits`."""
-        return measured(settings, self._catalog, seconds)
+    def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
+        """See `Experiment`."""
+        return measure_step_times(settings, self._catalog, seconds)
 
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """See `Fits`."""
+        """See `Experiment`."""
         return train(settings, self._catalog, work, progress=progress)
 
     @one_torch_thread()
     def score(self, surrogate: Surrogate) -> list[Scored]:
-        """See `Fits`."""
-        cases = [Case(row.member, row.view, row.appearance) for row in self._judges]
+        """See `Experiment`."""
+        cases = [Case(row.member, row.view, row.appearance) for row in self._images]
         return _scored(surrogate, self._catalog, cases)
 
 
 @dataclass(frozen=True, eq=False)
-class _Learnt:
-    """What of a variation is learnt from, and its validation images."""
+class _VariationData:
+    """The training data of a variation, and its validation images."""
 
     variation: Variation
     data: TrainingData
     cases: Sequence[Case]
 
 
-class VisualizationFits:
+class VisualizationExperiment:
     """Stage 3 of a scene's settings on the F_sim of its finished `surrogate`, the same for all variants.
 
     The colour degree is the one that was chosen then, and nothing else is chosen.
@@ -146,22 +146,22 @@ class VisualizationFits:
         )
         self.mark = f"{fingerprint(self.base, catalog)} on {surrogate.training.get('fingerprint')}"
 
-    def pace(self, settings: TrainingSettings, seconds: float) -> Pace:
-        """See `Fits`; the images are loaded once for all, so that takes no variant's time."""
-        learnt = self._learnt
+    def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
+        """See `Experiment`; the images are loaded once for all, so that takes no variant's time."""
+        learnt = self._data
 
         @one_torch_thread()
-        def timed(form: TrainingSettings, of: Callable[[StageRun], float]) -> Pace:
+        def timed(form: TrainingSettings, of: Callable[[StageRun], float]) -> StepTimes:
             each = [of(self._begun(form, one)[1]) for one in learnt]
-            return Pace(0.0, visualization=math.fsum(each))
+            return StepTimes(0.0, visualization=math.fsum(each))
 
         return settled(settings, seconds, timed, ROUGHLY * seconds / len(learnt))
 
     @one_torch_thread()
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """See `Fits`; nothing is written into `work`, and an interrupted training begins anew."""
+        """See `Experiment`; nothing is written into `work`, and an interrupted training begins anew."""
         found = []
-        for one in self._learnt:
+        for one in self._data:
             visualization, run = self._begun(settings, one)
             while run.step < run.stage.steps:
                 run.advance()
@@ -174,20 +174,20 @@ class VisualizationFits:
 
     @one_torch_thread()
     def score(self, surrogate: Surrogate) -> list[Scored]:
-        """See `Fits`."""
-        return _scored(surrogate, self._source.catalog, [case for one in self._learnt for case in one.cases])
+        """See `Experiment`."""
+        return _scored(surrogate, self._source.catalog, [case for one in self._data for case in one.cases])
 
     @cached_property
-    def _learnt(self) -> list[_Learnt]:
+    def _data(self) -> list[_VariationData]:
         silent = Source(self.base, self._source.catalog)
-        return [_Learnt(v, silent.data(v), self._cases(v)) for v in self._source.variations]
+        return [_VariationData(v, silent.data(v), self._cases(v)) for v in self._source.variations]
 
     def _cases(self, variation: Variation) -> list[Case]:
         shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
         rows = validation_rows(self._source.catalog, list(shown), DECISION_IMAGES)
         return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
 
-    def _begun(self, settings: TrainingSettings, learnt: _Learnt) -> tuple[Visualization, StageRun]:
+    def _begun(self, settings: TrainingSettings, learnt: _VariationData) -> tuple[Visualization, StageRun]:
         """A new F_vis and its training."""
         device, source = chosen(settings.device), Source(settings, self._source.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
@@ -210,7 +210,7 @@ def _is_of(surrogate: Surrogate, source: Source) -> bool:
 
 
 def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
-    """What all variants of `BaseFits` depart from."""
+    """What all variants of `BaseExperiment` depart from."""
     start = settings.start.initialization
     if start == "auto":
         start = "random" if Source(settings, catalog).points is None else "in-situ"
@@ -222,7 +222,7 @@ def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSetti
     )
 
 
-def judges(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
+def validation_images(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
     """The validation images that variants are judged on; raises ValueError where there are none."""
     found = validation_rows(catalog, [Source(settings, catalog).appearance], DECISION_IMAGES)
     if not found:
