@@ -28,11 +28,42 @@ def without_subnormals() -> Iterator[None]:
         torch.set_flush_denormal(before)
 
 
+def fused_update(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float) -> None:
+    """Move `tensor` and both moments in place, by the kernel under `torch.optim.Adam`, which torch keeps private."""
+    torch._fused_adam_(
+        [tensor],
+        [gradient],
+        [first],
+        [second],
+        [],
+        [steps],
+        lr=rate,
+        beta1=DECAY_FIRST,
+        beta2=DECAY_SECOND,
+        weight_decay=0.0,
+        eps=EPSILON,
+        amsgrad=False,
+        maximize=False,
+    )
+
+
+def plain_update(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float) -> None:
+    """The same in public operations, for a torch without that kernel."""
+    first.lerp_(gradient, 1.0 - DECAY_FIRST)
+    second.mul_(DECAY_SECOND).addcmul_(gradient, gradient, value=1.0 - DECAY_SECOND)
+    steps = steps.double()  # or 1 - 0.999 keeps four digits
+    spread = (second / (1.0 - DECAY_SECOND**steps)).sqrt_().add_(EPSILON)
+    tensor.sub_(rate / (1.0 - DECAY_FIRST**steps) * first / spread)
+
+
+update = fused_update if hasattr(torch, "_fused_adam_") else plain_update
+
+
 class Adam:
     """Adam (Kingma & Ba 2015, algorithm 1) over named leaf tensors.
 
-    It calls the fused kernel under `torch.optim.Adam` itself: that class loads torch's compiler at its first use, which
-    takes seconds, and spends as long around the kernel as in it.
+    `torch.optim.Adam` would do the same: but it loads torch's compiler at its first use, which takes seconds, and spends as long
+    around the kernel as in it.
     """
 
     def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
@@ -52,21 +83,7 @@ class Adam:
             if tensor.grad is None:
                 continue
             first, second = self._moments[name]
-            torch._fused_adam_(
-                [tensor],
-                [tensor.grad],
-                [first],
-                [second],
-                [],
-                [self._steps],
-                lr=self._rates[name] * factor,
-                beta1=DECAY_FIRST,
-                beta2=DECAY_SECOND,
-                weight_decay=0.0,
-                eps=EPSILON,
-                amsgrad=False,
-                maximize=False,
-            )
+            update(tensor, tensor.grad, first, second, self._steps, self._rates[name] * factor)
             tensor.grad = None
 
     def moments(self) -> dict[str, tuple[Tensor, Tensor]]:

@@ -22,6 +22,15 @@ def test_a_checkpoint_survives_bit_for_bit(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [CHECKPOINT]
 
 
+def test_tensors_begin_where_those_of_an_undisturbed_run_do(tmp_path: Path) -> None:
+    """At a multiple of 64 bytes, whatever the length of the record before them: see `Checkpoint.load`."""
+    for length in range(0, 64, 4):
+        Checkpoint({"a": torch.randn(3), "b": torch.randn(5, 5)}, {"said": "x" * length}).save(tmp_path)
+        loaded = Checkpoint.load(tmp_path)
+        assert loaded is not None
+        assert {tensor.data_ptr() % 64 for tensor in loaded.tensors.values()} == {0}
+
+
 def test_no_checkpoint_is_none(tmp_path: Path) -> None:
     assert Checkpoint.load(tmp_path) is None
 

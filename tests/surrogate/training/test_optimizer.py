@@ -1,6 +1,11 @@
+import importlib
+from collections.abc import Callable
+
+import pytest
 import torch
 
 from surrogate.splatting.threads import one_torch_thread
+from surrogate.training import optimizer
 from surrogate.training.optimizer import Adam, without_subnormals
 
 
@@ -16,7 +21,9 @@ def leaves() -> dict[str, torch.Tensor]:
     return {name: torch.randn(5, 3, generator=generator).requires_grad_() for name in ("a", "b")}
 
 
-def test_it_is_adam_with_a_rate_per_tensor() -> None:
+@pytest.mark.parametrize("way", ["fused_update", "plain_update"])
+def test_it_is_adam_with_a_rate_per_tensor(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(optimizer, "update", getattr(optimizer, way))
     tensors, rates = leaves(), {"a": 0.1, "b": 0.01}
     twin = {n: t.detach().double().clone() for n, t in tensors.items()}
     first = {n: torch.zeros_like(t) for n, t in twin.items()}
@@ -31,6 +38,27 @@ def test_it_is_adam_with_a_rate_per_tensor() -> None:
             twin[name] = twin[name] - rates[name] * 0.9**i * mean / (variance.sqrt() + 1e-15)
     for name in twin:
         torch.testing.assert_close(tensors[name].detach().double(), twin[name], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("update", [optimizer.fused_update, optimizer.plain_update])
+def test_one_update_is_that_of_torch(update: Callable[..., None]) -> None:
+    (ours,), (theirs,) = ([torch.full((4, 3), 0.5).requires_grad_()] for _ in range(2))
+    first, second, torchs = torch.zeros(4, 3), torch.zeros(4, 3), torch.optim.Adam([theirs], lr=0.03, eps=1e-15)
+    for step in range(1, 30):
+        gradient = torch.randn(4, 3, generator=torch.Generator().manual_seed(step)) * 10.0 ** (step % 7 - 3)
+        theirs.grad = gradient.clone()
+        torchs.step()
+        with torch.no_grad():
+            update(ours, gradient, first, second, torch.tensor(float(step)), 0.03)
+        torch.testing.assert_close(ours, theirs, rtol=1e-5, atol=1e-6)
+
+
+def test_without_torchs_private_kernel_the_public_operations_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert optimizer.update is optimizer.fused_update
+    with monkeypatch.context() as without:
+        without.delattr(torch, "_fused_adam_")
+        assert importlib.reload(optimizer).update is optimizer.plain_update
+    assert importlib.reload(optimizer).update is optimizer.fused_update
 
 
 def test_a_restored_optimizer_goes_on_bit_for_bit() -> None:
