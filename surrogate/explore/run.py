@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from catalogs.cameras import Camera, orbit
 from catalogs.catalog import Catalog, Member
 from surrogate.model import Surrogate
+
+SIDE = 512  # pixels of pictures where no catalog says another size
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,17 @@ class Run:
         if known != own:
             raise ValueError(f"the catalog is of {known}, the surrogate of {own}")
         return self.catalog.members
+
+    @cached_property
+    def cameras(self) -> Sequence[Camera]:
+        """The viewpoints that all members share, else those of each; where none are stored, 252 around the whole volume."""
+        stored = () if self.catalog is None else self.catalog.plan.cameras
+        placed = self.surrogate.normalization
+        return (
+            stored
+            or [camera for member in self.members for camera in member.cameras]
+            or orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
+        )
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Run:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera, orbit
+from catalogs.cameras import Camera
 from catalogs.variations import APPEARANCE
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.films import gif, mp4
@@ -29,7 +29,7 @@ from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 
-SIDE, MOST_SIDE = 512, 8192  # pixels of pictures where no catalog says another size, and at most
+MOST_SIDE = 8192  # pixels that a command may ask for
 
 Progress = Callable[..., Any]
 
@@ -75,7 +75,7 @@ class CodeRequest:
 
     def content(self, run: Run, progress: Progress) -> bytes:
         folder = run.model_folder or "surrogate"
-        return snippet(folder, self.setting, self.camera, self.background, surrogate=run.surrogate).encode()
+        return snippet(folder, run.surrogate, self.setting, self.camera, self.background).encode()
 
     def summary(self, run: Run) -> str:
         return str(self.setting)
@@ -265,19 +265,10 @@ def _camera(run: Run, view: int, size: str, record: Mapping[str, Any] | None) ->
         except (KeyError, TypeError) as error:
             raise ValueError(f"the picture keeps no camera that is understood: {error!r}") from error
     else:
-        cameras = _cameras(run)
-        if not 0 <= view < len(cameras):
-            raise ValueError(f"view must lie in 0..{len(cameras) - 1}, got {view}")
-        camera = cameras[view]
+        if not 0 <= view < len(run.cameras):
+            raise ValueError(f"view must lie in 0..{len(run.cameras) - 1}, got {view}")
+        camera = run.cameras[view]
     return camera.resized(*_pixels(size)) if size else camera
-
-
-def _cameras(run: Run) -> Sequence[Camera]:
-    """Those of the catalog; where there is none, the 252 around a sphere that holds the volume."""
-    if run.catalog is not None:
-        return run.catalog.plan.cameras or run.members[0].cameras
-    placed = run.surrogate.normalization
-    return orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
 
 
 def _color(parts: Any) -> Color:

@@ -16,46 +16,42 @@ from surrogate.model import Surrogate
 
 
 def snippet(
-    path: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    surrogate: Surrogate,
     setting: Setting,
     camera: Camera,
     background: Sequence[float] | None,
-    *,
-    surrogate: Surrogate | None = None,
 ) -> str:
     """A program that draws the very same picture, bit for bit, and writes `picture.png`.
 
     Parameters
     ----------
-    path : folder of a run, or of its surrogate; it stands in the program as an absolute path.
+    folder : that of the surrogate; it stands in the program as an absolute path.
     setting, camera : what is shown, and from where.
     background : straight RGB in [0, 1]; None for a transparent picture.
-    surrogate : that of `path`, where it is loaded already; it is needed for the transfer function of a colour map only.
 
-    Raises FileNotFoundError or ValueError where the surrogate must be loaded and can't be, or can't show the setting's colours.
+    Raises ValueError where the surrogate can't show the setting's colours.
     """
-    folder = _model_folder(Path(path))
     imports = [
         "from pathlib import Path",
         "",
         "from catalogs.cameras import Camera",
         "from catalogs.images import write_image",
     ]
-    parameters = {**setting.parameters, **setting.visualization}
     lines = []
     if setting.color_map:
         imports.insert(2, "from catalogs.appearance import TransferFunction")
-        lines = _function_lines(setting, surrogate or Surrogate.load(folder))
+        lines = _function_lines(setting, surrogate)
         asked = f"under({', '.join(['function', *_arguments(setting.parameters)])})"
     else:
-        asked = f"at({', '.join(_arguments(parameters))})"
+        asked = f"at({', '.join(_arguments(setting.values))})"
     behind = "" if background is None else f", background={tuple(float(part) for part in background)!r}"
     program = [
         *imports,
         "from surrogate import Surrogate",
         *(["from surrogate.explore.color_maps import color_points"] if setting.color_map else []),
         "",
-        f"surrogate = Surrogate.load({str(folder)!r})",
+        f"surrogate = Surrogate.load({str(Path(folder).resolve())!r})",
         "camera = Camera.from_json(",
         indent(pformat(camera.to_json(), width=120, sort_dicts=False), "    "),
         ")",
@@ -64,11 +60,6 @@ def snippet(
         'write_image(Path("picture.png"), picture)',
     ]
     return "".join(f"{line}\n" for line in program)
-
-
-def _model_folder(path: Path) -> Path:
-    inner = path / "surrogate"
-    return (inner if Surrogate.exists(inner) else path).resolve()
 
 
 def _arguments(values: Mapping[str, float | str]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from catalogs.catalog import Member
 from surrogate.evaluation.scoring import Report, spread
@@ -22,7 +22,7 @@ from surrogate.explore.reliability.calibration import (
     tables_of,
 )
 from surrogate.explore.reliability.measuring import Measured, measurements
-from surrogate.explore.reliability.places import Place, base_name, fractions_of, place_of
+from surrogate.explore.reliability.places import base_name, fractions_of, place_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
@@ -137,9 +137,8 @@ class Expectation:
         """The median distance between a training member and its nearest neighbour; None for fewer than two."""
         if len(self.training) < 2:
             return None
-        rows = self.training[spread(len(self.training), 1000)]
-        nearest = [np.partition(np.linalg.norm(self.training - row, axis=1), 1)[1] for row in rows]
-        return float(np.median(nearest))
+        distances, _ = self._tree.query(self.training[spread(len(self.training), 1000)], k=2)  # [N, 2]
+        return float(np.median(distances[:, 1]))
 
     def at(self, setting: Setting, surrogate: Surrogate) -> Expected:
         """What is expected of `surrogate`, the one that was measured, at `setting`: a lookup.
@@ -154,17 +153,18 @@ class Expectation:
             error=None if family is None else family.error,
             neighbours=0 if family is None else min(NEAREST, len(family.psnr)),
             seen_views=family is not None and family.seen_views,
-            training_distance=self._training_distance(place, len(surrogate.space)),
+            training_distance=self._training_distance(place.values[: len(surrogate.space)]),
             training_spacing=self.training_spacing,
             outside=place.outside,
             recolored=bool(setting.color_map),
         )
 
-    def _training_distance(self, place: Place, count: int) -> float | None:
-        if not len(self.training):
-            return None
-        steps = self.training - place.values[:count]  # [N, P]
-        return math.sqrt(float(np.einsum("np,np->n", steps, steps).min()))
+    @cached_property
+    def _tree(self) -> KDTree:
+        return KDTree(self.training)
+
+    def _training_distance(self, place: NDArray[np.float64]) -> float | None:
+        return float(self._tree.query(place)[0]) if len(self.training) else None
 
 
 @one_torch_thread()

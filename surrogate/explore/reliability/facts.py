@@ -54,7 +54,6 @@ def facts(run: Run) -> Json:
     Raises as `Run.members` does.
     """
     surrogate, catalog, members = run.surrogate, run.catalog, run.members
-    cameras = _cameras(run)
     found = {
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
@@ -64,13 +63,13 @@ def facts(run: Run) -> Json:
             if (found := _variation(surrogate, v.variation, catalog)) is not None
         ],
         "histogram": None if catalog is None else _histogram(_base_field(surrogate, catalog), members),
-        "camera": _first_orbit(run, cameras),
+        "camera": _first_orbit(run),
         "members": [
             {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in surrogate.space.names]}
             for m in (members[i] for i in spread(len(members), MOST_MEMBERS))
         ],
         "background": None if surrogate.background is None else _hexadecimal(surrogate.background),
-        "size": [cameras[0].width, cameras[0].height] if cameras else None,
+        "size": None if catalog is None else [run.cameras[0].width, run.cameras[0].height],
         "truth": bool(members),
         "model": {
             "gaussians": len(surrogate.gaussians),
@@ -171,18 +170,12 @@ def _histogram(field: str, members: Sequence[Member]) -> Json | None:
 # ---- cameras
 
 
-def _cameras(run: Run) -> Sequence[Camera]:
-    """The cameras that all members share, or those of each."""
-    shared = () if run.catalog is None else run.catalog.plan.cameras
-    return shared or [camera for member in run.members for camera in member.cameras]
-
-
-def _first_orbit(run: Run, cameras: Sequence[Camera]) -> Json:
+def _first_orbit(run: Run) -> Json:
     """What the page starts with: the stored view that is nearest to `OBLIQUE`."""
-    if run.catalog is None or not cameras:
+    if run.catalog is None:
         whole = run.surrogate.normalization
         return orbit_of(first_camera(whole), whole.center)
-    first = max(cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE)))
+    first = max(run.cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE)))
     return orbit_of(first, np.mean(np.array(run.catalog.plan.bounds), axis=0))
 
 

@@ -137,12 +137,6 @@ class Truth:
         }
         return min(distances, key=distances.__getitem__, default=None)
 
-    def asked(self, appearance: str) -> Mapping[str, float | str]:
-        """What a `Setting` must ask for to show this appearance.  Raises ValueError for unknown ones."""
-        if appearance not in self.shown:
-            raise ValueError(f"the surrogate does not follow the appearance {appearance!r}")
-        return self.shown[appearance]
-
     @property
     def _space(self) -> ParameterSpace:
         return self.catalog.plan.space

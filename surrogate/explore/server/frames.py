@@ -80,6 +80,6 @@ class Frames:
             return None
         return {
             "parameters": dict(stored.member.parameters),
-            "visualization": self.truth.asked(stored.appearance),
+            "visualization": self.truth.shown[stored.appearance],
             "orbit": orbit_of(stored.camera, self.truth.middle),
         }

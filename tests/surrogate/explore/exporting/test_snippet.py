@@ -43,7 +43,7 @@ def test_a_snippet_draws_the_same_bits(
     setting: Setting, background: tuple[float, ...] | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     following().save(tmp_path / "run" / "surrogate")
-    program = snippet(tmp_path / "run", setting, CAMERA, background)
+    program = snippet(tmp_path / "run" / "surrogate", following(), setting, CAMERA, background)
     expected = setting.gaussians(following()).render(CAMERA, background=background)
     picture = run(program, tmp_path, monkeypatch)
     np.testing.assert_array_equal(picture, expected)
@@ -54,7 +54,7 @@ def test_a_snippet_draws_the_same_bits(
 
 def test_it_runs_as_a_program_of_its_own(tmp_path: Path) -> None:
     following().save(tmp_path / "model")
-    program = snippet(tmp_path / "model", SETTINGS["colours"], CAMERA.resized(30, 18), None, surrogate=following())
+    program = snippet(tmp_path / "model", following(), SETTINGS["colours"], CAMERA.resized(30, 18), None)
     script = (
         f"import sys\nsys.path.insert(0, {str(PROJECT)!r})\n{program}\nimport numpy\nnumpy.save('picture.npy', picture)"
     )
@@ -65,7 +65,7 @@ def test_it_runs_as_a_program_of_its_own(tmp_path: Path) -> None:
 
 
 def test_the_colours_stand_in_it_by_name(tmp_path: Path) -> None:
-    program = snippet(tmp_path, SETTINGS["colours"], CAMERA, None, surrogate=following())
+    program = snippet(tmp_path, following(), SETTINGS["colours"], CAMERA, None)
     assert "color_points=color_points('turbo', 0.0, 3.0)," in program
     assert "surrogate.under(function, p=0.3333333333333333).render(camera)" in program
 
@@ -76,13 +76,13 @@ def test_any_parameter_name_will_do(name: str, tmp_path: Path, monkeypatch: pyte
     folder = tmp_path / 'it\'s a "run"'
     named.save(folder)
     setting = Setting({name: 0.3})
-    picture = run(snippet(folder, setting, CAMERA, None), tmp_path, monkeypatch)
+    picture = run(snippet(folder, named, setting, CAMERA, None), tmp_path, monkeypatch)
     np.testing.assert_array_equal(picture, setting.gaussians(named).render(CAMERA))
 
 
 def test_it_is_formatted_as_the_project_is(tmp_path: Path) -> None:
     for setting in SETTINGS.values():
-        program = snippet(tmp_path, setting, CAMERA, (0.0, 0.0, 0.0), surrogate=following())
+        program = snippet(tmp_path, following(), setting, CAMERA, (0.0, 0.0, 0.0))
         options = ["check", "--select", "E,F,W,I", "--line-length", "500", "--stdin-filename", "snippet.py", "-"]
         command = [sys.executable, "-m", "ruff", *options]
         done = subprocess.run(command, input=program, cwd=PROJECT, capture_output=True, text=True, timeout=60)

@@ -168,11 +168,10 @@ def test_the_nearest_picture_is_of_the_nearest_appearance_first(truth: Truth) ->
 
 def test_what_must_be_asked_for_to_see_an_appearance(truth: Truth) -> None:
     for appearance in truth.catalog.appearance_names:
-        stored = truth.match(Setting({"p": 0.0}, truth.asked(appearance)), FIRST)
+        stored = truth.match(Setting({"p": 0.0}, truth.shown[appearance]), FIRST)
         assert stored is not None
         assert stored.appearance == appearance
-    with pytest.raises(ValueError, match="does not follow"):
-        truth.asked("unknown")
+    assert set(truth.shown) == set(truth.catalog.appearance_names)
 
 
 def test_a_catalog_of_other_parameters_is_refused(truth: Truth, surrogate: Surrogate) -> None:
