@@ -86,7 +86,7 @@ class MemberWriter:
         summary.save(self.path / SUMMARY)
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
-        """Keep the summaries of a member's fields, by name, beside their images; where the plan has one field it has no name."""
+        """Keep the summaries of a member's fields, by name, beside their images."""
         only = len(self._catalog.plan.fields) == 1 == len(summaries)
         save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if only else summaries)
 
@@ -205,7 +205,7 @@ class Catalog:
         appearances: Sequence[str] | None = None,
         outside: Outside = "warn",
     ) -> MemberWriter:
-        """A writer for a new member, to be used in a `with` block; of all appearances or, by name, of some.
+        """A writer for a new member, used in a `with` block; `appearances` names those that it shows, all by default.
 
         Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
         that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value

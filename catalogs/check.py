@@ -33,7 +33,7 @@ class Finding:
 
 
 def check(path: Path, *, progress: Progress = lambda done, total: None) -> list[Finding]:
-    """Everything that is wrong with the database at `path`, ours or anybody's; empty when nothing is.
+    """Everything that is wrong with the Cinema database at `path`, whoever made it; empty where nothing is.
 
     The table is held to specification D (see `catalogs.cinema`); every image is decoded whole, once; where a `catalog.json`
     stands beside the table, members, rows, image sizes and summaries must agree with it too.  URLs are not fetched.

@@ -52,11 +52,11 @@ def show(path: Path) -> None:
 
 
 @main.group(name="import")
-def bring() -> None:
-    """Bring in images that were rendered elsewhere."""
+def import_group() -> None:
+    """Import images that were rendered elsewhere."""
 
 
-@bring.command()
+@import_group.command()
 @click.argument("directory", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--catalog", required=True, type=click.Path(path_type=Path), help="The .cdb folder to write.")
 @click.option("--bounds", required=True, metavar="X0,Y0,Z0,X1,Y1,Z1", help="World box that holds the volume.")

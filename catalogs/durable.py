@@ -1,4 +1,4 @@
-"""The only door to the disk for what must survive a crash: write, sync, rename.
+"""How files and folders that must survive a crash come to disk: write, sync, rename.
 
 Whatever is committed goes through these functions in this order: contents, `sync` of the file, `rename` into place,
 `sync` of the folder (Pillai et al., "All File Systems Are Not Created Equal", OSDI 2014, section 4).  The tests kill a
@@ -26,7 +26,7 @@ from pathlib import Path
 
 PARTIAL = ".partial"
 SYNCS_AT_ONCE = 16
-QUIET_SECONDS = 86400.0  # how long a writer that can't be asked may do nothing before it counts as dead
+QUIET_SECONDS = 86400.0  # without a change, after which a writer elsewhere counts as dead
 
 
 def write(path: Path, data: bytes) -> None:
@@ -71,7 +71,7 @@ def staged(path: Path, data: bytes) -> Iterator[None]:
 
 
 def replace(path: Path, data: bytes) -> None:
-    """Let `path` hold `data`, durably and at once."""
+    """Replace the contents of `path` by `data`, durably and atomically."""
     with staged(path, data):
         pass
 
@@ -119,7 +119,7 @@ def partials(folder: Path) -> list[Path]:
 def remove_abandoned(folder: Path) -> list[Path]:
     """Remove and return the partial files and folders in `folder` whose writer is dead.
 
-    A writer of another host, container or boot can't be asked: it counts as dead when nothing changed for a day.
+    A writer of another host, container or boot can't be seen: it counts as dead when nothing changed for a day.
     """
     removed = []
     for path in partials(folder):
@@ -173,7 +173,7 @@ def _last_change(path: Path) -> float:
 
 @functools.cache
 def _process_space() -> str:
-    """Within what process numbers mean the same processes: this boot of this machine, and this container."""
+    """Where process numbers are unique, as 8 hex digits: this boot of this machine, and this container."""
     known = []
     with contextlib.suppress(OSError):
         known.append(Path("/proc/sys/kernel/random/boot_id").read_text())

@@ -1,4 +1,4 @@
-"""A scene: everything that one run of the whole line needs, read from one TOML file.
+"""A scene: everything that one run from the simulation to the report needs, read from one TOML file.
 
 The table says where the fields come from, which members there are, how they are shown, from where, and with what
 budget the surrogate is trained.  Each half of the product checks the part it acts on: `source` belongs to `insitu`,
@@ -75,9 +75,9 @@ class VariedMembers:
 
     Attributes
     ----------
-    variation : the one in question.
-    share : of the training members that show it; drawn by the scene's seed, at least one.
-    compared : how many of the training settings test members show besides, evenly spread; None: all.
+    variation : whose settings are shown.
+    share : fraction of the training members that show it, drawn by the scene's seed; at least one.
+    compared : how many training settings a test member shows as well, evenly spread; None: all.
     """
 
     variation: Variation

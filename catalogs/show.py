@@ -15,7 +15,7 @@ UNKNOWN = "-"
 
 
 def describe(path: Path) -> str:
-    """What is in the database at `path`: ours by its members, anybody else's by the columns of its table.
+    """What is in the Cinema database at `path`: a catalog by its members, any other by the columns of its table.
 
     Raises CatalogError where `path` is neither, or is damaged.
     """

@@ -1,4 +1,4 @@
-"""What is kept of a field before it is gone: kilobytes that say how its values were spread and where it was seen.
+"""What is kept of a field when the field itself is thrown away: kilobytes on how its values were spread and where they were seen.
 
 A member's sidecar is one numpy archive of plain arrays, called like the attributes of `FieldSummary`.  Where a member has several
 fields they are those of the first one; the others' follow as "1/minimum" and so on, and `fields` holds the names of all.
@@ -77,7 +77,7 @@ class FieldSummary:
 
 
 def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
-    """Write the summaries of a member's fields, by name, as one numpy archive of plain arrays; "" is an only one without name."""
+    """Write the summaries of a member's fields, by name, as one numpy archive of plain arrays; "" names a single one."""
     arrays: dict[str, Any] = {} if list(summaries) == [""] else {FIELDS: np.array(list(summaries), dtype=np.str_)}
     for number, summary in enumerate(summaries.values()):
         arrays |= {f"{_prefix(number)}{name}": value for name, value in vars(summary).items()}
@@ -87,7 +87,7 @@ def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
 
 
 def load_summaries(path: Path) -> dict[str, FieldSummary]:
-    """What an archive holds, at least one summary, by the names of the fields; "" for the only one of a member that has no name.
+    """The summaries in an archive, at least one, by the names of their fields; "" for a single one.
 
     Raises ValueError naming a file that is none.  Never runs code from it.
     """

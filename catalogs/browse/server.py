@@ -101,7 +101,7 @@ class CatalogRequest(BaseHTTPRequestHandler):
                 shutil.copyfileobj(content, self.wfile)
 
     def _knows(self, access: Access) -> bool:
-        """Whether the request carries the token; where not, it is answered here: in the address it becomes a cookie."""
+        """Whether the request has the token as a cookie; else answers it, and makes a token in the address that cookie."""
         parts = urlsplit(self.path)
         if access.is_token(parse_qs(parts.query).get("token", [None])[0]):
             cookie = f"{access.cookie}={access.token}; HttpOnly; SameSite=Lax; Path=/"

@@ -39,7 +39,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class ImportedMember:
-    """A member to be: its frames in the files' order, and the split of each as a view."""
+    """A member before it is written: its frames in the files' order, and the split of each as a view."""
 
     name: str
     parameters: tuple[float, ...]

@@ -61,7 +61,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class _Row:
-    """A frame before its picture has been looked at."""
+    """A frame before its picture is read."""
 
     place: str
     path: Path

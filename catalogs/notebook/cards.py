@@ -33,7 +33,7 @@ TABLE = "border-collapse:collapse;border:0;margin:4px 0;font:inherit;color:inher
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Straight RGB [H, W, 3] uint8, and what stands below it and in its tooltip."""
+    """A picture on a card: straight RGB [H, W, 3] uint8, the caption below it and its tooltip."""
 
     rgb: NDArray[np.uint8] = field(repr=False)
     caption: str = ""
@@ -48,7 +48,7 @@ def card(
     *,
     width: int = TILE_WIDTH,
 ) -> str:
-    """The heading, a table of (what, in words), pictures in a row, each `width` pixels wide, and notes below."""
+    """A card of a heading, a table of (what, in words), a row of pictures `width` pixels wide, and notes below."""
     cells = "".join(
         f'<tr style="background:transparent"><th style="{LABEL}">{_text(what)}</th>'
         f'<td style="{PLAIN}">{_text(words)}</td></tr>'
