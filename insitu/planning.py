@@ -53,14 +53,14 @@ class PlanOptions:
     """
 
     space: ParameterSpace | None = None
-    appearances: tuple[Appearance, ...] | None = None
+    appearances: tuple[Appearance, ...] | None = field(default=None, repr=False)
     views: ViewPlan | None = None
     bounds: Box | None = None
     target_decibels: float | None = None
     sample_distance: float | Mapping[str, float] | None = None
     image_format: str | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    variations: tuple[Variation, ...] | None = None
+    variations: tuple[Variation, ...] | None = field(default=None, repr=False)
 
     @classmethod
     def of_scene(cls, scene: Scene, space: ParameterSpace, provenance: Mapping[str, Any] | None = None) -> PlanOptions:
@@ -146,7 +146,7 @@ def measure_pilot(fields: Fields, options: PlanOptions) -> Pilot:
     variations = [v for v in options.variations or () if v.continuous]  # nothing is in common between fields
     cameras = cameras_around(bounds, options.views or ViewPlan())
     found = {
-        a.name: find_sample_distance(fields.shown_by(a), a, cameras, target_decibels(options))
+        a.name: find_sample_distance(fields.shown_by(a), a, cameras, options.target_decibels or TARGET_DECIBELS)
         for a in _measured(volumes, variations)
     }
     related = {a.name: _related(a.name, variations) & found.keys() for a in volumes}
@@ -212,7 +212,7 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
     if options.sample_distance is not None:
         provenance["sample_distances"] = given_distances(options.sample_distance, appearances)
     elif pilot.distances:
-        provenance["target_decibels"] = target_decibels(options)
+        provenance["target_decibels"] = options.target_decibels or TARGET_DECIBELS
         provenance["sample_distances"] = {name: float(d.distance) for name, d in pilot.distances.items()}
         provenance["measured_decibels"] = {
             name: round(min(float(d.decibels), BEST_DECIBELS), 2) for name, d in pilot.distances.items()
@@ -234,10 +234,6 @@ def _value_ranges(pilot: Pilot, appearances: Sequence[Appearance]) -> dict[str, 
     shown = shown_fields(appearances)
     by = {f: list(value_range([a for a in appearances if field_of(a) == f], pilot.ranges[f])) for f in shown}
     return {"value_ranges": by} if len(by) > 1 else {"value_range": next(iter(by.values()))}
-
-
-def target_decibels(options: PlanOptions) -> float:
-    return TARGET_DECIBELS if options.target_decibels is None else options.target_decibels
 
 
 def is_catalog(path: Path) -> bool:

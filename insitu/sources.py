@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from catalogs.parameters import ParameterSpace
@@ -54,7 +54,7 @@ class Ensemble:
     """What a scene asks for: its members, their parameters' space, the source of their fields and the names of these."""
 
     space: ParameterSpace
-    members: Sequence[PlannedMember]
+    members: Sequence[PlannedMember] = field(repr=False)
     source: FieldSource
     fields: tuple[str, ...]
 

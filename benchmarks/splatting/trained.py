@@ -5,8 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +19,7 @@ from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.workloads import View
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
+from catalogs.progress import ProgressLine
 from catalogs.scene import Scene
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.model import DeformedGaussians, Surrogate
@@ -27,7 +27,6 @@ from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
 from surrogate.studies.ablation.pace import Pace, measured, scheduled
 from surrogate.training.data import ImageRow, validation_rows
-from surrogate.training.progress import TrainingProgress
 from surrogate.training.run import train
 
 PREFERRED, FALLBACK = "tgv-dvr", "tiny"
@@ -130,8 +129,8 @@ class Trained:
         return self.catalog.plan.background or WHITE
 
     def _train(self, settings: TrainingSettings) -> Surrogate:
-        with tempfile.TemporaryDirectory() as folder:
-            return train(settings, self.catalog, Path(folder) / "surrogate", progress=_now_and_then(self.setup.say))
+        with tempfile.TemporaryDirectory() as folder, ProgressLine() as line:
+            return train(settings, self.catalog, Path(folder) / "surrogate", progress=line)
 
 
 def pictures(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Iterator[tuple[ImageRow, DeformedGaussians, Camera]]:
@@ -157,16 +156,3 @@ def planned(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingS
     found = scheduled(settings, seconds, pace)
     interval = max(1, (found.steps.canonical + found.steps.deformation) // POINTS)
     return found.changed(validation_interval=interval)
-
-
-def _now_and_then(say: Callable[[str], None]) -> Callable[[TrainingProgress], None]:
-    """Tells the progress of a training run every ten seconds."""
-    last = time.monotonic()
-
-    def report(progress: TrainingProgress) -> None:
-        nonlocal last
-        if time.monotonic() - last > 10.0:
-            last = time.monotonic()
-            say(str(progress))
-
-    return report

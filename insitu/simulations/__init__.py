@@ -5,49 +5,34 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any
 
 from insitu.field import Field
 
-__all__ = ["Field", "RunFields", "Simulation", "simulation"]
+__all__ = ["Field", "Simulation", "simulation"]
 
 _HOMES = {"taylor_green": "insitu.simulations.taylor_green"}
-
-
-class RunFields(Protocol):
-    """How every bundled simulation is run: one member, from its initial condition to `time`."""
-
-    def __call__(
-        self,
-        parameters: Mapping[str, float],
-        *,
-        fields: Sequence[str],
-        resolution: int,
-        time: float,
-        progress: Callable[[float], Any] | None = None,
-        solver_resolution: int | None = None,
-    ) -> dict[str, Field]:
-        """The fields of these names on `resolution`³ points, solved on `solver_resolution`³ where given.
-
-        `progress`, where given, is called with the finished fraction of the run, up to 1.  ValueError names the known fields.
-        """
-        ...
 
 
 @dataclass(frozen=True)
 class Simulation:
     """A bundled simulation: its name in scenes, the parameters that a member must give, and how to run one.
 
-    `fields` are the names of what it can tell of a member.
+    Attributes
+    ----------
+    name, parameters : as scenes spell them.
+    fields : the names of what it can tell of a member.
+    run_fields : (parameters, *, fields, resolution, time, progress=None, solver_resolution=None) gives the fields of these names
+        at `time` on `resolution`³ points, solved on `solver_resolution`³; `progress` is called with the finished fraction.
     """
 
     name: str
     parameters: tuple[str, ...]
     fields: tuple[str, ...]
-    run_fields: RunFields
+    run_fields: Callable[..., dict[str, Field]]
 
     def run(self, parameters: Mapping[str, float], **how: Any) -> Field:
-        """The first of its fields; the other arguments are those of `RunFields`."""
+        """The first of its fields; the other arguments are those of `run_fields`."""
         return self.run_fields(parameters, fields=self.fields[:1], **how)[self.fields[0]]
 
     def check_fields(self, fields: Sequence[str]) -> None:

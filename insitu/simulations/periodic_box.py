@@ -23,7 +23,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from insitu.simulations.runge_kutta import Modes, State
+from insitu.simulations.runge_kutta import Modes, State, last_of
 from insitu.simulations.runge_kutta import steps as runge_kutta_steps
 
 
@@ -72,10 +72,7 @@ class PeriodicBox:
 
     def advance(self, state: State, *, until: float) -> State:
         """The state at time `until`."""
-        final = state
-        for final in self.steps(state, until):  # noqa: B007 - the last one is the result
-            pass
-        return final
+        return last_of(self.steps(state, until), state)
 
     def velocity(self, state: State) -> NDArray[Any]:
         """Velocity (d, [z,] y, x) on the grid points 2π i / n."""

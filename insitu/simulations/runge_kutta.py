@@ -8,8 +8,9 @@ Dynamics, section 4.4).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class State:
     """A flow at one moment: its spectral coefficients, laid out as the flow that made them says."""
 
     time: float
-    modes: Modes
+    modes: Modes = field(repr=False)
 
 
 def steps(
@@ -60,6 +61,12 @@ def steps(
         modes = _step(modes, dt, decay(dt / 2.0), tendency, slope, stage, start)
         time = until if remaining == 1 else time + dt
         yield State(time, modes)
+
+
+def last_of(states: Iterable[State], start: State) -> State:
+    """The last of the states; `start` where there is none."""
+    kept = deque(states, maxlen=1)
+    return kept[0] if kept else start
 
 
 def _step(modes: Modes, dt: float, decay: Modes, tendency: Tendency, slope: Modes, stage: Modes, start: Modes) -> Modes:

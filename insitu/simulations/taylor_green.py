@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.simulations import Field, Simulation
-from insitu.simulations.runge_kutta import Modes, State, Tendency
+from insitu.simulations.runge_kutta import Modes, State, Tendency, last_of
 from insitu.simulations.runge_kutta import steps as runge_kutta_steps
 
 Sines = tuple[bool, bool, bool]
@@ -110,10 +110,7 @@ class TaylorGreen:
 
     def advance(self, state: State, *, until: float) -> State:
         """The state at time `until`."""
-        final = state
-        for final in self.steps(state, until):  # noqa: B007 - the last one is the result
-            pass
-        return final
+        return last_of(self.steps(state, until), state)
 
     def coarsened(self, state: State, resolution: int) -> tuple[TaylorGreen, State]:
         """The same flow seen on fewer points: the state's modes that `resolution` points keep, and their solver.
