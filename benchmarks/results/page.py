@@ -6,7 +6,7 @@ import re
 from collections.abc import Container, Sequence
 from pathlib import Path
 
-from benchmarks.results.ablations import study_lines
+from benchmarks.results.ablations import study_section
 from benchmarks.results.cost import cost_table
 from benchmarks.results.gaps import Gap, gaps_of
 from benchmarks.results.parts import parts_of
@@ -14,7 +14,7 @@ from benchmarks.results.quality import QualityTable, quality_tables
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import report_sources, study_sources
 from catalogs import durable
-from surrogate.evaluation.tables import table
+from surrogate.evaluation.tables import document, table
 from surrogate.report.report import RECORD
 from surrogate.storage.records import read_json
 from surrogate.studies.ablation.plot import plot
@@ -34,13 +34,20 @@ INTRODUCTION = (
 
 def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
     """The page; `pictures` are the names of those that lie beside it."""
-    shown = {scene.name: scene for scene in scenes}
-    lines = ["# Results", "", INTRODUCTION, "", *_if_any(_earlier([scene.name for scene in scenes if scene.earlier]))]
-    for quality in quality_tables(parts_of(scenes)):
-        lines += _quality_section(quality, [shown[name] for name in quality.scenes])
-    lines += ["## How large, how fast", "", "Times are medians, one picture at a time.", "", *cost_table(scenes), ""]
-    lines += [report_sources(scenes), "", *_pictures_section(scenes, pictures), *_ablation_sections(scenes, pictures)]
-    return "\n".join([*lines, *_gaps_section([gap for scene in scenes for gap in gaps_of(scene)])])
+    return document(
+        "# Results",
+        INTRODUCTION,
+        _earlier([scene.name for scene in scenes if scene.earlier]),
+        *(block for quality in quality_tables(parts_of(scenes)) for block in _quality(quality, scenes)),
+        "## How large, how fast",
+        "Times are medians, one picture at a time.",
+        cost_table(scenes),
+        report_sources(scenes),
+        *_pictures(scenes, pictures),
+        "## What each choice of training is worth",
+        *(_ablations(scenes, pictures) or ["No scene has an ablation yet."]),
+        *_missing([gap for scene in scenes for gap in gaps_of(scene)]),
+    )
 
 
 def pictures_of(scenes: Sequence[SceneResults], output: Path) -> dict[str, bytes]:
@@ -90,8 +97,9 @@ def _pictures_on(path: Path) -> set[str]:
     return set(PICTURE_LINK.findall(path.read_text(encoding="utf-8", errors="replace"))) if path.is_file() else set()
 
 
-def _quality_section(quality: QualityTable, scenes: Sequence[SceneResults]) -> list[str]:
-    return [f"## {quality.title}", "", quality.text, "", *quality.lines, "", *_if_any(report_sources(scenes))]
+def _quality(quality: QualityTable, scenes: Sequence[SceneResults]) -> list[str]:
+    sources = report_sources([scene for scene in scenes if scene.name in quality.scenes])
+    return [f"## {quality.title}", quality.text, quality.table, sources]
 
 
 def _sheets(scene: SceneResults) -> list[str]:
@@ -100,24 +108,24 @@ def _sheets(scene: SceneResults) -> list[str]:
     return [f"{varied['kind']}.png" for varied in scene.report["variations"]] or ["comparison.png"]
 
 
-def _pictures_section(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
-    lines = []
-    for scene in scenes:
-        for name in (_picture(scene, sheet) for sheet in _sheets(scene)):
-            if name in pictures:
-                lines += [f"`{scene.name}`: {scene.title}", "", f"![{scene.name}]({name})", ""]
-    return ["## Truth, prediction and difference", "", *lines] if lines else []
+def _pictures(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
+    found = [
+        f"`{scene.name}`: {scene.title}\n\n![{scene.name}]({name})"
+        for scene in scenes
+        for name in (_picture(scene, sheet) for sheet in _sheets(scene))
+        if name in pictures
+    ]
+    return ["## Truth, prediction and difference", *found] if found else []
 
 
-def _ablation_sections(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
-    lines = ["## What each choice of training is worth", ""]
+def _ablations(scenes: Sequence[SceneResults], pictures: Container[str]) -> list[str]:
+    blocks = []
     for scene in scenes:
         for study in scene.studies:
             name = _picture(scene, f"{study.kind.folder}.png")
-            lines += [f"### `{scene.name}`, {study.kind.title}", "", *study_lines(study)]
-            lines += [f"![{scene.name}]({name})", ""] if name in pictures else []
-            lines += [study_sources(scene.name, study), ""]
-    return lines if len(lines) > 2 else [*lines, "No scene has an ablation yet.", ""]
+            blocks += [f"### `{scene.name}`, {study.kind.title}", *study_section(study)]
+            blocks += [f"![{scene.name}]({name})" if name in pictures else "", study_sources(scene.name, study)]
+    return blocks
 
 
 def _earlier(names: Sequence[str]) -> str:
@@ -130,12 +138,6 @@ def _earlier(names: Sequence[str]) -> str:
     )
 
 
-def _gaps_section(gaps: Sequence[Gap]) -> list[str]:
-    if not gaps:
-        return []
+def _missing(gaps: Sequence[Gap]) -> list[str]:
     rows = [(f"`{gap.scene}`", gap.what, f"`{gap.command}`") for gap in gaps]
-    return ["## What is missing", "", table(("scene", "what", "made by"), rows), ""]
-
-
-def _if_any(text: str) -> list[str]:
-    return [text, ""] if text else []
+    return ["## What is missing", table(("scene", "what", "made by"), rows)] if gaps else []

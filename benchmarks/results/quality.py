@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from benchmarks.results.parts import BASE, Part
 from catalogs.variations import KINDS
 from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
-from surrogate.evaluation.tables import HEADINGS, NOTHING, table
+from surrogate.evaluation.tables import HEADINGS, NOTHING, table_of
 
 FOREGROUND, SSIM = "PSNR of the foreground (dB)", "SSIM"
 CEILING, TRIVIAL = "ceiling (surrogate there), dB", "best trivial predictor, dB"
@@ -17,11 +17,11 @@ UNSEEN = "unseen_views", "unseen_parameters"
 
 @dataclass(frozen=True, eq=False)
 class QualityTable:
-    """A section of the page: its title, what it shows, the lines of its table, and the scenes in it; none without any."""
+    """A section of the page: its title, what it shows, its table, and the scenes in it; none without any."""
 
     title: str
     text: str
-    lines: Sequence[str]
+    table: str
     scenes: Sequence[str]
 
 
@@ -142,12 +142,7 @@ def _images(part: Part, row: str, column: str) -> str:
     return str(part.record["images"][row][column])
 
 
-def _made(title: str, text: str, parts: Iterable[Part], *columns: Column) -> QualityTable:
-    parts = list(parts)
-    rows = [(f"`{part.scene}`", *(value(part) for _, value in columns)) for part in parts]
-    lines = (
-        table(("scene", *(name for name, _ in columns)), rows).splitlines()
-        if rows
-        else ["No scene has a report of such images yet."]
-    )
-    return QualityTable(title, text, lines, list(dict.fromkeys(part.scene for part in parts)))
+def _made(title: str, text: str, parts: Sequence[Part], *columns: Column) -> QualityTable:
+    shown = table_of(parts, ("scene", lambda part: f"`{part.scene}`"), *columns)
+    nothing = "No scene has a report of such images yet."
+    return QualityTable(title, text, shown if parts else nothing, list(dict.fromkeys(part.scene for part in parts)))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.results.ablations import GROUPS, group_of, study_lines
+from benchmarks.results.ablations import GROUPS, group_of, study_section
 from benchmarks.results.studies import BASE, VISUALIZATION, StudyResults, kinds_of
 from surrogate.storage.records import Provenance
 from surrogate.studies.ablation.comparison import rows_of
@@ -48,7 +48,7 @@ def test_a_table_shows_differences_at_equal_time_and_at_equal_steps() -> None:
     known["default-in-paper-steps"] = results("default-in-paper-steps", 25.0, 29.0, steps=10)
     known["start-sfm"] = results("start-sfm", 0.0, error="ValueError: no points")
     rows = rows_of({v: known[v.name] for v in VARIANTS if v.name in known})
-    text = "\n".join(study_lines(StudyResults(BASE, 60.0, rows)))
+    text = "\n".join(study_section(StudyResults(BASE, 60.0, rows)))
     assert "| **reference** | default | nothing | 31.00 ± 1.41 | – | 0.9000 | 100 | 60 | 2 |" in text
     # standard errors: sqrt(2 / 2 + 2 / 2) of two means; sqrt(2) / sqrt(2) of the paired differences 5 and 7
     assert (

@@ -27,7 +27,9 @@ def shown(results: SceneResults) -> dict[str, list[dict[str, str]]]:
     found = {}
     for quality in quality_tables(parts_of([results])):
         cells = [
-            [cell.strip() for cell in line.strip("|").split("|")] for line in quality.lines if line.startswith("|")
+            [cell.strip() for cell in line.strip("|").split("|")]
+            for line in quality.table.splitlines()
+            if line.startswith("|")
         ]
         found[quality.title] = [dict(zip(cells[0], row, strict=True)) for row in cells[2:]]
     return found
@@ -79,7 +81,7 @@ def test_cells_without_images_have_no_row() -> None:
 
 def test_without_any_report_every_table_says_so() -> None:
     for quality in quality_tables(parts_of([scene()])):
-        assert quality.lines == ["No scene has a report of such images yet."]
+        assert quality.table == "No scene has a report of such images yet."
         assert quality.scenes == []
 
 
