@@ -22,16 +22,18 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     """Write the report of SCENE's surrogate: tables, pictures, report.json."""
     opened = OpenScene.open(scene, runs, records)
     from surrogate.model import Surrogate
-    from surrogate.report import records as kept
+    from surrogate.provenance import code
+    from surrogate.report.records import is_kept, report_path, save_report
     from surrogate.report.report import is_current, write_report
+    from surrogate.storage.checkpoints import fingerprint
 
-    page = opened.folder / "report" / "report.md"
-    known = kept.load_report(opened.records, opened.settings.seed)
-    if not Surrogate.exists(opened.model) and kept.answers(known, opened.settings, opened.catalog):
-        click.echo(f"{kept.report_path(opened.records, opened.settings.seed)}: nothing to do")
+    page, kept = opened.folder / "report" / "report.md", (opened.records, opened.settings.seed)
+    if not Surrogate.exists(opened.model) and is_kept(*kept, fingerprint(opened.settings, opened.catalog), code()):
+        click.echo(f"{report_path(*kept)}: nothing to do")
         return
     surrogate = load_surrogate(opened.model)
-    if is_current(page.parent, surrogate, opened.records) and kept.is_of(known, surrogate):
+    made = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
+    if is_current(page.parent, surrogate, opened.records) and is_kept(*kept, *made):
         click.echo(f"{page}: nothing to do")
         return
     from surrogate.evaluation.evaluate import evaluate as run
@@ -50,7 +52,7 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
             dataset_seconds=seconds,
             records=opened.records,
         )
-        kept.save_report(opened.records, surrogate, opened.settings, report, time.process_time() - begun)
+        save_report(opened.records, surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):
         click.echo(f"  {text}")
     click.echo(f"{page} ({time.perf_counter() - started:.0f} s)")

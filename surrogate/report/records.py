@@ -7,12 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.catalog import Catalog
 from surrogate.evaluation.evaluate import VERSION
 from surrogate.model import Surrogate
-from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
 
 KIND, FOLDER = "evaluation", "evaluation"  # of a scene's records
@@ -39,16 +36,7 @@ def load_report(records: Path, seed: int) -> Record | None:
     return Record.load(report_path(records, seed), KIND, VERSION, {"seed": seed})
 
 
-def is_of(known: Record | None, surrogate: Surrogate) -> bool:
-    """Whether the figures are those of this surrogate."""
-    mark, trained_by = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
+def is_kept(records: Path, seed: int, mark: str, trained_by: str) -> bool:
+    """Whether figures of a seed are kept that belong to the model of this fingerprint, trained by this code."""
+    known = load_report(records, seed)
     return known is not None and known.agrees({"mark": mark}) and known.provenance.code == trained_by
-
-
-def answers(known: Record | None, settings: TrainingSettings, catalog: Catalog) -> bool:
-    """Whether the figures are those that these settings would give with this data and the present code."""
-    return (
-        known is not None
-        and known.provenance.code == code()
-        and known.agrees({"mark": fingerprint(settings, catalog), "settings": settings.to_json()})
-    )

@@ -1,9 +1,8 @@
-"""What the same Gaussians could reach at all: fitted to one unseen member alone, with nothing to deform.
+"""The ceiling: what as many Gaussians reach that are fitted to one unseen member alone, without a deformation.
 
-The difference between this and what a surrogate reaches on the same images is what is lost by predicting the member instead of
-seeing it; what is missing to a perfect picture is due to the Gaussians, their number and the training views.  It is no strict
-bound: as many steps on one member's views, which are fewer, may also overfit.  And it learns from a test member, so no choice
-may be made by it.
+A surrogate falls short of it on the same images by what it loses in predicting the member instead of seeing it.  The ceiling falls
+short of a perfect picture because of the Gaussians, their number and the training views.  It is no strict bound: as many steps on
+the fewer views of one member may overfit.  It learns from a test member, so no choice may be made by it.
 """
 
 from __future__ import annotations

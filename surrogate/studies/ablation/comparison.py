@@ -1,4 +1,4 @@
-"""Variants compared with the default, or with what took as many steps: means over seeds, differences, and how sure they are."""
+"""Each variant compared with the default, or with the one whose steps it takes: means over seeds, and differences with errors."""
 
 from __future__ import annotations
 

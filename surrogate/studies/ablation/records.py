@@ -77,7 +77,7 @@ class Result:
 
     @property
     def is_timely(self) -> bool:
-        """Whether training took about as long as it should: not where the machine was busier or idler than when it was probed."""
+        """Whether training took about as long as planned; not where the machine was busier or idler than when steps were timed."""
         return abs(self.seconds / (self.budgets * self.budget) - 1.0) <= TIME_TOLERANCE
 
 

@@ -24,7 +24,7 @@ MODEL = "surrogate"
 
 @dataclass(frozen=True)
 class Repeat:
-    """A seed to be trained: with which settings, recognized by which fingerprint, and in which folder the model is kept."""
+    """A seed to be trained: its settings, their fingerprint, and the folder of the model."""
 
     settings: TrainingSettings
     mark: str
@@ -85,7 +85,7 @@ def _is_scored(records: Path, one: Repeat, base: str) -> bool:
 
 
 def _check(plan: Sequence[Repeat], run: Path) -> None:
-    """Raise ValueError where the folder of any seed is none or holds something else: an hour later would be too late."""
+    """Raise ValueError, before hours of training, where the folder of any seed is a file or holds another run."""
     folders = [run / FOLDER, *(folder for one in plan for folder in (run / FOLDER / str(one.seed), one.model))]
     files = [str(path) for path in folders if path.exists() and not path.is_dir()]
     if files:

@@ -1,7 +1,7 @@
-"""Does a training run in float32 drift away from one in float64?
+"""Whether a training run in float32 drifts away from one in float64.
 
-Training amplifies every difference: Adam's steps depend on the signs of gradients near zero.  So a run in float32 is compared not
-only with one in float64 but with what the smallest possible change does to the latter: a start that differs by one rounding.
+Training amplifies every difference: Adam's steps depend on the signs of gradients near zero.  So the distance between the two runs
+is compared with that between two runs in float64 whose starts differ by one rounding in the last place of float32.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from surrogate.training.stages import simulation_stage
 
 SIZE, GAUSSIANS, STEPS = 32, 60, 400
 PARAMETERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-LOOKS = (1, 10, 30, 100, 200, STEPS)  # steps after which runs are compared
+SNAPSHOT_STEPS = (1, 10, 30, 100, 200, STEPS)  # steps after which runs are compared
 MOST_DECIBELS = 0.3  # that the two precisions may end apart
 MOST_TIMES = 3.0  # that float32 may lie farther from float64 than a changed rounding does
 
@@ -41,8 +41,8 @@ class Image(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Look:
-    """Where a run stands: its centres (N, 3) in float64, the mean loss since the last look, PSNR at images held out."""
+class Snapshot:
+    """Where a run stands: its centres (N, 3) in float64, the mean loss since the last snapshot, PSNR at images held out."""
 
     step: int
     means: Tensor
@@ -54,12 +54,12 @@ class Look:
 class Drift:
     """Three runs that looked at the same images in the same order, at the same steps."""
 
-    exact: list[Look]  # float64, the reference backend
-    rounded: list[Look]  # float32, the backend that is tested
-    nudged: list[Look]  # float64, from a start that was rounded otherwise
+    exact: list[Snapshot]  # float64, the reference backend
+    rounded: list[Snapshot]  # float32, the backend that is tested
+    nudged: list[Snapshot]  # float64, from a start that was rounded otherwise
 
     def distances(self) -> list[tuple[int, float, float]]:
-        """At each look: its step, and the root mean square distance of float32's centres, and of the nudged, from float64's."""
+        """At each snapshot: its step, and the root mean square distance of float32's centres, and of the nudged, from float64's."""
         return [
             (a.step, _distance(a.means, b.means), _distance(a.means, c.means))
             for a, b, c in zip(self.exact, self.rounded, self.nudged, strict=True)
@@ -70,7 +70,7 @@ class Drift:
         """What speaks for a drift; nothing where float32 may be trusted."""
         apart, (_, far, nudged) = abs(self.exact[-1].psnr - self.rounded[-1].psnr), self.distances()[-1]
         found = []
-        if not all(math.isfinite(look.loss) for look in self.rounded):
+        if not all(math.isfinite(snapshot.loss) for snapshot in self.rounded):
             found.append("the loss in float32 is not finite")
         if not apart <= MOST_DECIBELS:
             found.append(f"float32 ends {apart:.2f} dB from float64, more than {MOST_DECIBELS}")
@@ -104,7 +104,7 @@ def _run(
     backend: str,
     steps: int,
     change: Callable[[Tensor], Tensor] = lambda tensor: tensor,
-) -> list[Look]:
+) -> list[Snapshot]:
     settings = TrainingSettings(gaussians=GAUSSIANS, deformation_steps=steps, latent_size=4, hidden_width=16)
     gaussians = _start()
     deformation = BilinearDeformation.create(gaussians, 1, settings)
@@ -113,7 +113,7 @@ def _run(
     stage = simulation_stage(gaussians, BilinearDeformation(**tensors, units=deformation.units.to(dtype)), settings)
     adam, rasterizer = Adam(stage.tensors, stage.rates), Rasterizer(backend=backend)
     loss_of = image_loss_reference if dtype == torch.float64 else image_loss
-    order, looks, losses = np.random.default_rng(0).permutation(steps) % len(learn), [], []
+    order, snapshots, losses = np.random.default_rng(0).permutation(steps) % len(learn), [], []
     for step in range(1, steps + 1):
         image = learn[order[step - 1]]
         picture = rasterizer.draw_over(stage.gaussians_at(_at(image, dtype)), image.camera, (1.0, 1.0, 1.0))
@@ -121,13 +121,13 @@ def _run(
         loss.backward()
         adam.step(settings.rates.final_factor ** (step / steps))
         losses.append(float(loss.detach()))
-        if step in LOOKS or step == steps:
+        if step in SNAPSHOT_STEPS or step == steps:
             with torch.no_grad():
                 means = stage.tensors["means"].double().clone()
                 error = np.mean([_squared(rasterizer, stage.gaussians_at(_at(i, dtype)), i) for i in judge])
-            looks.append(Look(step, means, float(np.mean(losses)), decibels(float(error))))
+            snapshots.append(Snapshot(step, means, float(np.mean(losses)), decibels(float(error))))
             losses = []
-    return looks
+    return snapshots
 
 
 def _at(image: Image, dtype: torch.dtype) -> Tensor:

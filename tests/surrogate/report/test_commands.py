@@ -29,5 +29,5 @@ def test_figures_are_kept_and_answer_where_there_is_no_model(tmp_path: Path, mon
     shutil.rmtree(tmp_path / "runs/blobs/surrogate")
     assert "kept/blobs/evaluation/0.json: nothing to do" in call("evaluate", *kept)
     assert "make train" in call("evaluate", "--records", str(tmp_path / "nowhere"))
-    monkeypatch.setattr(records, "code", lambda: "later")
+    monkeypatch.setattr("surrogate.provenance.code", lambda: "later")
     assert "make train" in call("evaluate", *kept)

@@ -17,7 +17,7 @@ from surrogate.cli import main
 from surrogate.splatting import Primitives, Rendering, cpu
 from surrogate.studies.stress.cases import Agreement, Case, agreements, cases, refusals
 from surrogate.studies.stress.check import check, check_agreement, check_refusal, draw_twin
-from surrogate.studies.stress.drift import Drift, Look, measure_drift
+from surrogate.studies.stress.drift import Drift, Snapshot, measure_drift
 from surrogate.studies.stress.table import tables
 from tests.support.tables import tables as widths_of_tables
 
@@ -127,19 +127,22 @@ def test_an_engine_that_depends_on_the_run_misses(monkeypatch: pytest.MonkeyPatc
 def test_a_short_training_does_not_drift() -> None:
     drift = measure_drift(steps=30)
     assert drift.complaints == ()
-    assert [look.step for look in drift.exact] == [1, 10, 30]
+    assert [snapshot.step for snapshot in drift.exact] == [1, 10, 30]
     assert drift.exact[-1].psnr > drift.exact[0].psnr + 1.0
     assert 0 < drift.distances()[-1][1] < 1e-2
 
 
 def test_runs_that_part_are_said_to() -> None:
-    def look(offset: float, psnr: float, loss: float = 0.1) -> list[Look]:
-        return [Look(1, torch.full((3, 3), offset).double(), loss, psnr)]
+    def snapshot(offset: float, psnr: float, loss: float = 0.1) -> list[Snapshot]:
+        return [Snapshot(1, torch.full((3, 3), offset).double(), loss, psnr)]
 
-    assert Drift(look(0.0, 30.0), look(1e-3, 29.9), look(1e-3, 30.0)).complaints == ()
-    assert "dB from float64" in Drift(look(0.0, 30.0), look(1e-3, 28.0), look(1e-3, 30.0)).complaints[0]
-    assert "times as far" in Drift(look(0.0, 30.0), look(0.1, 30.0), look(1e-3, 30.0)).complaints[0]
-    assert "not finite" in Drift(look(0.0, 30.0), look(1e-3, 30.0, float("nan")), look(1e-3, 30.0)).complaints[0]
+    assert Drift(snapshot(0.0, 30.0), snapshot(1e-3, 29.9), snapshot(1e-3, 30.0)).complaints == ()
+    assert "dB from float64" in Drift(snapshot(0.0, 30.0), snapshot(1e-3, 28.0), snapshot(1e-3, 30.0)).complaints[0]
+    assert "times as far" in Drift(snapshot(0.0, 30.0), snapshot(0.1, 30.0), snapshot(1e-3, 30.0)).complaints[0]
+    assert (
+        "not finite"
+        in Drift(snapshot(0.0, 30.0), snapshot(1e-3, 30.0, float("nan")), snapshot(1e-3, 30.0)).complaints[0]
+    )
 
 
 @pytest.mark.slow
