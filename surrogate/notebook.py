@@ -91,7 +91,7 @@ def _bounds(space: ParameterSpace) -> list[str]:
 
 
 def _followed(visualization: Visualization) -> str:
-    """What a variation lets one ask for, in words."""
+    """The visualization parameters of a variation, in words."""
     variation = visualization.variation
     if not variation.continuous:
         return f"other fields: appearance {', '.join(setting.appearance for setting in variation.settings)}"
@@ -103,7 +103,7 @@ def _followed(visualization: Visualization) -> str:
 
 
 def _trained(training: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How it came to be, as far as it is known."""
+    """The row that says how it was trained, as far as that is known."""
     said = [f"{training['steps']:,} steps"] if "steps" in training else []
     said += [f"in {training['seconds']:,.0f} s"] if "seconds" in training else []
     said += [f"on pictures of {training['appearance']}"] if training.get("appearance") else []

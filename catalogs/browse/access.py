@@ -1,4 +1,4 @@
-"""Who may ask a server of ours: pages of this machine, or whoever brings a token.
+"""Who may use a server of this project: pages of this machine, or whoever brings a token.
 
 A page of any web site may try to reach a server on 127.0.0.1, by a host name of its own that resolves to it (DNS rebinding): so a
 request must name the server by one of its own names.  What listens where others reach it wants a random token as well, which

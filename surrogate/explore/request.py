@@ -1,7 +1,7 @@
 """What a browser may ask for: every message is checked whole before anything is drawn.
 
-Messages are JSON-like values from outside and are believed in nothing: types, lengths, ranges and sizes are all bounded here, so
-that the rest of the explorer deals with frozen dataclasses only.
+Messages come from outside.  Their types, lengths, ranges and sizes are all checked here, so that the rest of the explorer deals
+with frozen dataclasses only.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FARTHEST = 1e6  # how far cameras may stand away, in half sizes of the volume
 
 
 class MessageError(ValueError):
-    """A message asks for what can't be had; its one sentence goes back to the browser."""
+    """A message is wrong; the browser shows this one sentence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class FrameRequest:
 
 
 def frame_request(message: Any, surrogate: Surrogate) -> FrameRequest:
-    """The request that `message` is; raises MessageError saying what is wrong with it."""
+    """Check a message and return its request; raises MessageError for a wrong one."""
     fields = _mapping(message, "the message")
     listed = _sequence(fields.get("settings"), "settings", 1, MOST_SETTINGS)
     settings = tuple(setting_of(record, surrogate) for record in listed)
@@ -144,10 +144,9 @@ def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
     if not 1e-6 < length < 1e6:
         raise MessageError(f"camera.up must have a length of about 1, got {length:g}")
     try:
-        camera = Camera.look_at(position, target, vertical_fov_degrees=field, width=width, height=height, up=up)
+        return Camera.look_at(position, target, vertical_fov_degrees=field, width=width, height=height, up=up)
     except ValueError as error:
         raise MessageError(f"this is no camera: {error}") from None
-    return camera
 
 
 def color_of(value: Any) -> Color:
@@ -159,7 +158,7 @@ def color_of(value: Any) -> Color:
 
 
 def within(value: Any, parameter: Parameter) -> float:
-    """A number for a parameter, at most `BEYOND` its bounds; raises MessageError for anything else."""
+    """The value as a number at most `BEYOND` outside the parameter's bounds; raises MessageError for anything else."""
     number, width = _number(value, parameter.name), parameter.high - parameter.low
     if not parameter.low - BEYOND * width <= number <= parameter.high + BEYOND * width:
         raise MessageError(
@@ -214,7 +213,7 @@ def _flag(fields: Mapping[str, Any], name: str) -> bool:
 
 
 def _shown(value: Any) -> str:
-    """A few characters of whatever came."""
+    """A value from outside, shortened for an error."""
     if isinstance(value, str | bytes | list | tuple | dict) and len(value) > 200:
         return f"{type(value).__name__} of {len(value)}"
     try:

@@ -1,4 +1,4 @@
-"""What one picture of the explorer shows, apart from where it is seen from."""
+"""What a picture of the explorer shows, whatever its camera."""
 
 from __future__ import annotations
 
@@ -49,7 +49,10 @@ class Setting:
         return surrogate.under(self.transfer_function(surrogate), outside="allow", **self.parameters)
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
-        """That which is shown; raises ValueError where the surrogate can't follow one, or control points cross."""
+        """The transfer function that is shown.
+
+        Raises ValueError where the surrogate follows none, or where control points cross.
+        """
         base = base_function(surrogate)
         if base is None:
             raise ValueError("this surrogate follows no transfer functions, so its colours can't be changed")

@@ -70,19 +70,17 @@ class Explorer {
 
   /** Build what depends on the mode and on which kind of visualization is shown. */
   arrange() {
-    const { state, facts } = this;
+    const { state } = this;
     for (const tab of this.tabs.children) {
       const chosen = tab.id === `mode-${state.mode}`;
       tab.setAttribute("aria-selected", chosen);
       tab.tabIndex = chosen ? 0 : -1;
     }
     document.getElementById("stage-panel").setAttribute("aria-labelledby", `mode-${state.mode}`);
-    const parts = [];
-    if (state.mode === "compare") parts.push(this.comparePanel());
-    if (state.mode === "sweep") parts.push(this.sweepPanel());
-    parts.push(this.parameterPanel(), this.visualizationPanel(), this.viewPanel(), this.picturePanel());
-    parts.push(exportPanel(this));
-    parts.push(this.modelPanel());
+    const parts = [
+      state.mode === "compare" && this.comparePanel(), state.mode === "sweep" && this.sweepPanel(),
+      this.parameterPanel(), this.visualizationPanel(), this.viewPanel(), this.displayPanel(), exportPanel(this), this.modelPanel(),
+    ];
     this.side.replaceChildren(...parts.filter(Boolean));
     this.built = "";
   }
@@ -153,7 +151,7 @@ class Explorer {
       button("Copy camera", () => this.copy(JSON.stringify(this.request(false).camera), "camera"))));
   }
 
-  picturePanel() {
+  displayPanel() {
     const behind = { ...BACKGROUNDS };
     if (this.facts.background) behind.trained = this.facts.background;
     return section("Display",
@@ -166,7 +164,7 @@ class Explorer {
     const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => this.set({ against: chosen }));
     if (state.against === "truth")
       return section("Compare", against,
-        element("p", { class: "hint" }, "There is a truth where the catalog holds a picture of these very parameters from this very view."),
+        element("p", { class: "hint" }, "The catalog holds pictures of its own members from its own views, and no others."),
         button("Nearest stored picture", () => this.goToStored(found => this.takeStored(found)), { id: "nearest-picture" }));
     const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
       button(`Change ${name}`, () => this.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));

@@ -25,7 +25,7 @@ from surrogate.explore.request import MessageError
 
 LARGEST = 1 << 20  # bytes of a message
 HEARTBEAT = 30.0  # seconds after which a silent connection must show that it lives
-PARTING = 1.0  # seconds in which open connections may say goodbye
+PARTING = 1.0  # seconds
 LENGTH = struct.Struct("<I")
 
 Answer = dict[str, Any]
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 
 class Sockets:
-    """Answers all tabs; one that does not read what it asked for keeps none of the others waiting.
+    """Answers all tabs; a tab that does not read its answers keeps no other waiting.
 
     The `calls`, by name, take a message's request and give an answer, in the threads of `pool`.
     """
@@ -61,7 +61,7 @@ class Sockets:
         return socket
 
     async def close(self, _: web.Application) -> None:
-        """Say goodbye to everybody, and wait for nobody long."""
+        """Close all connections, waiting at most `PARTING` for the tabs to agree."""
         goodbyes = [asyncio.ensure_future(socket.close(code=WSCloseCode.GOING_AWAY)) for socket in self._open]
         if goodbyes:
             await asyncio.wait(goodbyes, timeout=PARTING)
@@ -94,7 +94,7 @@ def packed(answer: Answer) -> bytes:
 
 
 def told(error: Exception) -> str:
-    """What a tab is told; what names files of this machine only its terminal hears."""
+    """What a tab is told of an error; the names of files go to the terminal alone."""
     if isinstance(error, CatalogError | ImageError):
         log.warning("%s", error)
         return "a stored picture can't be read: the explorer's terminal says which"

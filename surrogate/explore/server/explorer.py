@@ -42,9 +42,9 @@ http_log = logging.getLogger(f"{__name__}.http")
 
 
 class Explorer:
-    """What shows one run: `serve` it in a loop, and `close` it afterwards.
+    """The server of one run: `serve` it in a loop, and `close` it afterwards.
 
-    It listens on `host`, and expects tabs from a proxy that Jupyter has below `base_url` where that is not empty.
+    It listens on `host`.  With a `base_url` it is reached through the proxy of the Jupyter server that has this base URL.
     """
 
     def __init__(self, run: Run, *, host: str = LOCAL, base_url: str = "") -> None:
@@ -69,7 +69,7 @@ class Explorer:
     async def serve(self, *, port: int = 0, ready: Callable[[str], Any]) -> None:
         """Listen (port 0: any that is free), tell `ready` the address, and answer until this task is cancelled.
 
-        Meanwhile it is measured in the background what error to expect, unless that was done before.
+        What error to expect is measured meanwhile, unless it was measured before.
         """
         http_log.addFilter(_is_ours)
         runner = web.AppRunner(self._application(), access_log=None, logger=http_log, shutdown_timeout=PARTING)
@@ -85,7 +85,7 @@ class Explorer:
             await runner.cleanup()
 
     def close(self) -> None:
-        """Draw and measure nothing any more."""
+        """Stop drawing and measuring."""
         self._closed.set()
         for pool in (self._drawing, self._exporting):
             pool.shutdown(wait=False, cancel_futures=True)
@@ -148,7 +148,7 @@ class Explorer:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether aiohttp's complaint is about this program, not about what strangers sent that is no HTTP."""
+    """Whether aiohttp complains of this program, not of strangers who speak no HTTP."""
     theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError
     return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
 

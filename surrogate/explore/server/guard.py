@@ -1,7 +1,7 @@
-"""Who may talk to the explorer: this machine's own pages, or whoever brings the token; said to aiohttp.
+"""Who may talk to the explorer: pages of this machine, or whoever brings the token.
 
-Beside what `catalogs.browse.access` holds every server to: pages of other sites may open a WebSocket, which browsers don't stop, so
-what a browser says comes from a page must come from one of ours.
+To the checks of `catalogs.browse.access` it adds that of the origin, because browsers let pages of any site open a WebSocket
+to any server.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from aiohttp.typedefs import Handler, Middleware
 
 from catalogs.browse.access import Access
 
-LONGEST_PATH = 255  # of what is served here none has as many characters; file systems fail at more
+LONGEST_PATH = 255  # characters; file systems fail at longer names, and nothing here has one
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -24,7 +24,7 @@ HEADERS = {
 
 
 def guard(access: Access) -> Middleware:
-    """For aiohttp: refuses what has no access, and puts headers on whatever is answered."""
+    """The middleware that refuses whoever has no access, and puts `HEADERS` on every answer."""
 
     @web.middleware
     async def guarded(request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -47,12 +47,12 @@ def explore(
 
 async def _until_terminated(serving: Any) -> None:
     task = asyncio.ensure_future(serving)
-    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)  # asyncio itself minds Ctrl-C
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)  # asyncio minds Ctrl-C by itself
     await task
 
 
 def _why_not(error: OSError | OverflowError, host: str, port: int) -> str:
-    """Why no server can listen there."""
+    """Why no server can listen there, and what would do."""
     if not 0 <= port <= 65535:
         return f"a port lies in 0 to 65535, got {port}"
     reason = getattr(error, "errno", None)
