@@ -12,11 +12,10 @@ import numpy as np
 
 from catalogs.catalog import Catalog
 from catalogs.variations import KINDS
-from surrogate.evaluation.cases import PARAMETERS, VIEWS
-from surrogate.evaluation.evaluate import Evaluation
-from surrogate.evaluation.scoring import Cells, Scored
+from surrogate.evaluation.cases import PARAMETERS
+from surrogate.evaluation.evaluate import Evaluation, VariedEvaluation
 from surrogate.model import Surrogate
-from surrogate.report.sheets import chosen_rows, draw_sheet
+from surrogate.report.sheets import chosen, draw_sheet
 
 RESOLUTION = 130
 
@@ -25,65 +24,42 @@ Plot = Callable[[Any], bool]
 
 def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Evaluation) -> dict[str, str]:
     """Write PNG files into `directory`; returns titles and file names in the report's order."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    sheet = partial(_sheet, surrogate=surrogate, catalog=catalog)
-    candidates: dict[str, tuple[str, Plot]] = {
-        "Truth, prediction and difference": (
-            "comparison.png",
-            partial(sheet, names=("worst", "median", "best"), cells=evaluation.cells, otherwise=evaluation.validation),
-        )
-    }
-    for varied in evaluation.variations:
-        title = f"Truth, prediction and difference under {varied.variation.plural}"
-        drawn = partial(sheet, names=("median", "worst"), cells=varied.cells, otherwise=varied.validation)
-        candidates[title] = f"{varied.variation.kind}.png", drawn
-    candidates |= {
-        "Training": ("curves.png", lambda f: _curves(f, surrogate)),
-        "Error by parameter": ("parameters.png", lambda f: _parameters(f, evaluation)),
-        "Spread over images": ("spread.png", lambda f: _spread(f, evaluation)),
-    }
-    return {title: name for title, (name, plot) in candidates.items() if _save(directory / name, plot)}
-
-
-def _save(path: Path, plot: Plot) -> bool:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    drawn = plot(figure)
-    if drawn:
-        figure.savefig(path, dpi=RESOLUTION)
+    title, sheet = "Truth, prediction and difference", partial(_sheet, surrogate=surrogate, catalog=catalog)
+    plots: dict[str, tuple[str, Plot]] = {
+        title: ("comparison.png", partial(sheet, ("worst", "median", "best"), evaluation))
+    }
+    for varied in evaluation.variations:
+        under = partial(sheet, ("median", "worst"), varied)
+        plots[f"{title} under {varied.variation.plural}"] = f"{varied.variation.kind}.png", under
+    plots |= {
+        "Training": ("curves.png", partial(_curves, surrogate)),
+        "Error by parameter": ("parameters.png", partial(_parameters, evaluation)),
+        "Spread over images": ("spread.png", partial(_spread, evaluation)),
+    }
+    drawn = {}
+    for title, (name, plot) in plots.items():
+        figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+        if plot(figure):
+            figure.savefig(directory / name, dpi=RESOLUTION)
+            drawn[title] = name
     return drawn
 
 
-def _hardest_cell(cells: Cells, otherwise: Sequence[Scored]) -> tuple[str, list[Scored]]:
-    """The images that ask most of the surrogate: of the last row and column that have any, else those for validation."""
-    for row in reversed(list(cells)):
-        for column in reversed(list(cells[row])):
-            scored = list(cells[row][column])
-            if scored:
-                return f"{row.replace('_', ' ')}, {column.replace('_', ' ')}", scored
-    return "validation", list(otherwise)
-
-
 def _sheet(
-    figure: Any,
-    names: Sequence[str],
-    cells: Cells,
-    surrogate: Surrogate,
-    catalog: Catalog,
-    otherwise: Sequence[Scored],
+    names: Sequence[str], part: Evaluation | VariedEvaluation, figure: Any, *, surrogate: Surrogate, catalog: Catalog
 ) -> bool:
-    """The images of these names among the hardest ones."""
-    label, scored = _hardest_cell(cells, otherwise)
-    if not scored:
-        return False
-    rows = chosen_rows(scored, names, surrogate, catalog)
-    return draw_sheet(figure, f"{label.capitalize()}: {len(scored)} images", rows)
+    """The images of these names among those that ask most: of the last row and column that have any, else for validation."""
+    groups = {f"{row}, {column}": scored for row, columns in part.cells.items() for column, scored in columns.items()}
+    label, scored = next((group for group in reversed(groups.items()) if group[1]), ("validation", part.validation))
+    if scored:
+        title = f"{label.replace('_', ' ').capitalize()}: {len(scored)} images"
+        draw_sheet(figure, title, chosen(scored, names), surrogate, catalog)
+    return bool(scored)
 
 
-def _curves(figure: Any, surrogate: Surrogate) -> bool:
+def _curves(surrogate: Surrogate, figure: Any) -> bool:
     curve = surrogate.training["curve"]
     if len(curve) < 2:
         return False
@@ -105,7 +81,7 @@ def _curves(figure: Any, surrogate: Surrogate) -> bool:
     return True
 
 
-def _parameters(figure: Any, evaluation: Evaluation) -> bool:
+def _parameters(evaluation: Evaluation, figure: Any) -> bool:
     groups = {
         f"{p.split('_')[0]} parameters": evaluation.cells["unseen_views"][p] or evaluation.cells["seen_views"][p]
         for p in PARAMETERS
@@ -120,9 +96,8 @@ def _parameters(figure: Any, evaluation: Evaluation) -> bool:
             by_value: dict[float, list[float]] = {}
             for s in scored:
                 by_value.setdefault(s.target.member.parameters[name], []).append(s.score.psnr)
-            values = sorted(by_value)
             axis.plot(
-                values, [float(np.mean(by_value[v])) for v in values], "o", color=color, label=label, markersize=4
+                list(by_value), list(map(np.mean, by_value.values())), "o", color=color, label=label, markersize=4
             )
         axis.set(xlabel=name)
         axis.grid(alpha=0.3)
@@ -131,17 +106,15 @@ def _parameters(figure: Any, evaluation: Evaluation) -> bool:
     return True
 
 
-def _spread(figure: Any, evaluation: Evaluation) -> bool:
+def _spread(evaluation: Evaluation, figure: Any) -> bool:
     axis = figure.subplots()
-    drawn = False
-    for views in VIEWS:
-        for parameters in PARAMETERS:
-            values = [s.score.psnr for s in evaluation.cells[views][parameters]]
-            if values:
+    for views, columns in evaluation.cells.items():
+        for parameters, scored in columns.items():
+            if scored:
                 label = f"{views.split('_')[0]} views, {parameters.split('_')[0]} parameters"
-                axis.hist(values, bins=30, histtype="step", density=True, label=label, linewidth=1.5)
-                drawn = True
+                psnr = [s.score.psnr for s in scored]
+                axis.hist(psnr, bins=30, histtype="step", density=True, label=label, linewidth=1.5)
     axis.set(xlabel="PSNR of an image (dB)", ylabel="density of images")
     axis.legend(fontsize=8)
     axis.grid(alpha=0.3)
-    return drawn
+    return any(scored for columns in evaluation.cells.values() for scored in columns.values())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,54 +18,39 @@ LARGEST_WINDOW = 64  # pixels; and no more than a quarter of a side, or little w
 ROW_INCHES, WIDTH_INCHES = 2.5, 11.0
 
 
-@dataclass(frozen=True, eq=False)
-class SheetRow:
-    """One image: what it is, and two pictures (H, W, 3) with values in [0, 1]."""
-
-    label: str
-    title: str
-    truth: NDArray[np.float32]
-    prediction: NDArray[np.float32]
-
-
-def sheet_row(name: str, scored: Scored, surrogate: Surrogate, catalog: Catalog) -> SheetRow:
-    """The row of one image that was scored, drawn again; `name` says which one it is."""
-    case, background = scored.target, catalog.plan.background
-    truth = catalog.image(case.member, case.appearance, case.view)
-    prediction = surrogate.at(**case.parameters).render(case.camera, background=background)
-    pair = [composite(image, background or WHITE) for image in (truth, prediction)]
-    return SheetRow(f"{name}: {scored.score.psnr:.1f} dB\nview {case.view}", _place(case.parameters), pair[0], pair[1])
-
-
-def chosen_rows(
-    scored: Sequence[Scored], names: Sequence[str], surrogate: Surrogate, catalog: Catalog
-) -> list[SheetRow]:
-    """Rows of the "worst", "median" and "best" image by PSNR, those of them that are named."""
+def chosen(scored: Sequence[Scored], names: Sequence[str]) -> dict[str, Scored]:
+    """The "worst", "median" and "best" image by PSNR, those of them that are named."""
     ordered = sorted(scored, key=lambda s: s.score.psnr)
     places: Mapping[str, int] = {"worst": 0, "median": len(ordered) // 2, "best": -1}
-    return [sheet_row(name, ordered[places[name]], surrogate, catalog) for name in names]
+    return {name: ordered[places[name]] for name in names}
 
 
-def draw_sheet(figure: Any, title: str, rows: Sequence[SheetRow]) -> bool:
-    """Draw the rows into a figure, which is sized to hold them."""
-    figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(rows) + 0.5)
-    grid = figure.subplots(len(rows), 5, squeeze=False)
-    for axes, row in zip(grid, rows, strict=True):
-        top, left, size = worst_window(row.truth, row.prediction)
-        part = np.s_[top : top + size, left : left + size]
-        difference = np.clip(DIFFERENCE_FACTOR * np.abs(row.truth - row.prediction), 0.0, 1.0)
-        whole = {row.title: row.truth, "prediction": row.prediction, f"difference × {DIFFERENCE_FACTOR:g}": difference}
-        parts = {f"truth, worst {size}×{size} pixels": row.truth[part], "prediction of these": row.prediction[part]}
-        for axis, (name, picture) in zip(axes, {**whole, **parts}.items(), strict=True):
-            axis.imshow(picture, interpolation="nearest")
-            axis.set_title(name, fontsize=8)
-            axis.set_xticks([])
-            axis.set_yticks([])
-        axes[0].set_ylabel(row.label, fontsize=9)
-        for axis in axes[:3]:
-            axis.add_patch(_outline(top, left, size))
+def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate: Surrogate, catalog: Catalog) -> None:
+    """Draw a row for each of the images, by what they are called, into a figure, which is sized to hold them."""
+    figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(images) + 0.5)
+    grid = figure.subplots(len(images), 5, squeeze=False)
+    for axes, (name, scored) in zip(grid, images.items(), strict=True):
+        case, background = scored.target, catalog.plan.background
+        stored = catalog.image(case.member, case.appearance, case.view)
+        drawn = surrogate.at(**case.parameters).render(case.camera, background=background)
+        _draw_row(axes, _place(case.parameters), *(composite(image, background or WHITE) for image in (stored, drawn)))
+        axes[0].set_ylabel(f"{name}: {scored.score.psnr:.1f} dB\nview {case.view}", fontsize=9)
     figure.suptitle(title, fontsize=11)
-    return True
+
+
+def _draw_row(axes: Sequence[Any], title: str, truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> None:
+    """Pictures (H, W, 3) with values in [0, 1]: whole, their difference, and the window where they differ most."""
+    top, left, size = worst_window(truth, prediction)
+    part = np.s_[top : top + size, left : left + size]
+    difference = np.clip(DIFFERENCE_FACTOR * np.abs(truth - prediction), 0.0, 1.0)
+    whole = {title: truth, "prediction": prediction, f"difference × {DIFFERENCE_FACTOR:g}": difference}
+    parts = {f"truth, worst {size}×{size} pixels": truth[part], "prediction of these": prediction[part]}
+    for axis, (name, picture) in zip(axes, {**whole, **parts}.items(), strict=True):
+        axis.imshow(picture, interpolation="nearest")
+        axis.set_title(name, fontsize=8)
+        axis.set(xticks=[], yticks=[])
+    for axis in axes[:3]:
+        axis.add_patch(_outline(top, left, size))
 
 
 def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> tuple[int, int, int]:
