@@ -22,10 +22,17 @@ from numpy.typing import NDArray
 from benchmarks.page import DOCS, PROJECT, commit, fill, table
 from surrogate import Surrogate
 from surrogate.evaluation.scoring import spread
-from surrogate.explore.reliability.calibration import NEAREST, Table, gap_of, left_out, levelled, tables_of
+from surrogate.explore.reliability.calibration import (
+    NEAREST,
+    Table,
+    adjusted,
+    generalization_gap,
+    leave_one_out,
+    tables_of,
+)
 from surrogate.explore.reliability.expectation import Expectation, measure
 from surrogate.explore.reliability.measuring import psnr_of
-from surrogate.explore.reliability.places import ISOSURFACES, base_name, shown_by
+from surrogate.explore.reliability.places import ISOSURFACES, appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.provenance import machine
@@ -61,7 +68,7 @@ def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Agre
     for member in (m for m in run.members if m.split == "test"):
         tested = [i for i, split in enumerate(member.view_splits) if split == "test"]
         chosen = [tested[i] for i in spread(len(tested), views)]
-        for appearance, varied in shown_by(surrogate).items():
+        for appearance, varied in appearances_of(surrogate).items():
             if appearance not in member.appearances or not chosen:
                 continue
             setting = Setting(member.parameters, varied)
@@ -80,16 +87,18 @@ def chosen_by(run: str, expectation: Expectation, surrogate: Surrogate) -> list[
     """Rows of the first table: mean absolute difference of what was left out for each number of neighbours."""
     tables, rows = tables_of(expectation.measured, surrogate), []
     for family, measured in tables.items():
-        gap = gap_of(measured)
+        gap = generalization_gap(measured)
         count = f"{measured.unseen.sum()} + {(~measured.unseen).sum()}"
         name = "isosurfaces" if family == ISOSURFACES else "volume"
-        errors = [_left_out(measured, gap_of(tables[base_name(surrogate)], nearest), nearest) for nearest in TRIED]
+        errors = [
+            _left_out(measured, generalization_gap(tables[base_name(surrogate)], nearest), nearest) for nearest in TRIED
+        ]
         rows.append([run, name, count, "" if gap is None else f"{gap:.2f}", *errors])
     return rows
 
 
 def _left_out(measured: Table, gap: float | None, nearest: int) -> str:
-    differences = left_out(measured, gap, nearest) - levelled(measured, gap, nearest)
+    differences = leave_one_out(measured, gap, nearest) - adjusted(measured, gap, nearest)
     return f"{np.nanmean(np.abs(differences)):.2f}" if np.isfinite(differences).any() else ""
 
 

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 from surrogate import Surrogate
 from surrogate.explore.reliability.expectation import Expectation
-from surrogate.explore.reliability.measuring import Measured
+from surrogate.explore.reliability.measuring import Measurement
 from tests.support.models import plain
 
 
-def measured(split: str, p: float, *psnr: float, varied: dict[str, float | str] | None = None) -> Measured:
+def measured(split: str, p: float, *psnr: float, varied: dict[str, float | str] | None = None) -> Measurement:
     """A member of the plain surrogate's ensemble."""
-    return Measured(f"{split}-{p:g}", split, {"p": p}, "dvr", varied or {}, psnr, seen_views=False)
+    return Measurement(f"{split}-{p:g}", split, {"p": p}, "dvr", varied or {}, psnr, seen_views=False)
 
 
-def expected(rows: Sequence[Measured], surrogate: Surrogate | None = None) -> Expectation:
+def expected(rows: Sequence[Measurement], surrogate: Surrogate | None = None) -> Expectation:
     """What these rows let expect, without a catalog."""
     return Expectation.of(rows, surrogate or plain(), ())

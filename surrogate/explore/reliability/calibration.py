@@ -1,7 +1,7 @@
-"""From measurements to what is expected of members that training never saw, and how far off such expectations are.
+"""What measurements say about members that training never saw, and how far off that is.
 
-Training members are predicted better than others because their parameters were seen.  This gap, measured where both show the same
-appearance, is taken off what was measured at them.
+Training members are predicted better than others because their parameters were seen.  This generalization gap, measured where both
+show the same appearance, is subtracted from what was measured at training members.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.explore.reliability.measuring import Measured
+from surrogate.explore.reliability.measuring import Measurement
 from surrogate.explore.reliability.places import Place, base_name, place_of
 from surrogate.model import Surrogate
 
-NEAREST = (
-    4  # measurements whose median is expected; of 1 to 15 the best at rows left out, see benchmarks/expectation.py
-)
+# Of 1 to 15 the best at rows left out, see benchmarks/expectation.py.
+NEAREST = 4  # measurements whose median is expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +29,14 @@ class Table:
     Attributes
     ----------
     places : (R, P + V), as in `Place`.
-    pictures : (R, K) dB, as measured at up to K views; NaN for views that a row does not have.
+    view_psnr : (R, K) dB, as measured at up to K views; NaN for views that a row does not have.
     members, appearances : names, (R,) each.
     unseen : (R,) whether the row is of a validation member.
     base : the name of the base appearance.
     """
 
     places: NDArray[np.float64]
-    pictures: NDArray[np.float64]
+    view_psnr: NDArray[np.float64]
     members: NDArray[np.str_]
     appearances: NDArray[np.str_]
     unseen: NDArray[np.bool_]
@@ -46,11 +45,11 @@ class Table:
     @cached_property
     def psnr(self) -> NDArray[np.float64]:
         """Means over views, (R,)."""
-        return np.nanmean(self.pictures, axis=1)
+        return np.nanmean(self.view_psnr, axis=1)
 
     def of(self, rows: NDArray[np.bool_]) -> Table:
         """Some of the rows, (R,) of them marked."""
-        arrays = ("places", "pictures", "members", "appearances", "unseen")
+        arrays = ("places", "view_psnr", "members", "appearances", "unseen")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
 
@@ -63,9 +62,9 @@ def predicted(
     return float(np.median(values[order]))
 
 
-def tables_of(measured: Sequence[Measured], surrogate: Surrogate) -> dict[str, Table]:
+def tables_of(measured: Sequence[Measurement], surrogate: Surrogate) -> dict[str, Table]:
     """The measurements by family."""
-    rows: dict[str, list[tuple[Place, Measured]]] = {}
+    rows: dict[str, list[tuple[Place, Measurement]]] = {}
     for one in measured:
         place = place_of(one.setting, surrogate)
         rows.setdefault(place.family, []).append((place, one))
@@ -83,7 +82,7 @@ def tables_of(measured: Sequence[Measured], surrogate: Surrogate) -> dict[str, T
     }
 
 
-def gap_of(table: Table, nearest: int = NEAREST) -> float | None:
+def generalization_gap(table: Table, nearest: int = NEAREST) -> float | None:
     """By how many dB training members are better than validation members where both show the same appearance; None without such.
 
     The median over validation members of the median of their nearest training members, less what was measured.
@@ -97,14 +96,14 @@ def gap_of(table: Table, nearest: int = NEAREST) -> float | None:
     return float(np.median(gaps)) if gaps else None
 
 
-def levelled(table: Table, otherwise: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
+def adjusted(table: Table, otherwise: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
     """PSNR (R,) as if every member were one that training never saw; `otherwise` is the gap where the table has none itself."""
-    own = gap_of(table, nearest)
+    own = generalization_gap(table, nearest)
     gap = otherwise if own is None else own
     return np.where(table.unseen, table.psnr, table.psnr - (gap or 0.0))
 
 
-def left_out(table: Table, gap: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
+def leave_one_out(table: Table, gap: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
     """What is expected (R,) at each row without its member and, if that is no base appearance, the setting that it shows.
 
     The gap is measured anew each time; `gap` is for tables that have none themselves.  NaN where nothing is left.
@@ -116,17 +115,17 @@ def left_out(table: Table, gap: float | None, nearest: int = NEAREST) -> NDArray
             kept &= table.appearances != table.appearances[row]
         if kept.any():
             rest = table.of(kept)
-            expected[row] = predicted(rest.places, levelled(rest, gap, nearest), table.places[row], nearest)
+            expected[row] = predicted(rest.places, adjusted(rest, gap, nearest), table.places[row], nearest)
     return expected
 
 
-def left_out_error(table: Table, gap: float | None) -> float | None:
-    """The mean absolute difference, dB, between `left_out` and single pictures; None where nothing is left.
+def leave_one_out_error(table: Table, gap: float | None) -> float | None:
+    """The mean absolute difference, dB, between `leave_one_out` and single pictures; None where nothing is left.
 
     Over all rows, or over validation members where it is larger.
     """
-    expected = left_out(table, gap)  # [R]
-    known, taken_off = np.isfinite(expected), table.psnr - levelled(table, gap)  # [R] each
-    errors = np.abs(table.pictures - (taken_off + expected)[:, None])  # [R, K]
+    expected = leave_one_out(table, gap)  # [R]
+    known, taken_off = np.isfinite(expected), table.psnr - adjusted(table, gap)  # [R] each
+    errors = np.abs(table.view_psnr - (taken_off + expected)[:, None])  # [R, K]
     means = [np.nanmean(errors[rows], axis=1).mean() for rows in (known, known & table.unseen) if rows.any()]
     return max(map(float, means), default=None)

@@ -15,13 +15,13 @@ from catalogs.catalog import Member
 from surrogate.evaluation.scoring import Report, spread
 from surrogate.explore.reliability.calibration import (
     NEAREST,
-    gap_of,
-    left_out_error,
-    levelled,
+    adjusted,
+    generalization_gap,
+    leave_one_out_error,
     predicted,
     tables_of,
 )
-from surrogate.explore.reliability.measuring import Measured, measurements
+from surrogate.explore.reliability.measuring import Measurement, measurements
 from surrogate.explore.reliability.places import base_name, fractions_of, place_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
@@ -115,18 +115,18 @@ class Expectation:
     training : (N, P) training members' simulation parameters as fractions of their ranges.
     """
 
-    measured: tuple[Measured, ...]
+    measured: tuple[Measurement, ...]
     families: Mapping[str, Family]
     training: NDArray[np.float64]
 
     @classmethod
-    def of(cls, measured: Sequence[Measured], surrogate: Surrogate, members: Sequence[Member]) -> Expectation:
+    def of(cls, measured: Sequence[Measurement], surrogate: Surrogate, members: Sequence[Member]) -> Expectation:
         """The expectation of these measurements; `members` are the catalog's."""
         tables = tables_of(measured, surrogate)
-        gap = gap_of(tables[base_name(surrogate)]) if base_name(surrogate) in tables else None
+        gap = generalization_gap(tables[base_name(surrogate)]) if base_name(surrogate) in tables else None
         seen = {place_of(m.setting, surrogate).family for m in measured if m.seen_views}
         families = {
-            name: Family(table.places, levelled(table, gap), left_out_error(table, gap), name in seen)
+            name: Family(table.places, adjusted(table, gap), leave_one_out_error(table, gap), name in seen)
             for name, table in tables.items()
         }
         learnt = [m.parameters for m in members if m.split == "train"]

@@ -1,6 +1,6 @@
 """How well a surrogate shows what it did not learn from: measured once per run, and kept beside it.
 
-Measured are validation members; and training members, at views that training did not see.  Test members, views and settings are
+Measurement are validation members; and training members, at views that training did not see.  Test members, views and settings are
 never looked at.
 """
 
@@ -21,7 +21,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.images import ImageError
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
-from surrogate.explore.reliability.places import shown_by
+from surrogate.explore.reliability.places import appearances_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import DeformedGaussians, Surrogate
@@ -34,7 +34,7 @@ MOST_VALIDATION, MOST_TRAINING, MOST_VARIED = 60, 80, 80  # cases: some 1,000 pi
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measurement:
     """The error of one member in one appearance.
 
     Attributes
@@ -73,7 +73,7 @@ class Case:
     seen_views: bool
 
 
-def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measured, ...]:
+def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measurement, ...]:
     """What was measured of the run's surrogate on its catalog before, as kept in its folder; else measured now, and kept there.
 
     None without a catalog.  What `progress` raises leaves nothing.  Raises CatalogError for a damaged catalog, ValueError for one
@@ -85,7 +85,7 @@ def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measured
     kept = None if run.folder is None else Record.load(run.folder / FILE, KIND, VERSION, key)
     if kept is not None:
         with suppress(KeyError, TypeError, ValueError):  # it is measured anew
-            return tuple(Measured(**values) for values in kept.values["measured"])
+            return tuple(Measurement(**values) for values in kept.values["measured"])
     started = time.process_time()
     measured = tuple(_measured(run.surrogate, run.catalog, cases_of(run.surrogate, run.members), progress))
     if run.folder is not None:
@@ -111,7 +111,7 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
 
     Of training members only views that training did not see; of both never a view that tests.  Of many, some, evenly chosen.
     """
-    shown = shown_by(surrogate, ("train", "validation"))
+    shown = appearances_of(surrogate, ("train", "validation"))
     base, *others = shown
     validation = [case for m in members if m.split == "validation" for case in _cases(m, shown)]
     learnt = [m for m in members if m.split == "train" and "validation" in m.view_splits]
@@ -142,7 +142,7 @@ def _in_turn(cases: Sequence[Case]) -> list[Case]:
     return [case for turn in itertools.zip_longest(*turned) for case in turn if case is not None]
 
 
-def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], progress: Report) -> Iterator[Measured]:
+def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], progress: Report) -> Iterator[Measurement]:
     """Measure each case; those whose pictures can't be read are left out."""
     total, counted = sum(len(case.views) for case in cases), itertools.count(1)
     for case in cases:
@@ -155,7 +155,7 @@ def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], pro
         if found:
             parameters, varied = dict(member.parameters), dict(case.varied)
             psnrs = tuple(found)
-            yield Measured(member.name, member.split, parameters, case.appearance, varied, psnrs, case.seen_views)
+            yield Measurement(member.name, member.split, parameters, case.appearance, varied, psnrs, case.seen_views)
 
 
 def psnr_of(deformed: DeformedGaussians, catalog: Catalog, member: Member, appearance: str, view: int) -> float:

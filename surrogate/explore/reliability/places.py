@@ -39,11 +39,14 @@ def base_name(surrogate: Surrogate) -> str:
     return str(surrogate.training.get("appearance", varied[0] if varied else ""))
 
 
-def shown_by(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict[str, Mapping[str, float | str]]:
-    """What the surrogate is asked for by name to show each appearance that it follows, of these splits and the base."""
+def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict[str, Mapping[str, float | str]]:
+    """The appearances that the surrogate follows, the base first, with the visualization parameters that show them.
+
+    Beside the base only those of these splits.
+    """
     variations = [v.variation for v in surrogate.visualizations]
-    asked = {s.appearance: v.asked(s) for v in variations for s in v.settings if s.split in splits}
-    return {base_name(surrogate): {}, **asked}
+    others = {s.appearance: v.asked(s) for v in variations for s in v.settings if s.split in splits}
+    return {base_name(surrogate): {}, **others}
 
 
 def place_of(setting: Setting, surrogate: Surrogate) -> Place:
@@ -52,7 +55,7 @@ def place_of(setting: Setting, surrogate: Surrogate) -> Place:
     Raises ValueError for parameters that are missing, unknown or not finite.
     """
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
-    variation, values = asked(setting.visualization, [v.variation for v in surrogate.visualizations])
+    variation, values = variation_of(setting.visualization, [v.variation for v in surrogate.visualizations])
     outside, family, within = [*surrogate.space.outside(simulation)], base_name(surrogate), np.zeros(0)
     if variation is not None and variation.continuous:
         outside += variation.space.outside(values)
@@ -62,13 +65,17 @@ def place_of(setting: Setting, surrogate: Surrogate) -> Place:
     return Place(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
 
 
+def values_of(space: ParameterSpace, rows: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
+    """Simulation parameters by name, N of them, as an array (N, P)."""
+    return np.array([[row[name] for name in space.names] for row in rows], np.float64).reshape(len(rows), len(space))
+
+
 def fractions_of(space: ParameterSpace, rows: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
-    """Simulation parameters by name, N of them, as fractions of their ranges (N, P)."""
-    values = np.array([[row[name] for name in space.names] for row in rows], dtype=np.float64)
-    return space.normalize(values.reshape(len(rows), len(space))) / RANGE
+    """The same as fractions of their ranges (N, P)."""
+    return space.normalize(values_of(space, rows)) / RANGE
 
 
-def asked(
+def variation_of(
     visualization: Mapping[str, float | str], variations: Sequence[Variation]
 ) -> tuple[Variation | None, tuple[float, ...]]:
     """The variation whose parameters these are, and all their values (V,).

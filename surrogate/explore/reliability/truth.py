@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
-from surrogate.explore.reliability.places import asked, shown_by
+from surrogate.explore.reliability.places import appearances_of, values_of, variation_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 
@@ -23,7 +23,7 @@ SAME_CAMERA = 1e-6  # of directions, of the distance to the middle, and of intri
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
+class StoredPicture:
     """A picture of the catalog; `split` is that of the image: test wins over validation, validation over train."""
 
     member: Member
@@ -44,14 +44,14 @@ class Truth:
     ----------
     members : as in `Run`.
     variations : those that the surrogate follows.
-    shown : what a `Setting` asks for to show each appearance that the surrogate follows, by name; the base first.
+    appearances : those that the surrogate follows, the base first, with the visualization parameters that show them.
     middle : (3,) world coordinates from which directions are taken: the centre of the catalog's box.
     """
 
     catalog: Catalog
     members: tuple[Member, ...]
     variations: tuple[Variation, ...]
-    shown: Mapping[str, Mapping[str, float | str]]
+    appearances: Mapping[str, Mapping[str, float | str]]
     middle: NDArray[np.float64]
 
     @classmethod
@@ -61,39 +61,36 @@ class Truth:
             return None
         variations = tuple(v.variation for v in run.surrogate.visualizations)
         middle = np.mean(np.array(run.catalog.plan.bounds), axis=0)  # [3]
-        return cls(run.catalog, run.members, variations, shown_by(run.surrogate), middle)
+        return cls(run.catalog, run.members, variations, appearances_of(run.surrogate), middle)
 
     @property
     def base(self) -> str:
         """The name of the surrogate's base appearance."""
-        return next(iter(self.shown))
+        return next(iter(self.appearances))
 
-    def match(self, setting: Setting, camera: Camera) -> Stored | None:
+    def match(self, setting: Setting, camera: Camera) -> StoredPicture | None:
         """The stored picture that shows exactly this, whatever its size; None where there is none.
 
         Raises ValueError for visualization parameters that belong to no variation.
         """
-        member = self._member_at(setting)
-        appearance = None if member is None or setting.color_map else self._appearance_at(setting)
-        if member is None or appearance is None or appearance not in member.appearances:
+        found = _same(self._space, values_of(self._space, [setting.parameters]), self._values)
+        if found is None or setting.color_map:
             return None
-        view = self._view_at(camera, member)
-        return None if view is None else self.stored(member, appearance, view)
+        member, appearance = self.members[found], self._appearance_at(setting)
+        differences = np.abs(self._descriptors(member) - _descriptor(camera, self.middle)).max(axis=1)  # [V]
+        view = int(differences.argmin())
+        if appearance is None or appearance not in member.appearances or differences[view] > SAME_CAMERA:
+            return None
+        return self._stored(member, appearance, view)
 
-    def stored(self, member: Member, appearance: str, view: int) -> Stored:
-        """One picture; raises ValueError for one that the catalog does not have."""
-        if appearance not in member.appearances or not 0 <= view < len(member.cameras):
-            raise ValueError(f"member {member.name} has no view {view} of {appearance!r}")
-        return Stored(member, appearance, view, member.row_split(view, self.catalog.plan.setting(appearance)))
-
-    def picture(self, stored: Stored) -> NDArray[np.float32]:
+    def picture(self, stored: StoredPicture) -> NDArray[np.float32]:
         """The picture at its own size, (H, W, 4) float32 premultiplied RGBA; opaque where the catalog has a background.
 
         Raises ImageError where its file is absent or damaged.
         """
         return self.catalog.image(stored.member, stored.appearance, stored.view, dtype="float32")
 
-    def nearest(self, setting: Setting, camera: Camera) -> Stored | None:
+    def nearest(self, setting: Setting, camera: Camera) -> StoredPicture | None:
         """The picture most like what the setting shows: first by appearance, then by member, then by view; None without members.
 
         Raises ValueError for visualization parameters that belong to no variation.
@@ -102,7 +99,7 @@ class Truth:
             return None
         appearance = self.nearest_appearance(setting) or self.base
         member = self.nearest_member(setting, appearance)
-        return self.stored(member, appearance, self.nearest_view(camera, member))
+        return self._stored(member, appearance, self.nearest_view(camera, member))
 
     def nearest_member(self, setting: Setting, appearance: str) -> Member:
         """The nearest in simulation parameters of the members that show the appearance; raises ValueError without any.
@@ -112,12 +109,13 @@ class Truth:
         able = np.array([appearance in member.appearances for member in self.members], dtype=bool)
         if not able.any():
             raise ValueError(f"no member shows {appearance!r}")
-        steps = self._space.normalize(self._values) - self._space.normalize(self._wanted(setting))  # [M, P]
+        wanted = values_of(self._space, [setting.parameters])  # [1, P]
+        steps = self._space.normalize(self._values) - self._space.normalize(wanted)  # [M, P]
         return self.members[int(np.where(able, np.linalg.norm(steps, axis=1), np.inf).argmin())]
 
     def nearest_view(self, camera: Camera, member: Member) -> int:
         """The member's view from the direction most like the camera's, seen from the middle."""
-        cosines = _directions(self._forms(member)) @ _directions(_form(camera, self.middle)[None])[0]  # [V]
+        cosines = _directions(self._descriptors(member)) @ _directions(_descriptor(camera, self.middle)[None])[0]  # [V]
         return int(cosines.argmax())
 
     def nearest_appearance(self, setting: Setting) -> str | None:
@@ -125,7 +123,7 @@ class Truth:
 
         Colours are not compared.  Raises ValueError for visualization parameters that belong to no variation.
         """
-        variation, values = asked(setting.visualization, self.variations)
+        variation, values = variation_of(setting.visualization, self.variations)
         if variation is None or not variation.continuous:
             name = self._appearance_at(setting)
             return name if name in self.catalog.appearance_names else None
@@ -143,18 +141,17 @@ class Truth:
 
     @cached_property
     def _values(self) -> NDArray[np.float64]:
-        rows = [[member.parameters[name] for name in self._space.names] for member in self.members]
-        return np.array(rows).reshape(len(rows), len(self._space))  # [M, P]
+        return values_of(self._space, [member.parameters for member in self.members])  # [M, P]
 
     @cached_property
     def _kept(self) -> dict[int, NDArray[np.float64]]:
         return {}
 
-    def _forms(self, member: Member) -> NDArray[np.float64]:
-        """The `_form` of each of the member's cameras, (V, 17); kept."""
+    def _descriptors(self, member: Member) -> NDArray[np.float64]:
+        """The `_descriptor` of each of the member's cameras, (V, 17); kept."""
         key = id(member.cameras)
         if key not in self._kept:
-            self._kept[key] = np.array([_form(camera, self.middle) for camera in member.cameras])
+            self._kept[key] = np.array([_descriptor(camera, self.middle) for camera in member.cameras])
         return self._kept[key]
 
     def _settings(self, variation: Variation) -> dict[str, tuple[float, ...]]:
@@ -162,36 +159,27 @@ class Truth:
         base = {self.base: (0.0,) * len(variation.space)} if variation.edits_base else {}
         return base | {s.appearance: s.values for s in variation.settings}
 
-    def _wanted(self, setting: Setting) -> list[float]:
-        return [setting.parameters[name] for name in self._space.names]
-
-    def _member_at(self, setting: Setting) -> Member | None:
-        found = _same(self._space, self._wanted(setting), self._values)
-        return None if found is None else self.members[found]
+    def _stored(self, member: Member, appearance: str, view: int) -> StoredPicture:
+        return StoredPicture(member, appearance, view, member.row_split(view, self.catalog.plan.setting(appearance)))
 
     def _appearance_at(self, setting: Setting) -> str | None:
         """The appearance that shows the setting's visualization parameters; None where none does."""
-        variation, values = asked(setting.visualization, self.variations)
+        variation, values = variation_of(setting.visualization, self.variations)
         if variation is None:
             return self.base
         known = self._settings(variation)
-        found = _same(variation.space, values, np.array([*known.values()]))
+        found = _same(variation.space, np.array(values), np.array([*known.values()]))
         return None if found is None else [*known][found]
 
-    def _view_at(self, camera: Camera, member: Member) -> int | None:
-        differences = np.abs(self._forms(member) - _form(camera, self.middle)).max(axis=1)  # [V]
-        nearest = int(differences.argmin())
-        return nearest if differences[nearest] <= SAME_CAMERA else None
 
-
-def _same(space: ParameterSpace, wanted: Sequence[float], known: NDArray[np.float64]) -> int | None:
+def _same(space: ParameterSpace, wanted: NDArray[np.float64], known: NDArray[np.float64]) -> int | None:
     """The first of the `known` (N, P) that agrees with what is `wanted` (P,), to 1e-9 of itself or of the parameters' ranges."""
     slack = SAME_VALUE * np.maximum(np.abs(known), [p.high - p.low for p in space.parameters])  # [N, P]
     found = np.flatnonzero((np.abs(known - wanted) <= slack).all(axis=1))
     return int(found[0]) if len(found) else None
 
 
-def _form(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _descriptor(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
     """What makes a view what it is, whatever its size, (17,): rotation, place in distances from the middle, intrinsics."""
     to_middle = camera.rotation @ middle + camera.world_to_camera[:3, 3]  # [3], in camera axes
     distance = float(np.linalg.norm(to_middle))
@@ -201,7 +189,7 @@ def _form(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([camera.rotation.ravel(), to_middle / scale, [math.log(scale)], np.log(focal), center])
 
 
-def _directions(forms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit vectors (V, 3) from the middle to the cameras of these `_form`s (V, 17); zero for one in the middle."""
-    rotations, to_middle = forms[:, :9].reshape(-1, 3, 3), forms[:, 9:12]
+def _directions(descriptors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors (V, 3) from the middle to the cameras of these `_descriptor`s (V, 17); zero for one in the middle."""
+    rotations, to_middle = descriptors[:, :9].reshape(-1, 3, 3), descriptors[:, 9:12]
     return -np.einsum("vij,vi->vj", rotations, to_middle)

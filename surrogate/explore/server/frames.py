@@ -80,6 +80,6 @@ class Frames:
             return None
         return {
             "parameters": dict(stored.member.parameters),
-            "visualization": self.truth.shown[stored.appearance],
+            "visualization": self.truth.appearances[stored.appearance],
             "orbit": orbit_of(stored.camera, self.truth.middle),
         }

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from surrogate.explore.reliability.places import ISOSURFACES, asked, base_name, fractions_of, place_of
+from surrogate.explore.reliability.places import ISOSURFACES, base_name, fractions_of, place_of, variation_of
 from surrogate.explore.setting import Setting
 from tests.support.field_blobs import STEPS
 from tests.support.models import following, plain
@@ -65,7 +65,7 @@ def test_what_can_not_be_shown_has_no_place(setting: Setting) -> None:
 
 
 def test_displacements_that_are_left_out_are_zero() -> None:
-    variation, values = asked({"c2_value": 0.2}, [v.variation for v in following().visualizations])
+    variation, values = variation_of({"c2_value": 0.2}, [v.variation for v in following().visualizations])
     assert variation is not None
     assert (variation.kind, values) == ("transfer_function", (0.0, 0.0, 0.2, 0.0))
 

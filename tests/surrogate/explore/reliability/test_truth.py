@@ -168,10 +168,10 @@ def test_the_nearest_picture_is_of_the_nearest_appearance_first(truth: Truth) ->
 
 def test_what_must_be_asked_for_to_see_an_appearance(truth: Truth) -> None:
     for appearance in truth.catalog.appearance_names:
-        stored = truth.match(Setting({"p": 0.0}, truth.shown[appearance]), FIRST)
+        stored = truth.match(Setting({"p": 0.0}, truth.appearances[appearance]), FIRST)
         assert stored is not None
         assert stored.appearance == appearance
-    assert set(truth.shown) == set(truth.catalog.appearance_names)
+    assert set(truth.appearances) == set(truth.catalog.appearance_names)
 
 
 def test_a_catalog_of_other_parameters_is_refused(truth: Truth, surrogate: Surrogate) -> None:
@@ -185,7 +185,7 @@ def test_pictures_on_a_background_are_opaque(surrogate: Surrogate, tmp_path: Pat
         tmp_path / "white.cdb", surrogate, {"train-0": (0.0, ("dvr",))}, background=(1.0, 1.0, 1.0)
     )
     truth = truth_of(catalog, surrogate)
-    picture = truth.picture(truth.stored(truth.members[0], "dvr", 0))
+    stored = truth.match(Setting({"p": 0.0}), FIRST)
+    assert stored is not None
+    picture = truth.picture(stored)
     assert (picture[..., 3] == 1.0).all()
-    with pytest.raises(ValueError, match="has no view 9"):
-        truth.stored(truth.members[0], "dvr", 9)
