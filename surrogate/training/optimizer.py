@@ -31,17 +31,12 @@ def without_subnormals() -> Iterator[None]:
 def fused_update(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float) -> None:
     """Move `tensor` and both moments in place, by the kernel under `torch.optim.Adam`, which torch keeps private."""
     torch._fused_adam_(
-        [tensor],
-        [gradient],
-        [first],
-        [second],
-        [],
-        [steps],
+        *([tensor], [gradient], [first], [second], [], [steps]),
         lr=rate,
         beta1=DECAY_FIRST,
         beta2=DECAY_SECOND,
-        weight_decay=0.0,
         eps=EPSILON,
+        weight_decay=0.0,
         amsgrad=False,
         maximize=False,
     )

@@ -74,7 +74,7 @@ def train(
 
 def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) -> Surrogate:
     """What comes of all steps that are left."""
-    session.announce("loading", 0)
+    session.report("loading", 0)
     data = source.data()
     steps = plan(source, data)
     state = _begun(source, data, checkpoint, steps)

@@ -52,27 +52,26 @@ class Session:
         self._saved = time.perf_counter()
         self.interruption.act()
 
-    def announce(
-        self, stage: str, step: int, steps: int | None = None, curve: Sequence[Mapping[str, Any]] = ()
-    ) -> None:
-        """Tell what begins."""
-        psnr = curve[-1]["psnr"] if curve else None
-        self._progress(TrainingProgress(stage, step, self._steps if steps is None else steps, psnr=psnr))
+    @property
+    def report_is_due(self) -> bool:
+        """Whether the last one was a while ago."""
+        return time.perf_counter() - self._reported >= REPORT_SECONDS
 
-    def report(self, stage: str, step: int, losses: Sequence[float], curve: Sequence[Mapping[str, Any]]) -> None:
-        """Tell how far a stage is, unless that was told only just now."""
-        now = time.perf_counter()
-        if now - self._reported < REPORT_SECONDS:
+    def report(
+        self,
+        stage: str,
+        step: int,
+        losses: Sequence[float] = (),
+        curve: Sequence[Mapping[str, Any]] = (),
+        *,
+        steps: int | None = None,
+        speed: bool = False,
+    ) -> None:
+        """Tell where training is, of so many `steps` (None: of all stages); with `speed` also how fast and how well it learns."""
+        psnr, steps = curve[-1]["psnr"] if curve else None, self._steps if steps is None else steps
+        if not speed:
+            self._progress(TrainingProgress(stage, step, steps, psnr=psnr))
             return
-        self._reported, rate = now, self._rate(step)
-        self._progress(
-            TrainingProgress(
-                stage=stage,
-                step=step,
-                steps=self._steps,
-                rate=rate,
-                loss=float(np.mean(losses[-200:])) if losses else curve[-1]["loss"],
-                psnr=curve[-1]["psnr"] if curve else None,
-                seconds_left=(self._steps - step) / rate if rate else None,
-            )
-        )
+        self._reported, rate = time.perf_counter(), self._rate(step)
+        loss = float(np.mean(losses[-200:])) if losses else curve[-1]["loss"]
+        self._progress(TrainingProgress(stage, step, steps, rate, loss, psnr, (steps - step) / rate if rate else None))

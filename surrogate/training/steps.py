@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -36,13 +35,6 @@ from surrogate.training.state import TrainingState
 from surrogate.training.visualizations import new_visualization, visualization_stage
 
 NEEDS = "needs"
-
-
-class Step(Protocol):
-    """Something that training does between two states."""
-
-    def __call__(self, state: TrainingState, session: Session) -> TrainingState:
-        """The state after it, or after what is left of it."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +64,12 @@ class Optimize:
                 mean, psnr = float(np.mean(losses)), run.validate()
                 curve.append({"stage": name, "step": done, "loss": mean, "psnr": psnr, "seconds": session.seconds})
                 losses.clear()
-            session.report(name, done, losses, curve)
+            if session.report_is_due:
+                session.report(name, done, losses, curve, speed=True)
             if session.checkpoint_is_due:
                 run.require_finite()  # the checkpoint before stays
                 session.save(now())
-        after = now() if run.step < run.stage.steps else replace(now(), loop=None)
-        return after.copy()
+        return replace(now().copy(), loop=run.memory() if run.step < run.stage.steps else None)
 
 
 @dataclass(frozen=True)
@@ -93,10 +85,13 @@ class Decide:
     steps: int | None = None
 
     def __call__(self, state: TrainingState, session: Session) -> TrainingState:
-        session.announce(self.stage, self.step, self.steps, state.curve)
+        session.report(self.stage, self.step, curve=state.curve, steps=self.steps)
         session.save(state)
         state, choice = self.choose(state)
         return state if choice is None else replace(state, choices=(*state.choices, choice.to_json()))
+
+
+Step = Optimize | Decide
 
 
 def plan(source: Source, data: TrainingData) -> list[Step]:
@@ -167,7 +162,7 @@ def in_fewest_bits(
     if not (source.settings.compression.enabled and data.validation):
         return state, encodings
     made = len(choices(bool(source.variations)))
-    session.announce(NEEDS, made, made + 1, state.curve)
+    session.report(NEEDS, made, curve=state.curve, steps=made + 1)
     session.save(state)
     evaluator = Evaluator(source.settings, replace(data, validation=source.decision_images()))
     fitted, encodings, choice = choose_precision(state.fitted, evaluator)

@@ -24,13 +24,10 @@ def mean_psnr(
 
     `gaussians_at` gives the Gaussians at normalized parameters (P,).
     """
+    scores = []
     with torch.no_grad():
-        return sum(_psnr(gaussians_at, example, rasterizer, background) for example in examples) / len(examples)
-
-
-def _psnr(
-    gaussians_at: Callable[[Tensor], Gaussians], example: Example, rasterizer: Rasterizer, background: Sequence[float]
-) -> float:
-    picture = rasterizer.draw_over(gaussians_at(example.parameters), example.camera, background)  # [H, W, 4]
-    target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
-    return psnr(target, picture[..., :3].clamp(0.0, 1.0).cpu().numpy())
+        for example in examples:
+            picture = rasterizer.draw_over(gaussians_at(example.parameters), example.camera, background)  # [H, W, 4]
+            target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
+            scores.append(psnr(target, picture[..., :3].clamp(0.0, 1.0).cpu().numpy()))
+    return sum(scores) / len(scores)

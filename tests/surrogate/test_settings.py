@@ -14,6 +14,38 @@ def test_settings_survive_json() -> None:
     assert TrainingSettings(**settings.to_json()) == settings
 
 
+def test_keys_are_flat_and_read_in_records() -> None:
+    settings = TrainingSettings(mean_rate=0.25, need_tolerance=0.5, latent_size=3, visualization_latent_size=4)
+    assert (settings.rates.means, settings.compression.tolerance) == (0.25, 0.5)
+    assert (settings.simulation_size.latent, settings.visualization_size.latent) == (3, 4)
+    assert TrainingSettings().rates.means != 0.25
+
+
+def test_a_change_keeps_all_else() -> None:
+    settings = TrainingSettings(gaussians=77, held_still=("means",)).changed(seed=3)
+    assert settings == TrainingSettings(gaussians=77, held_still=("means",), seed=3)
+    with pytest.raises(ValueError, match=r"training\.seed must be at least 0, got -1"):
+        settings.changed(seed=-1)
+
+
+def test_settings_are_told_on_one_line_by_what_is_not_the_default() -> None:
+    assert repr(TrainingSettings()) == "TrainingSettings()"
+    settings = TrainingSettings(gaussians=77, visualization_hidden_width=5)
+    assert repr(settings) == "TrainingSettings(gaussians=77, visualization_hidden_width=5)"
+    assert eval(repr(settings)) == settings
+
+
+def test_the_json_has_every_key_but_those_that_came_later() -> None:
+    """Runs of earlier versions are recognized by a fingerprint over it."""
+    values = TrainingSettings().to_json()
+    assert len(values) == 55
+    assert not {"held_still", "field_precision"} & set(values)
+    assert set(TrainingSettings(held_still=("means",), field_precision="bfloat16").to_json()) - set(values) == {
+        "held_still",
+        "field_precision",
+    }
+
+
 def test_a_whole_number_will_do_for_a_float() -> None:
     assert TrainingSettings(dilation=1).splatting.dilation == 1.0
 
@@ -50,6 +82,9 @@ def test_a_whole_number_will_do_for_a_float() -> None:
         ({"value_bins": 1}, "training.value_bins must be at least 2, got 1"),
         ({"value_rate": 0.0}, "training.value_rate must be positive"),
         ({"visualization_latent_size": 0}, "training.visualization_latent_size must be at least 1"),
+        ({"alpha_cap": 1.0}, "training.alpha_cap must be above alpha_floor and below 1, got 1.0"),
+        ({"alpha_floor": 0.5, "alpha_cap": 0.4}, "training.alpha_cap must be above alpha_floor and below 1, got 0.4"),
+        ({"held_still": ["means", "size"]}, "training.held_still must be some of"),
         ({"checkpoint_seconds": 0}, "training.checkpoint_seconds must be positive"),
     ],
 )

@@ -26,15 +26,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Choice:
-    """One choice.
-
-    Attributes
-    ----------
-    name : what was to be chosen.
-    kept : what was chosen, in words.
-    options : what was tried, in order.
-    before, after : the model, where there was one already.
-    """
+    """What was to be chosen, what was kept (in words), what was tried in order, and the model before and after."""
 
     name: str
     kept: str
