@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
+from benchmarks.splatting.figures import panels
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from catalogs.scene import Scene
@@ -249,28 +250,21 @@ def error_table(found: Found) -> str:
 
 
 def figure(found: dict[str, Found]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    drawn, panels = pyplot.subplots(1, len(found), figsize=(11, 4.2), sharey=True, constrained_layout=True)
-    for axes, (name, variants) in zip(panels, found.items(), strict=True):
-        for variant, style in zip(VARIANTS, ("o--", "s--", "d-"), strict=True):
-            fractions, decibels, milliseconds = zip(*variants[variant], strict=True)
-            axes.semilogx(milliseconds, decibels, style, label=variant, markersize=4)
-            for fraction, decibel, ms in zip(fractions, decibels, milliseconds, strict=True):
-                if variant != VARIANTS[1] and fraction in (2.0, 1.0, 0.5, 0.25, 0.125):
-                    axes.annotate(
-                        f"{fraction:g}", (ms, decibel), fontsize=7, xytext=(3, -8), textcoords="offset points"
-                    )
-        axes.axhline(50, color="k", linewidth=0.6)
-        axes.set(xlabel="processor ms per 256² image", title=f"64³, {name}")
-        axes.grid(alpha=0.3, which="both")
-    panels[0].set_ylabel("dB against the float64 ray-marcher")
-    panels[0].legend(fontsize=8)
-    drawn.suptitle("Speed against error; labels: sample distance in grid spacings", fontsize=10)
-    drawn.savefig(FIGURE, dpi=110)
+    with panels(FIGURE, len(found), width=5.5, height=4.2) as drawn:
+        for axes, (name, variants) in zip(drawn, found.items(), strict=True):
+            for variant, style in zip(VARIANTS, ("o--", "s--", "d-"), strict=True):
+                fractions, decibels, milliseconds = zip(*variants[variant], strict=True)
+                axes.semilogx(milliseconds, decibels, style, label=variant, markersize=4)
+                for fraction, decibel, ms in zip(fractions, decibels, milliseconds, strict=True):
+                    if variant != VARIANTS[1] and fraction in (2.0, 1.0, 0.5, 0.25, 0.125):
+                        at = {"xytext": (3, -8), "textcoords": "offset points"}
+                        axes.annotate(f"{fraction:g}", (ms, decibel), fontsize=7, **at)
+            axes.axhline(50, color="k", linewidth=0.6)
+            axes.sharey(drawn[0])
+            axes.set(xlabel="processor ms per 256² image", title=f"64³, {name}")
+        drawn[0].set_ylabel("dB against the float64 ray-marcher")
+        drawn[0].legend()
+        drawn[0].figure.suptitle("Speed against error; labels: sample distance in grid spacings", fontsize=10)
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
+from benchmarks.splatting.figures import panels
 from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import State
 from insitu.simulations.taylor_green import TaylorGreen
@@ -267,30 +268,23 @@ def times(resolutions: Sequence[int]) -> str:
 
 
 def figure(reference: NDArray[np.float64], resolutions: Sequence[int]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    drawn, (energy, dissipation, error) = pyplot.subplots(1, 3, figsize=(13, 3.8), constrained_layout=True)
-    for n in resolutions:
-        run = history(n, 1600.0)
-        energy.plot(run.times, run.energy, label=f"{n}³")
-        dissipation.plot(run.times, run.dissipation, label=f"{n}³")
-    known = reference[reference[:, 0] <= 10.0]
-    energy.plot(known[:, 0], known[:, 1], "k.", label="512³, Dairay et al. 2017")
-    dissipation.plot(known[:, 0], known[:, 3], "k.", label="512³, Dairay et al. 2017")
-    energy.set(xlabel="t", ylabel="kinetic energy", title="Re 1600")
-    dissipation.set(xlabel="t", ylabel="dissipation 2νΩ", title="Re 1600")
-    fine = history(256, 2500.0)
-    for n in (64, 96, 128, 192):
-        errors = [difference(history(n, 2500.0).coarsened[t], fine.coarsened[t])[0] for t in Q_TIMES]
-        error.semilogy(Q_TIMES, errors, ".-", label=f"solved on {n}³")
-    error.set(xlabel="t", ylabel="relative L2 difference to 256³", title="Q on 64³ points, Re 2500", ylim=(1e-4, 3.0))
-    for axes in (energy, dissipation, error):
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
-    drawn.savefig(FIGURE, dpi=110)
+    known, fine = reference[reference[:, 0] <= 10.0], history(256, 2500.0)
+    with panels(FIGURE, 3, width=4.3) as (energy, dissipation, error):
+        for n in resolutions:
+            run = history(n, 1600.0)
+            energy.plot(run.times, run.energy, label=f"{n}³")
+            dissipation.plot(run.times, run.dissipation, label=f"{n}³")
+        energy.plot(known[:, 0], known[:, 1], "k.", label="512³, Dairay et al. 2017")
+        dissipation.plot(known[:, 0], known[:, 3], "k.", label="512³, Dairay et al. 2017")
+        energy.set(xlabel="t", ylabel="kinetic energy", title="Re 1600")
+        dissipation.set(xlabel="t", ylabel="dissipation 2νΩ", title="Re 1600")
+        for n in (64, 96, 128, 192):
+            errors = [difference(history(n, 2500.0).coarsened[t], fine.coarsened[t])[0] for t in Q_TIMES]
+            error.semilogy(Q_TIMES, errors, ".-", label=f"solved on {n}³")
+        label = "relative L2 difference to 256³"
+        error.set(xlabel="t", ylabel=label, title="Q on 64³ points, Re 2500", ylim=(1e-4, 3.0))
+        for axes in (energy, dissipation, error):
+            axes.legend()
 
 
 def load_reference() -> NDArray[np.float64]:

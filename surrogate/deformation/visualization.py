@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -75,18 +75,19 @@ class Visualization:
 
     def of(self, rows: Tensor) -> Visualization:
         """The same for some of the Gaussians, by index (M,)."""
-        tuned = None if self.simulation is None else self.simulation.of(rows)
-        return replace(self, deformation=self.deformation.of(rows), simulation=tuned)
+        return self._changed(lambda deformation: deformation.of(rows))
 
     def to(self, device: torch.device) -> Visualization:
         """The same on another device."""
-        tuned = None if self.simulation is None else self.simulation.to(device)
-        return replace(self, deformation=self.deformation.to(device), simulation=tuned)
+        return self._changed(lambda deformation: deformation.to(device))
 
     def copy(self) -> Visualization:
         """The same numbers in tensors of their own."""
-        tuned = None if self.simulation is None else self.simulation.copy()
-        return replace(self, deformation=self.deformation.copy(), simulation=tuned)
+        return self._changed(lambda deformation: deformation.copy())
+
+    def _changed(self, change: Callable[[Deformation], Deformation]) -> Visualization:
+        tuned = None if self.simulation is None else change(self.simulation)
+        return replace(self, deformation=change(self.deformation), simulation=tuned)
 
     def record(self) -> dict[str, Any]:
         """JSON values that `load` needs beside the tensors."""

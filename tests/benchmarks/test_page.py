@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.page import DOCS, PROJECT, commit, fill, table
+from benchmarks.page import DOCS, PROJECT, command_line, commit, fill, made_by, page_in, stopwatch, table
 
 PAGE = "# Title\n\nabove\n<!-- one: begin -->\nold\n<!-- one: end -->\nbetween\n<!-- two: begin -->\n<!-- two: end -->\nbelow\n"
 
@@ -48,6 +48,27 @@ def test_fill_refuses_a_page_without_its_markers(tmp_path: Path, text: str) -> N
     with pytest.raises(ValueError, match="one: begin"):
         fill(page, "one", "body")
     assert page.read_text() == text
+
+
+def test_the_line_under_a_table_names_command_commit_and_machine() -> None:
+    made = made_by("changes", "docs", on="a processor", environment="LP_NUM_THREADS=0 ")
+    assert made == f"`LP_NUM_THREADS=0 python -m benchmarks.changes`, commit {commit('docs')}, a processor"
+
+
+def test_a_page_elsewhere_begins_as_it_is_in_docs(tmp_path: Path) -> None:
+    page = page_in(tmp_path / "new", "gpu.md")
+    assert page.read_bytes() == (DOCS / "gpu.md").read_bytes()
+    assert page_in(DOCS, "gpu.md") == DOCS / "gpu.md"
+
+
+def test_the_command_line_says_what_the_benchmark_does(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command_line("changes", "What it does.\n\n    as it is laid out").parse_args(["--help"])
+    shown = capsys.readouterr().out
+    assert "python -m benchmarks.changes" in shown
+    assert "What it does.\n\n    as it is laid out" in shown
+    stopwatch()("drawing")
+    assert capsys.readouterr().err == "[    0 s] drawing\n"
 
 
 def test_every_part_has_its_place_on_the_page() -> None:
