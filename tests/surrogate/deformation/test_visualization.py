@@ -15,7 +15,6 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES, Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.storage.encoding import encode
-from surrogate.training.compression.precision import fitted_of
 from surrogate.training.fitted import Fitted
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS
@@ -29,7 +28,7 @@ def encoded(model: Surrogate) -> Surrogate:
     """All of it in few bits, as `choose_precision` stores it."""
     fitted = Fitted(model.gaussians, model.deformation)
     encodings = {name: encode(tensor, "uint8") for name, tensor in fitted.tensors().items()}
-    fitted = fitted_of(fitted, {name: encoding.decoded() for name, encoding in encodings.items()})
+    fitted = Fitted.load({name: encoding.decoded() for name, encoding in encodings.items()}, fitted.record())
     shown = []
     for i, visual in enumerate(model.visualizations):
         codes = {name: encode(tensor, "uint8") for name, tensor in visual.stored().items()}
