@@ -18,7 +18,5 @@ def color_points(name: str, low: float, high: float) -> tuple[tuple[float, float
     from matplotlib import colormaps
 
     places = np.linspace(0.0, 1.0, POINTS)
-    colors = colormaps[name](places)[:, :3]  # [POINTS, 3]
-    values = low + places * (high - low)
-    rows = np.column_stack([values, colors]).tolist()  # [POINTS, 4]
-    return tuple((value, red, green, blue) for value, red, green, blue in rows)
+    rows = np.column_stack([low + places * (high - low), colormaps[name](places)[:, :3]])  # [POINTS, 4]
+    return tuple((value, red, green, blue) for value, red, green, blue in rows.tolist())

@@ -1,8 +1,12 @@
 // Making elements of the page.
 
 /** `element("button", { class: "primary", onclick }, "Save", other)`: names with "on" are handlers, others attributes. */
-export function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
+export const element = (tag, attributes, ...children) => filled(document.createElement(tag), attributes, children);
+
+/** The same of SVG. */
+export const drawn = (tag, attributes, ...children) => filled(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
+
+function filled(made, attributes = {}, children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (name.startsWith("on")) made[name] = value;
     else if (name === "style") made.style.cssText = value; // as an attribute the content security policy would refuse it
@@ -10,19 +14,7 @@ export function element(tag, attributes = {}, ...children) {
     else if (value === true) made.setAttribute(name, "");
     else if (value !== false && value !== null && value !== undefined) made.setAttribute(name, value);
   }
-  made.append(...children.filter(child => child !== null && child !== undefined && child !== false));
-  return made;
-}
-
-const SVG = "http://www.w3.org/2000/svg";
-
-export function drawn(tag, attributes = {}, ...children) {
-  const made = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) made[name] = value;
-    else made.setAttribute(name, value);
-  }
-  made.append(...children);
+  made.append(...children.filter(Boolean));
   return made;
 }
 

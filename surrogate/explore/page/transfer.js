@@ -46,8 +46,10 @@ export function transferEditor(of, histogram, unit, moved, colored) {
     return part;
   }
 
+  function boundsOf(i) { return [of.bounds[`c${i}_value`], of.bounds[`c${i}_opacity`]]; }
+
   function allowed(i) {
-    const [v, o] = base[i], value = of.bounds[`c${i}_value`], opacity = of.bounds[`c${i}_opacity`];
+    const [v, o] = base[i], [value, opacity] = boundsOf(i);
     const left = x(v + value.low), top = y(Math.min(1, o + opacity.high));
     return drawn("rect", { class: "allowed", x: left, y: top, width: x(v + value.high) - left, height: y(Math.max(0, o + opacity.low)) - top });
   }
@@ -64,20 +66,17 @@ export function transferEditor(of, histogram, unit, moved, colored) {
       const [right, up] = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key] ?? [0, 0];
       if (!right && !up) return;
       event.preventDefault();
-      const value = of.bounds[`c${i}_value`], opacity = of.bounds[`c${i}_opacity`], [v, o] = valueOf(i);
+      const [value, opacity] = boundsOf(i), [v, o] = valueOf(i);
       place(i, v + right * (value.high - value.low) / 40, o + up * (opacity.high - opacity.low) / 40);
     };
     return made;
   }
 
+  /** Move point i to a value and an opacity, within its bounds and on its side of the other point. */
   function place(i, value, opacity) {
-    const names = [`c${i}_value`, `c${i}_opacity`], wanted = [value - base[i][0], opacity - base[i][1]];
-    const moving = { ...points };
-    names.forEach((name, k) => { moving[name] = Math.max(of.bounds[name].low, Math.min(of.bounds[name].high, wanted[k])); });
-    const gap = APART * (high - low), other = base[3 - i][0] + points[`c${3 - i}_value`];
-    const limit = other - base[i][0] + (i === 1 ? -gap : gap);
-    moving[names[0]] = i === 1 ? Math.min(moving[names[0]], limit) : Math.max(moving[names[0]], limit);
-    change(moving);
+    const [v, o] = [value - base[i][0], opacity - base[i][1]].map((moved, k) => Math.max(boundsOf(i)[k].low, Math.min(boundsOf(i)[k].high, moved)));
+    const gap = APART * (high - low), limit = valueOf(3 - i)[0] - base[i][0];
+    change({ ...points, [`c${i}_value`]: i === 1 ? Math.min(v, limit - gap) : Math.max(v, limit + gap), [`c${i}_opacity`]: o });
   }
 
   function numberFor(name) {
