@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all: training checkpoints, and the marks by which one is recognized."""
+"""Checkpoints of training, written whole or not at all, and the fingerprint by which a run is recognized."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class Example:
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """What a run learns from, and the few images that only watch it.
+    """The images that a run learns from, and the few that it is validated on.
 
     `background` (3,) is the colour that opaque images show behind the volume, None where images have alpha.
     """

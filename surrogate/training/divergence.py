@@ -1,4 +1,4 @@
-"""Training whose numbers have run away: found before they are kept, and said in one sentence."""
+"""Training that diverges: found before its numbers are kept, and told in one sentence."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def first_infinite(tensors: Mapping[str, Tensor]) -> str:
 
 @torch.no_grad()
 def as_drawn(gaussians: Gaussians) -> dict[str, Tensor]:
-    """What the rasterizer needs to be finite: of scales, a logarithm may be while its exponential is not."""
+    """All that must be finite to draw the Gaussians: a scale may be infinite though its logarithm is not."""
     return gaussians.tensors() | {"scales": gaussians.scales(), "opacities": gaussians.opacities()}
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and termination as a request that long work answers where it is safe."""
+"""Ctrl-C and SIGTERM as a request to stop, which training follows where it is safe."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class StageRun:
             self.advance()
 
     def require_finite(self) -> None:
-        """Raise ValueError where training has diverged: where not all that is trained, or that the next image shows, is finite."""
+        """Raise ValueError where a trained tensor, or a Gaussian of the next picture, is not finite: training has diverged."""
         with torch.no_grad():
             shown = as_drawn(self.stage.gaussians_at(self.data.examples[self._order[self.step]].parameters))
         found = first_infinite(self.stage.tensors) or first_infinite(shown)

@@ -1,4 +1,4 @@
-"""Relocation of Gaussians that have become invisible: their number stays, their places follow the need.
+"""Relocation of Gaussians that have become invisible to where more are needed; their number stays the same.
 
 Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo", section 3.3: a dead Gaussian moves onto a
 living one, chosen in proportion to its opacity, and the Gaussians that now share a place get the opacity and scale

@@ -1,4 +1,4 @@
-"""Which image each training step looks at: each as often as the others, or the hard ones more often."""
+"""Which image each training step learns from: all equally often, or those with large errors more often."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from surrogate.randomness import generator
 
 
 class ShuffledEpochs:
-    """Visits `count` items in a fresh random order, again and again; item of a step without history."""
+    """All of `count` items in a random order, then in another one, and so on; the item of any step can be asked for."""
 
     def __init__(self, count: int, seed: int) -> None:
         if count < 1:
@@ -34,13 +34,11 @@ LEAST_CHANCE = 0.1  # of the mean: an image without an error is seen that often,
 
 
 class HardExamples:
-    """Visits `count` items in proportion to a power of their running errors, in blocks; an item never seen counts as the worst.
+    """Items drawn in proportion to a power of their running errors, in blocks; one that was never seen counts as the worst.
 
-    None is forgotten: the easiest are visited about a tenth as often as they would be without regard to errors.
-
-    `errors` (count,) and the `block` (HARD_BLOCK,) that is being visited are all its state: a run that is taken up again with
-    them goes on as it would have.  Images of each block are drawn systematically (one random offset, evenly spaced quantiles), so
-    that a block's mixture is as near to the chances as can be.
+    The easiest are still drawn about a tenth as often as they would be without regard to errors.  A block is drawn
+    systematically (one random offset, evenly spaced quantiles), so that its mixture is as near to the chances as can be.
+    The `errors` (count,) and the present `block` (HARD_BLOCK,) are all the state.
     """
 
     def __init__(self, count: int, seed: int, power: float) -> None:
@@ -57,7 +55,7 @@ class HardExamples:
         return int(self.block[place])
 
     def tell(self, item: int, error: float) -> None:
-        """Remember how wrong the picture of an item was."""
+        """Take note of the error of an item's picture."""
         before = self.errors[item]
         self.errors[item] = error if np.isnan(before) else MEMORY * before + (1.0 - MEMORY) * error
 

@@ -1,7 +1,7 @@
 """The loss's gradient at each Gaussian's place on the screen: where it is large, more Gaussians are needed.
 
-Kerbl et al. 2023, section 5.2: Gaussians with a large mean gradient of the loss with respect to their place on the screen, in
-normalized device coordinates, stand for too much.
+Kerbl et al. 2023, section 5.2: a Gaussian whose mean gradient, in normalized device coordinates, is large covers more detail than
+one Gaussian can show.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from catalogs.cameras import Camera
 
 @dataclass(frozen=True, eq=False)
 class ScreenGradients:
-    """Sums of screen gradients, and over how many pictures that showed the Gaussian, since the last `forget`."""
+    """For each Gaussian the sum of its screen gradients, and in how many pictures it was seen, since the last `forget`."""
 
     totals: Tensor  # [N]
     pictures: Tensor  # [N]
@@ -49,7 +49,7 @@ class ScreenGradients:
         return torch.where(means > threshold, means, 0.0)
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Set all sums to zero."""
         self.totals.zero_()
         self.pictures.zero_()
 

@@ -1,7 +1,7 @@
 """The steps of training in their order: to optimize a stage, or to make a choice about the model.
 
-Each step takes the training's state and returns the next one.  Taken up again in the midst of a stage, that step goes on from the
-loop's memory; a choice that was interrupted is made again.
+Each step takes the state of training and returns the next one.  An interrupted stage goes on from the loop's memory; an interrupted
+choice is made again.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NEEDS = "needs"
 class Optimize:
     """Optimize a stage up to its step `until`; the stages before it have `before` steps.
 
-    `stage` is of the state's own tensors, `data` what it learns from.
+    `stage` makes the stage of a state's tensors, and `data` loads the images.
     """
 
     stage: Callable[[TrainingState], Stage]
@@ -74,9 +74,9 @@ class Optimize:
 
 @dataclass(frozen=True)
 class Decide:
-    """Make a choice about the model; a run that is interrupted before makes it again.
+    """Make a choice about the model, after a checkpoint.
 
-    `stage`, `step` and `steps` say in a progress line where training is, `steps` None meaning all of training.
+    `stage`, `step` and `steps` are shown as progress; `steps` None means those of all stages.
     """
 
     choose: Callable[[TrainingState], tuple[TrainingState, Choice | None]]

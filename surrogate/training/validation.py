@@ -1,4 +1,4 @@
-"""How well a model's pictures match images that it does not learn from."""
+"""How well a model's pictures match validation images."""
 
 from __future__ import annotations
 
