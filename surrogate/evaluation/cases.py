@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -47,7 +48,16 @@ class Case:
         return {**self.member.parameters, **self.varied}
 
 
+Group = TypeVar("Group")
+Value = TypeVar("Value")
 CaseCells = Mapping[str, Mapping[str, Sequence[Case]]]  # by row and column of a table
+
+
+def each_cell(
+    cells: Mapping[str, Mapping[str, Group]], function: Callable[[Group], Value]
+) -> dict[str, dict[str, Value]]:
+    """What a function makes of every cell."""
+    return {row: {column: function(cell) for column, cell in columns.items()} for row, columns in cells.items()}
 
 
 def all_cases(cells: CaseCells) -> list[Case]:

@@ -15,7 +15,6 @@ from catalogs.variations import Variation
 from surrogate.deformation.visualization import Visualization
 from surrogate.evaluation.cases import (
     VALIDATION,
-    VIEWS,
     Case,
     CaseCells,
     all_cases,
@@ -27,7 +26,7 @@ from surrogate.evaluation.cases import (
 )
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
-from surrogate.evaluation.scoring import Cells, Progress, Report, Scored, by_cell, mean, score_cases, spread
+from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, mean, score_cases, spread
 from surrogate.evaluation.timing import Milliseconds, measure
 from surrogate.evaluation.trivial.interpolation import fixed_rules, setting_rules, tuned_rules
 from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures
@@ -41,6 +40,8 @@ TUNING_IMAGES = 60  # validation images that choose a rule's constants
 AT_NEAREST = "the surrogate at the nearest trained setting"
 
 DEFINITIONS = {"covered": "share of an image's pixels that are foreground in the truth, as above; mean over images"}
+
+CaseGroups = Mapping[str, Sequence[Case]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,116 +112,90 @@ class Evaluation:
 @one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
     """Score `surrogate` on the images of `catalog` that it was made for."""
-    appearance, perceptual = str(surrogate.training["appearance"]), PerceptualMetrics.load()
+    engine = _Engine(surrogate, catalog, progress, PerceptualMetrics.load())
+    appearance = str(surrogate.training["appearance"])
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
-    judged, few = drawn(watched), [row["unseen_parameters"] for row in cells.values()]
-    told = partial(progress, "surrogate")
-    scored = _score_cells(surrogate, catalog, cells, judged, perceptual, few, told)
-    groups = {row: cells[row]["unseen_parameters"] for row in VIEWS}
-    groups[VALIDATION] = [case for case in judged if case.member.split == VALIDATION]
+    judged, unseen = drawn(watched), {row: columns["unseen_parameters"] for row, columns in cells.items()}
+    scored = engine.cells("surrogate", cells, judged, list(unseen.values()))
+    groups = {**unseen, VALIDATION: [case for case in judged if case.member.split == VALIDATION]}
     change, view = measure(surrogate, catalog.members)
     return Evaluation(
         *scored,
-        _member_baselines(catalog, appearance, groups, watched, partial(progress, "trivial predictors")),
+        engine.member_baselines(appearance, groups, watched),
         {"parameter_change": change, "view_change": view},
-        [_evaluate_variation(surrogate, v, catalog, perceptual, progress) for v in surrogate.visualizations],
-        perceptual.unavailable,
+        [engine.variation(visualization) for visualization in surrogate.visualizations],
+        engine.perceptual.unavailable,
     )
 
 
-def _evaluate_variation(
-    surrogate: Surrogate,
-    visualization: Visualization,
-    catalog: Catalog,
-    perceptual: PerceptualMetrics,
-    progress: Report,
-) -> VariedEvaluation:
-    variation = visualization.variation
-    cells, judged = variation_cells(catalog, variation), variation_validation(catalog, variation)
-    few, told = [group for row in cells.values() for group in row.values()], f"surrogate, {variation.name}"
-    scored = _score_cells(surrogate, catalog, cells, judged, perceptual, few, partial(progress, told))
-    groups = {**cells["unseen_settings"], VALIDATION: judged}
-    told = "trivial predictors of settings"
-    baselines = _setting_baselines(surrogate, catalog, variation, groups, partial(progress, told))
-    change, view = measure(surrogate, catalog.members, [variation.asked(setting) for setting in variation.settings])
-    milliseconds = {"visualization_change": change, "view_change": view}
-    return VariedEvaluation(variation, visualization.deformation.kind, *scored, baselines, milliseconds)
+@dataclass(frozen=True, eq=False)
+class _Engine:
+    """Scores groups of images of one catalog, by the surrogate and by what it is compared with."""
 
+    surrogate: Surrogate
+    catalog: Catalog
+    progress: Report
+    perceptual: PerceptualMetrics
 
-def _score_cells(
-    surrogate: Surrogate,
-    catalog: Catalog,
-    cells: CaseCells,
-    validation: Sequence[Case],
-    perceptual: PerceptualMetrics,
-    looked_into: Sequence[Sequence[Case]],
-    progress: Progress,
-) -> tuple[Cells, list[Scored]]:
-    """Test images by cell, and validation images; a few of each group that is `looked_into` by perceptual metrics too."""
-    predictor, cases = SurrogatePredictor(surrogate.at, catalog.plan.background), [*all_cases(cells), *validation]
-    few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
-    [found] = score_cases(predictor, catalog, cases, perceptual=perceptual, looked_at=few, progress=progress)
-    return by_cell(cells, found), [found[case] for case in validation]
+    def cells(
+        self, stage: str, cells: CaseCells, validation: Sequence[Case], looked_into: Sequence[Sequence[Case]]
+    ) -> tuple[Cells, list[Scored]]:
+        """The surrogate's test images by cell, and validation images; a few of `looked_into` by perceptual metrics too."""
+        few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
+        cases, told = [*all_cases(cells), *validation], partial(self.progress, stage)
+        predictor = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background)
+        [found] = score_cases(predictor, self.catalog, cases, perceptual=self.perceptual, looked_at=few, progress=told)
+        return by_cell(cells, found), [found[case] for case in validation]
 
-
-def _baselines(
-    predictor: Predictor, catalog: Catalog, groups: Mapping[str, Sequence[Case]], progress: Progress, **known: Any
-) -> list[Baseline]:
-    """What a predictor makes of named groups of images, where it can; `known` is said of all its names."""
-    cases = [case for group in groups.values() for case in group]
-    return [
-        Baseline(name, {g: [found[case] for case in group if case in found] for g, group in groups.items()}, **known)
-        for name, found in zip(predictor.names, score_cases(predictor, catalog, cases, progress=progress), strict=True)
-    ]
-
-
-def _member_baselines(
-    catalog: Catalog,
-    appearance: str,
-    groups: Mapping[str, Sequence[Case]],
-    watched: Sequence[Case],
-    progress: Progress,
-) -> list[Baseline]:
-    """Mixtures of training members; their constants are chosen on `watched` validation images."""
-    members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
-    cases = [case for group in groups.values() for case in group]
-    if not members or not cases:
-        return []
-    space = catalog.plan.space
-    pictures = MemberPictures(space, appearance, members)
-    tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
-    rules = fixed_rules(len(space))
-    for family in tuned_rules() if tuning else ():
-        means = [
-            mean(found.values(), "psnr") for found in score_cases(Mixtures(catalog, pictures, family), catalog, tuning)
+    def baselines(self, stage: str, predictor: Predictor, groups: CaseGroups, **known: Any) -> list[Baseline]:
+        """What a predictor makes of named groups of images, where it can; `known` is said of all its names."""
+        cases, told = [case for group in groups.values() for case in group], partial(self.progress, stage)
+        scores = score_cases(predictor, self.catalog, cases, progress=told)
+        return [
+            Baseline(name, {g: [found[c] for c in group if c in found] for g, group in groups.items()}, **known)
+            for name, found in zip(predictor.names, scores, strict=True)
         ]
-        rules.append(family[int(np.argmax([-math.inf if value is None else value for value in means]))])
-    degrees = pictures.borrowed_degrees(cases)
-    return _baselines(Mixtures(catalog, pictures, rules), catalog, groups, progress, degrees=degrees)
 
+    def variation(self, visualization: Visualization) -> VariedEvaluation:
+        """How well the surrogate follows one variation."""
+        variation, members = visualization.variation, self.catalog.members
+        cells, judged = variation_cells(self.catalog, variation), variation_validation(self.catalog, variation)
+        few = [group for row in cells.values() for group in row.values()]
+        scored = self.cells(f"surrogate, {variation.name}", cells, judged, few)
+        baselines = self.setting_baselines(variation, {**cells["unseen_settings"], VALIDATION: judged})
+        change, view = measure(self.surrogate, members, [variation.asked(setting) for setting in variation.settings])
+        milliseconds = {"visualization_change": change, "view_change": view}
+        return VariedEvaluation(variation, visualization.deformation.kind, *scored, baselines, milliseconds)
 
-def _setting_baselines(
-    surrogate: Surrogate,
-    catalog: Catalog,
-    variation: Variation,
-    groups: Mapping[str, Sequence[Case]],
-    progress: Progress,
-) -> list[Baseline]:
-    """What stored pictures of trained settings, and the surrogate's own, make of unseen ones; none of fields, all trained."""
-    if not variation.continuous:
-        return []
-    pictures = SettingPictures(variation)
-    counts = {name: [len(pictures.shown(case.member)) for case in group] for name, group in groups.items()}
-    shown = {name: (min(found), max(found)) for name, of in counts.items() if (found := list(filter(None, of)))}
-    mixtures = Mixtures(catalog, pictures, setting_rules(len(variation.space), variation.plural))
+    def member_baselines(self, appearance: str, groups: CaseGroups, watched: Sequence[Case]) -> list[Baseline]:
+        """Mixtures of training members; their constants are chosen on `watched` validation images."""
+        members = [m for m in self.catalog.members if m.split == "train" and appearance in m.appearances]
+        cases = [case for group in groups.values() for case in group]
+        if not members or not cases:
+            return []
+        space = self.catalog.plan.space
+        pictures, rules = MemberPictures(space, appearance, members), fixed_rules(len(space))
+        tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
+        for family in tuned_rules() if tuning else ():
+            scores = score_cases(Mixtures(self.catalog, pictures, family), self.catalog, tuning)
+            psnr = [mean(found.values(), "psnr") for found in scores]
+            rules.append(family[int(np.argmax([-math.inf if value is None else value for value in psnr]))])
+        mixtures, degrees = Mixtures(self.catalog, pictures, rules), pictures.borrowed_degrees(cases)
+        return self.baselines("trivial predictors", mixtures, groups, degrees=degrees)
 
-    def at_nearest(case: Case) -> dict[str, float | str]:
-        nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
-        return {**case.member.parameters, **({} if nearest is None else variation.asked(nearest))}
+    def setting_baselines(self, variation: Variation, groups: CaseGroups) -> list[Baseline]:
+        """What stored pictures of trained settings, and the surrogate's own, make of unseen ones; fields are all trained."""
+        if not variation.continuous:
+            return []
+        stage, pictures = "trivial predictors of settings", SettingPictures(variation)
+        counts = {name: [len(pictures.shown(case.member)) for case in group] for name, group in groups.items()}
+        shown = {name: (min(found), max(found)) for name, of in counts.items() if (found := list(filter(None, of)))}
+        mixtures = Mixtures(self.catalog, pictures, setting_rules(len(variation.space), variation.plural))
 
-    unmoved = SurrogatePredictor(surrogate.at, catalog.plan.background, at_nearest, (AT_NEAREST,))
-    unseen = {name: groups[name] for name in ["unseen_parameters"]}
-    return [
-        *_baselines(mixtures, catalog, groups, progress, shown=shown),
-        *_baselines(unmoved, catalog, unseen, progress),
-    ]
+        def at_nearest(case: Case) -> dict[str, float | str]:
+            nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
+            return {**case.member.parameters, **({} if nearest is None else variation.asked(nearest))}
+
+        unmoved = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
+        unseen = {"unseen_parameters": groups["unseen_parameters"]}
+        return [*self.baselines(stage, mixtures, groups, shown=shown), *self.baselines(stage, unmoved, unseen)]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog
-from surrogate.evaluation.cases import Case, CaseCells
+from surrogate.evaluation.cases import Case, CaseCells, each_cell
 from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, Score, composite, decibels, foreground, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
 from surrogate.evaluation.predictor import Draw, Predictor
@@ -126,7 +126,7 @@ def score_cases(
 
 def by_cell(cells: CaseCells, found: Mapping[Case, Scored]) -> Cells:
     """The scores of the images of cells, all of which were `found`."""
-    return {row: {c: [found[case] for case in group] for c, group in of.items()} for row, of in cells.items()}
+    return each_cell(cells, lambda group: [found[case] for case in group])
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from surrogate.evaluation.cases import each_cell
 from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS, Cells, Scored, mean
 from surrogate.evaluation.timing import Milliseconds
 
@@ -33,22 +34,17 @@ def means(scored: Iterable[Scored], metrics: Sequence[str] = METRICS) -> dict[st
 
 def cell_means(cells: Cells, metric: str) -> dict[str, dict[str, float | None]]:
     """The mean of a metric by row and column; None where there is no such image."""
-    return {row: {column: mean(scored, metric) for column, scored in columns.items()} for row, columns in cells.items()}
+    return each_cell(cells, lambda scored: mean(scored, metric))
 
 
-def cell_counts(cells: Cells) -> dict[str, dict[str, int]]:
-    """How many images each row and column has."""
-    return {row: {column: len(scored) for column, scored in columns.items()} for row, columns in cells.items()}
+def cell_tables(cells: Cells, metrics: Sequence[str] = ALL_METRICS) -> dict[str, Any]:
+    """The means of metrics by row and column, and how many images they are of."""
+    return {metric: cell_means(cells, metric) for metric in metrics} | {"images": each_cell(cells, len)}
 
 
-def cell_tables(cells: Cells) -> dict[str, Any]:
-    """The means of all metrics, and how many images they are of."""
-    looked_at = {
-        row: {column: [s for s in scored if s.perceptual is not None] for column, scored in columns.items()}
-        for row, columns in cells.items()
-    }
-    tables = {metric: cell_means(cells, metric) for metric in ALL_METRICS}
-    return {**tables, "images": cell_counts(cells), "perceptual_images": cell_counts(looked_at)}
+def looked_at(cells: Cells) -> dict[str, dict[str, int]]:
+    """How many images of each row and column perceptual metrics looked at."""
+    return each_cell(cells, lambda scored: sum(s.perceptual is not None for s in scored))
 
 
 def timings(milliseconds: Mapping[str, Milliseconds]) -> dict[str, Any]:

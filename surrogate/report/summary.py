@@ -12,7 +12,7 @@ from surrogate.evaluation import evaluate, metrics, perceptual, scoring
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS
 from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
 from surrogate.evaluation.scoring import METRICS, mean
-from surrogate.evaluation.tables import cell_means, cell_tables, lead, means, timings
+from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, lead, looked_at, means, timings
 from surrogate.evaluation.trivial.settings import Trained
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
@@ -56,6 +56,7 @@ def summarize(
         "gaussians": len(surrogate.gaussians),
         **timings(evaluation.milliseconds),
         **cell_tables(evaluation.cells),
+        "perceptual_images": looked_at(evaluation.cells),
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
         "validation": {**means(evaluation.validation), "images": len(evaluation.validation)},
@@ -89,8 +90,8 @@ def _variation(evaluation: VariedEvaluation) -> dict[str, Any]:
         "base": variation.base,
         "parameters": variation.space.to_json(),
         "deformation": evaluation.deformation,
-        **cell_tables(evaluation.cells),
-        "covered": cell_means(evaluation.cells, "covered"),
+        **cell_tables(evaluation.cells, (*ALL_METRICS, "covered")),
+        "perceptual_images": looked_at(evaluation.cells),
         "behind": {c: lead(psnr["seen_settings"][c], psnr["unseen_settings"][c]) for c in PARAMETERS},
         "validation": {**means(evaluation.validation, (*METRICS, "covered")), "images": len(evaluation.validation)},
         "settings_trained": len(Trained.of(variation)),

@@ -9,8 +9,8 @@ from typing import Any
 from catalogs.catalog import Catalog
 from surrogate.evaluation.cases import all_cases, base_cells, variation_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
-from surrogate.evaluation.scoring import METRICS, Cells, Report, by_cell, score_cases
-from surrogate.evaluation.tables import cell_counts, cell_means
+from surrogate.evaluation.scoring import METRICS, Report, by_cell, score_cases
+from surrogate.evaluation.tables import cell_tables
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
@@ -31,13 +31,9 @@ def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = la
     if not all(math.isfinite(scored.score.psnr) for scored in found.values()):
         raise ValueError("training diverged: the model shows pictures that are no numbers")
     return {
-        "cells": _means(by_cell(main, found)),
+        "cells": cell_tables(by_cell(main, found), METRICS),
         "variations": [
-            {"kind": v.variation.kind, "base": v.variation.base, **_means(by_cell(cells, found))}
+            {"kind": v.variation.kind, "base": v.variation.base, **cell_tables(by_cell(cells, found), METRICS)}
             for v, cells in zip(surrogate.visualizations, varied, strict=True)
         ],
     }
-
-
-def _means(cells: Cells) -> dict[str, Any]:
-    return {**{metric: cell_means(cells, metric) for metric in METRICS}, "images": cell_counts(cells)}
