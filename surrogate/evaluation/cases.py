@@ -1,4 +1,4 @@
-"""The images that predictors are judged by: which there are, and which of them each evaluation takes."""
+"""The images that an evaluation scores: test images by cell of a table, and validation images."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Case:
 
     @property
     def camera(self) -> Camera:
-        """What the image was taken with."""
+        """The camera of the image."""
         return self.member.cameras[self.view]
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """Everything that `Surrogate.at` must be told."""
+        """Simulation and visualization parameters by name, as `Surrogate.at` takes them."""
         return {**self.member.parameters, **self.varied}
 
 
@@ -56,7 +56,7 @@ CaseCells = Mapping[str, Mapping[str, Sequence[Case]]]  # by row and column of a
 def each_cell(
     cells: Mapping[str, Mapping[str, Group]], function: Callable[[Group], Value]
 ) -> dict[str, dict[str, Value]]:
-    """What a function makes of every cell."""
+    """Apply a function to every cell."""
     return {row: {column: function(cell) for column, cell in columns.items()} for row, columns in cells.items()}
 
 
@@ -112,7 +112,7 @@ def variation_cells(catalog: Catalog, variation: Variation) -> CaseCells:
 
 
 def variation_validation(catalog: Catalog, variation: Variation) -> list[Case]:
-    """Images of validation members under validation settings; of fields, which are all trained, under any."""
+    """Images of validation members under validation settings; under all settings of a field, which are trained."""
     shown = _asked(variation, (VALIDATION,) if variation.continuous else ("train",))
     return drawn_evenly(cases_of(catalog.members, shown, (VALIDATION,), ("train", VALIDATION)))
 

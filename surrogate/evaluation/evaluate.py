@@ -70,7 +70,7 @@ class VariedEvaluation:
     ----------
     deformation : the kind of F_vis.
     cells : scored images, of unseen views, by row of `SETTINGS` and column of `PARAMETERS`.
-    validation : of validation members under validation settings, at any view but those that test.
+    validation : of validation members under validation settings, from all but test views.
     milliseconds : of a "visualization_change" and of a "view_change" after it.
     """
 
@@ -130,7 +130,7 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
 
 @dataclass(frozen=True, eq=False)
 class _Engine:
-    """Scores groups of images of one catalog, by the surrogate and by what it is compared with."""
+    """Scores the surrogate, and what it is compared with, on groups of images of one catalog."""
 
     surrogate: Surrogate
     catalog: Catalog

@@ -1,4 +1,4 @@
-"""How well images were predicted, one by one, and the means over many."""
+"""Scores of predicted images, and means over many."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Progress = Callable[[int, int], None]  # done, total
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """One image of the data set and how well something predicted it.
+    """How well one image of the data set was predicted.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ def score_cases(
     looked_at: Collection[Case] = (),
     progress: Progress = lambda *_: None,
 ) -> list[dict[Case, Scored]]:
-    """How well a predictor shows images of `catalog`: for each of its names those of `cases` that it can predict, in order.
+    """Score a predictor on images of `catalog`: for each of its names the scores of the cases that it can predict, in order.
 
     Images that are `looked_at` are compared by `perceptual` metrics too.
     """
@@ -130,7 +130,7 @@ def by_cell(cells: CaseCells, found: Mapping[Case, Scored]) -> Cells:
 
 
 def spread(count: int, most: int) -> list[int]:
-    """At most `most` of the numbers below `count`, at even distances."""
+    """At most `most` evenly spaced numbers below `count`."""
     if not count or not most:
         return []
     return sorted(set(np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist()))

@@ -96,7 +96,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def table_of(entries: Iterable[Entry], *columns: tuple[str, Callable[[Entry], str]]) -> str:
-    """A table with a row for each entry: each column is its heading and what it says of an entry."""
+    """A table with a row for each entry; a column is a heading and a function from an entry to its text."""
     return table([heading for heading, _ in columns], [[cell(entry) for _, cell in columns] for entry in entries])
 
 
@@ -146,7 +146,7 @@ def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, s
 
 
 def lead(own: float | None, other: float | None) -> float | None:
-    """By how much a value exceeds another; None where one is missing."""
+    """The difference of two values; None where one is missing."""
     return None if own is None or other is None else own - other
 
 

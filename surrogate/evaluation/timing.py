@@ -1,4 +1,4 @@
-"""How long a change of parameters takes, and a picture."""
+"""How long a change of parameters and a change of view take."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TIMED = 30
 
 @dataclass(frozen=True)
 class Milliseconds:
-    """Of several measurements of one thing."""
+    """Median and range of repeated measurements."""
 
     median: float
     lowest: float
@@ -31,7 +31,7 @@ class Milliseconds:
 def measure(
     surrogate: Surrogate, members: Sequence[Member], settings: Sequence[Mapping[str, float | str]] = ({},)
 ) -> tuple[Milliseconds, Milliseconds]:
-    """Of deforming to the parameters of members, one after another, under `settings` in turn, and of drawing one view then."""
+    """Times of deforming to the parameters of members under `settings`, both in turn, and of drawing one view after each."""
     changes, views = [], []
     for i in range(TIMED):
         member = members[i % len(members)]

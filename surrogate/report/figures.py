@@ -50,7 +50,7 @@ def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Ev
 def _sheet(
     names: Sequence[str], part: Evaluation | VariedEvaluation, figure: Any, *, surrogate: Surrogate, catalog: Catalog
 ) -> bool:
-    """The images of these names among those that ask most: of the last row and column that have any, else for validation."""
+    """Draw the "worst", "median" or "best" of the last cell that has images, where most is unseen, else of validation images."""
     groups = {f"{row}, {column}": scored for row, columns in part.cells.items() for column, scored in columns.items()}
     label, scored = next((group for group in reversed(groups.items()) if group[1]), ("validation", part.validation))
     if scored:

@@ -33,7 +33,7 @@ class Rule:
 
 
 def mean_image(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
-    """Every member alike."""
+    """Equal weights."""
     return np.full((len(wanted), len(known)), 1.0 / len(known))
 
 
@@ -64,7 +64,7 @@ def linear(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
 
 
 def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
-    """The `NEIGHBOURS` nearest, each by one over its distance; where one is met, that one alone."""
+    """Weights of one over the distance for the `NEIGHBOURS` nearest points; a known point weighs alone at its own place."""
     distances = cdist(wanted, known)  # [T, M]
     order = np.argsort(distances, axis=1, kind="stable")[:, :NEIGHBOURS]  # [T, min(M, NEIGHBOURS)]
     weights = np.zeros_like(distances)
@@ -97,7 +97,7 @@ def fixed_rules(parameters: int) -> list[Rule]:
 
 
 def setting_rules(parameters: int, plural: str) -> list[Rule]:
-    """Rules between settings of so many visualization parameters, called `plural`."""
+    """Rules for a variation with so many visualization parameters; `plural` names its settings."""
     nearest = Rule("nearest trained setting", nearest_member)
     if parameters == 1:
         return [nearest, Rule(f"linear interpolation of {plural}", linear)]
@@ -105,7 +105,7 @@ def setting_rules(parameters: int, plural: str) -> list[Rule]:
 
 
 def tuned_rules() -> list[list[Rule]]:
-    """Families of rules that differ in their constants: the best of each on validation members is taken."""
+    """Families of rules with constants to tune: of each family the best on validation members is taken."""
     return [
         [
             Rule(f"ridge regression (degree {d}, penalty {p:g})", partial(ridge, degree=d, penalty=p))

@@ -22,21 +22,21 @@ SAME_VIEW_DEGREES = 0.5
 
 
 class Sources(Protocol):
-    """Which stored pictures may be mixed into that of a case, and between which points that interpolates."""
+    """The stored pictures that may be mixed to predict a case, and their places in parameter space."""
 
     def stored(self, case: Case) -> Sequence[tuple[Member, str, int]]:
         """Member, appearance and view of M pictures; none where the case can't be predicted."""
 
     def points(self, case: Case) -> NDArray[np.float64]:
-        """Where these lie, (M, P)."""
+        """Places of these pictures in parameter space, (M, P)."""
 
     def place(self, case: Case) -> NDArray[np.float64]:
-        """Where the case lies, (P,)."""
+        """Place of the case in parameter space, (P,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mixtures:
-    """A predictor for each of several rules that mix the same stored pictures."""
+    """Predicts images by weighted sums of stored pictures; each rule has weights, and so a picture, of its own."""
 
     catalog: Catalog
     sources: Sources

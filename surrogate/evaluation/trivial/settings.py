@@ -17,9 +17,9 @@ from surrogate.evaluation.trivial.interpolation import nearest_member
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """What a variation was learnt from: names of S appearances and their places, as a network sees them.
+    """The trained settings: names of S appearances, and their visualization parameters as a network sees them.
 
-    The base is one of them where it has a place, which it has among transfer functions but not among isovalues.
+    The base is one of them where it has such parameters: among transfer functions, but not among isovalues.
     """
 
     appearances: tuple[str, ...]
@@ -35,7 +35,7 @@ class Trained:
         return cls(tuple(known), np.array(list(known.values())))
 
     def among(self, appearances: Sequence[str]) -> Trained:
-        """Those of these appearances."""
+        """The settings that are among `appearances`."""
         kept = [i for i, name in enumerate(self.appearances) if name in appearances]
         return Trained(tuple(self.appearances[i] for i in kept), self.places[kept])
 
@@ -55,7 +55,7 @@ class SettingPictures:
 
     @cached_property
     def trained(self) -> Trained:
-        """All trained settings, whoever shows them."""
+        """All of the variation's."""
         return Trained.of(self.variation)
 
     def stored(self, case: Case) -> list[tuple[Member, str, int]]:
