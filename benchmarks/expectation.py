@@ -9,8 +9,6 @@ report only: test members, in the base appearance and all settings that they sho
 
 from __future__ import annotations
 
-import argparse
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import DOCS, PROJECT, commit, fill, table
+from benchmarks.page import DOCS, PROJECT, command_line, fill, made_by, table
 from surrogate import Surrogate
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.reliability.calibration import (
@@ -35,7 +33,6 @@ from surrogate.explore.reliability.measuring import psnr_of
 from surrogate.explore.reliability.places import ISOSURFACES, appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
-from surrogate.provenance import machine
 from surrogate.splatting.threads import one_torch_thread
 
 SCENES = ("tgv-dvr", "cloverleaf", "nyx", "tgv-iso", "tgv-tf")
@@ -128,7 +125,7 @@ def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> str
 
 @one_torch_thread()
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line("expectation", __doc__)
     parser.add_argument("runs", nargs="*", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=8, help="test views of each test member and appearance")
     parser.add_argument("--write", action="store_true", help="write the second table into docs/explorer.md")
@@ -142,18 +139,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         times.append(f"{run.title} {wall:.1f} ({processor:.1f})")
         choices += chosen_by(run.title, expectation, run.surrogate)
         reports += reported(run.title, agreements(run, expectation, options.views))
-    sys.stdout.write("Mean absolute difference (dB) of what was left out, by the number of neighbours:\n\n")
     columns = [f"{k}{' (taken)' if k == NEAREST else ''}" for k in TRIED]
-    sys.stdout.write(table(["run", "family", "validation + training", "gap, dB", *columns], choices))
-    sys.stdout.write("\nAt test members and test views:\n\n")
+    choice = table(["run", "family", "validation + training", "gap, dB", *columns], choices)
     header = ["run", "shown", "cases", "expected, dB", "measured, dB", "mean absolute difference, dB"]
     body = table([*header, "of single pictures (said)", "correlation", "that of the distance to training"], reports)
-    sys.stdout.write(body)
-    sys.stdout.write(f"\nSeconds that measuring took, wall clock (processor): {'; '.join(times)}.\n")
-    made = f"Commit {commit('native', 'surrogate', 'catalogs', 'benchmarks')}, {machine()['processor']}."
-    sys.stdout.write(f"{made}\n")
+    print(f"Mean absolute difference (dB) of what was left out, by the number of neighbours:\n\n{choice}")
+    print(f"At test members and test views:\n\n{body}")
+    print(f"Seconds that measuring took, wall clock (processor): {'; '.join(times)}.\n{made_by('expectation')}")
     if options.write:
-        fill(DOCS / "explorer.md", "expectation", f"{body}\n{made}")
+        fill(DOCS / "explorer.md", "expectation", f"{body}\n{made_by('expectation')}")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,9 @@ class Run:
     catalog: Catalog | None = None
     folder: Path | None = None
 
+    def __repr__(self) -> str:
+        return f"<Run {self.title!r}: {self.surrogate!r}>"
+
     @cached_property
     def members(self) -> tuple[Member, ...]:
         """The catalog's members, those committed when this is first asked; none without a catalog.

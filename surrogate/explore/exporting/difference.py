@@ -1,4 +1,4 @@
-"""How two pictures differ: a coloured map of it, and what it is in numbers."""
+"""The difference of two pictures, as a coloured map and in numbers."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ RANGES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # between which pictures in mot
 SHOWN = 0.995  # of the pixels lie within the chosen range; a few bright ones would darken all the others
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Difference:
-    """The absolute difference of two pictures, of each pixel that of the channel that differs most.
+    """The absolute difference of two pictures, at each pixel the largest over the channels.
 
-    The largest rather than the mean over channels, so that what differs in one colour alone is not shown at a third of it.
+    A mean over channels would show what differs in one colour alone at a third of its size.
 
     Attributes
     ----------

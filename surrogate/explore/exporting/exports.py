@@ -1,4 +1,4 @@
-"""What can be taken away from the explorer: a record for each kind of file, from a message of the page or a command's options.
+"""Files that the explorer exports: a record for each kind, made from a message of the page or the options of a command.
 
 A record makes the same bytes whoever asked for it.  In each, `setting` or `sweep` is what is shown, `camera` where from, and
 `background` the straight RGB in [0, 1] behind it.  `content` gives the bytes, and raises ValueError where the surrogate can't show
@@ -77,9 +77,6 @@ class CodeRequest:
         folder = run.model_folder or "surrogate"
         return snippet(folder, run.surrogate, self.setting, self.camera, self.background).encode()
 
-    def summary(self, run: Run) -> str:
-        return str(self.setting)
-
 
 @dataclass(frozen=True, eq=False)
 class SheetRequest:
@@ -137,7 +134,8 @@ class Export:
     content: bytes
 
 
-Request = PictureRequest | GaussiansRequest | CodeRequest | SheetRequest | FilmRequest
+CommandRequest = PictureRequest | GaussiansRequest | SheetRequest | FilmRequest
+Request = CommandRequest | CodeRequest
 
 
 def exported(message: Any, run: Run, go_on: Progress = lambda *_: None) -> Export:
@@ -187,7 +185,7 @@ def _axis_in(
     return axis_over(surrogate, named, steps, *bounds)
 
 
-def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> Request:
+def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequest:
     """The request of a command's options, for one of `KINDS`: `surrogate export`'s, or `surrogate sweep`'s for sheets and films.
 
     Simulation parameters that neither they nor the picture to be `like` tell stand in the middle of their bounds.  Raises
@@ -215,7 +213,7 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> Request:
     return FilmRequest(*shown, kind, *motion)
 
 
-def guesses(request: Request, surrogate: Surrogate) -> list[str]:
+def guesses(request: CommandRequest, surrogate: Surrogate) -> list[str]:
     """Sentences naming what lies out of bounds, where a surrogate can only guess."""
     if isinstance(request, SheetRequest | FilmRequest):
         setting, axes = request.sweep.base, request.sweep.axes

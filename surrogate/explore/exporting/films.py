@@ -1,4 +1,4 @@
-"""Pictures one after the other as a film: animated GIF, or MP4."""
+"""Films of pictures: animated GIF, or MP4."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ def gif(
 
     Raises ValueError for fewer than two pictures, of different shapes, or a rate that is not in 0.5 to 50 a second.
     """
-    _check_rate(frames_per_second)
-    frames = [_with_palette(picture) for picture in _checked(pictures)]
+    frames = [_with_palette(picture) for picture in _checked(pictures, frames_per_second)]
     first, *others = bounced(frames) if there_and_back else frames
     written = _watched(others, go_on)
     stream = io.BytesIO()
@@ -59,14 +58,13 @@ def mp4(
 
     Raises ValueError as `gif` does, and where PyAV is not installed or has no H.264 encoder.
     """
-    _check_rate(frames_per_second)
     try:
         import av
     except ModuleNotFoundError:
         raise ValueError("MP4 films need PyAV: pip install 'gs-surrogate[video]', or make a GIF") from None
     if "libx264" not in av.codecs_available:
         raise ValueError("this PyAV has no H.264 encoder: pip install 'gs-surrogate[video]' afresh, or make a GIF")
-    frames: Iterable[NDArray[np.uint8]] = _checked(pictures)
+    frames: Iterable[NDArray[np.uint8]] = _checked(pictures, frames_per_second)
     if there_and_back:
         frames = bounced(list(frames))
     stream = io.BytesIO()
@@ -105,8 +103,10 @@ def _watched(frames: Iterable[Any], go_on: Callable[[], Any]) -> Iterator[Any]:
         yield frame
 
 
-def _checked(pictures: Iterable[NDArray[Any]]) -> Iterator[NDArray[np.uint8]]:
-    """The pictures as contiguous uint8; raises ValueError where they make no film."""
+def _checked(pictures: Iterable[NDArray[Any]], rate: float) -> Iterator[NDArray[np.uint8]]:
+    """The pictures as contiguous uint8; raises ValueError where they make no film of this rate."""
+    if not SLOWEST <= rate <= FASTEST:
+        raise ValueError(f"a film has {SLOWEST:g} to {FASTEST:g} pictures a second, got {rate:g}")
     shape: tuple[int, ...] = ()
     count = 0
     for picture in pictures:
@@ -117,11 +117,6 @@ def _checked(pictures: Iterable[NDArray[Any]]) -> Iterator[NDArray[np.uint8]]:
         yield np.ascontiguousarray(to_bytes(picture))
     if count < 2:
         raise ValueError(f"a film consists of two pictures or more, got {count}")
-
-
-def _check_rate(frames_per_second: float) -> None:
-    if not SLOWEST <= frames_per_second <= FASTEST:
-        raise ValueError(f"a film has {SLOWEST:g} to {FASTEST:g} pictures a second, got {frames_per_second:g}")
 
 
 def _with_palette(picture: NDArray[np.uint8]) -> Any:

@@ -79,7 +79,7 @@ def strip(
     for index, text in enumerate(sweep.columns.labels):
         left, top = layout.place(index)
         write((left + width / 2, top - _line(size) / 2), text, anchor="mm")
-    for row, text in enumerate(_labels(sweep.rows)):
+    for row, text in enumerate(sweep.rows.labels if sweep.rows else ()):
         write((layout.side, layout.place(row * layout.columns)[1] + height / 2), text, anchor="rm")
     return encode(np.asarray(sheet), "png", record=record)
 
@@ -123,10 +123,6 @@ def _layout(sweep: Sweep, width: int, height: int) -> _Layout:
             f"{MOST_SIDE} a side or {MOST_PIXELS:,} together: choose fewer steps or smaller pictures"
         )
     return _Layout(columns, sheet, (side + gap + (cell - width) // 2, line + gap), (across, down), side)
-
-
-def _labels(axis: Axis | None) -> list[str]:
-    return [] if axis is None else axis.labels
 
 
 def _text_size(height: int) -> int:

@@ -22,7 +22,7 @@ from surrogate.model import Surrogate
 NEAREST = 4  # measurements whose median is expected
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Table:
     """The measurements of one family, R rows.
 
@@ -83,7 +83,7 @@ def tables_of(measured: Sequence[Measurement], surrogate: Surrogate) -> dict[str
 
 
 def generalization_gap(table: Table, nearest: int = NEAREST) -> float | None:
-    """By how many dB training members are better than validation members where both show the same appearance; None without such.
+    """By how many dB training members are better than validation members of the same appearance; None without such pairs.
 
     The median over validation members of the median of their nearest training members, less what was measured.
     """
@@ -104,9 +104,9 @@ def adjusted(table: Table, otherwise: float | None, nearest: int = NEAREST) -> N
 
 
 def leave_one_out(table: Table, gap: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
-    """What is expected (R,) at each row without its member and, if that is no base appearance, the setting that it shows.
+    """What is expected (R,) at each row from rows of other members and, unless it shows the base, of other appearances.
 
-    The gap is measured anew each time; `gap` is for tables that have none themselves.  NaN where nothing is left.
+    The gap is measured anew each time; `gap` serves where none can be.  NaN where no row is left.
     """
     expected = np.full(len(table.psnr), np.nan)
     for row in range(len(expected)):

@@ -1,4 +1,4 @@
-"""What error to expect at a setting: the median over the nearest measurements, levelled to members that training never saw."""
+"""What error to expect at a setting: the median of the nearest measurements, adjusted to members that training never saw."""
 
 from __future__ import annotations
 
@@ -33,17 +33,16 @@ FAR = 1.25  # typical spacings between training members beyond which one is far 
 
 @dataclass(frozen=True)
 class Expected:
-    """What is expected at a setting.  Distances are Euclidean, of parameters as fractions of their ranges.
+    """What error to expect at a setting.  Distances are Euclidean, of parameters as fractions of their ranges.
 
     Attributes
     ----------
     psnr : dB; None where nothing alike was measured, or for colours that no picture shows.
-    error : dB, mean absolute difference between such expectations and single pictures, of what was left out for that, one
-        after another; None where there is too little.
+    error : dB, the leave-one-out error of such expectations for single pictures; None where too little was measured.
     neighbours : how many measurements it is the median of.
     seen_views : whether these are of views that training learnt from, so that others may be worse.
     training_distance : to the nearest training member, in simulation parameters; None without a catalog.
-    training_spacing : the median over training members of that to their nearest neighbour; None for fewer than two.
+    training_spacing : the median distance of training members to their nearest neighbours; None for fewer than two.
     outside : names of the parameters that lie out of bounds.
     recolored : whether colours are shown that no picture was trained in.
     """
@@ -94,9 +93,9 @@ class Expected:
         return f"expected {self.psnr:.1f}{about} dB{where}, from the {nearest}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Family:
-    """What a lookup needs: places (R, P + V) and the PSNR (R,) to be expected there of a member that training never saw."""
+    """What a lookup needs: places (R, P + V), and the PSNR (R,) there of members that training never saw."""
 
     places: NDArray[np.float64]
     psnr: NDArray[np.float64]
@@ -104,9 +103,9 @@ class Family:
     seen_views: bool
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Expectation:
-    """Measurements, ready to be asked what is expected anywhere.
+    """Measurements as a table to look up what is expected at any setting.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
-"""How well a surrogate shows what it did not learn from: measured once per run, and kept beside it.
+"""The error of a surrogate where it did not learn: measured once per run, and kept beside it.
 
-Measurement are validation members; and training members, at views that training did not see.  Test members, views and settings are
+Validation members are measured, and training members at views that training did not see.  Test members, views and settings are
 never looked at.
 """
 
@@ -62,7 +62,7 @@ class Measurement:
         return Setting(self.parameters, self.varied)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """What is to be measured: a member in one appearance at some views."""
 
@@ -74,10 +74,9 @@ class Case:
 
 
 def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measurement, ...]:
-    """What was measured of the run's surrogate on its catalog before, as kept in its folder; else measured now, and kept there.
+    """The errors of the run's surrogate on its catalog, as kept in the run's folder; else measured now, and kept there.
 
-    None without a catalog.  What `progress` raises leaves nothing.  Raises CatalogError for a damaged catalog, ValueError for one
-    of other parameters.
+    Empty without a catalog.  Where `progress` raises, nothing is kept.  Raises as `Run.members` does.
     """
     if run.catalog is None:
         return ()
@@ -107,9 +106,9 @@ def key_of(run: Run) -> dict[str, Any]:
 
 
 def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
-    """Where to measure: validation members, training members in the base appearance, and training members under trained settings.
+    """What to measure: validation members, training members in the base appearance, and training members in varied appearances.
 
-    Of training members only views that training did not see; of both never a view that tests.  Of many, some, evenly chosen.
+    Of training members only validation views are taken.  Of many cases some are chosen evenly.
     """
     shown = appearances_of(surrogate, ("train", "validation"))
     base, *others = shown
@@ -125,7 +124,7 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
 
 
 def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> list[Case]:
-    """The member in each of the appearances that it was rendered in, at validation views or, without any, at training views."""
+    """The member in each of the appearances that it was rendered in, at validation views; at training views without any."""
     by_split = {split: [i for i, s in enumerate(member.view_splits) if s == split] for split in ("validation", "train")}
     known = by_split["validation"] or by_split["train"]
     views = tuple(known[i] for i in spread(len(known), VIEWS))
@@ -134,7 +133,7 @@ def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> li
 
 
 def _in_turn(cases: Sequence[Case]) -> list[Case]:
-    """Every appearance once, then all once more: each time at another of the members that show it, and these in turn."""
+    """The cases in rounds: each round has every appearance once, at another member than the round before."""
     of_appearance: dict[str, list[Case]] = {}
     for case in cases:
         of_appearance.setdefault(case.appearance, []).append(case)
@@ -159,7 +158,7 @@ def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], pro
 
 
 def psnr_of(deformed: DeformedGaussians, catalog: Catalog, member: Member, appearance: str, view: int) -> float:
-    """dB between a stored picture and what the Gaussians show there; raises ImageError where it can't be read."""
+    """The PSNR, dB, of what the Gaussians show against a stored picture; raises ImageError where that can't be read."""
     background = catalog.plan.background
     truth, camera = catalog.image(member, appearance, view), member.cameras[view]
     drawn = deformed.render(camera, background=background)

@@ -22,7 +22,7 @@ SAME_VALUE = 1e-9  # relative: a decimal number there and back
 SAME_CAMERA = 1e-6  # of directions, of the distance to the middle, and of intrinsics: what an address of 9 digits keeps
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StoredPicture:
     """A picture of the catalog; `split` is that of the image: test wins over validation, validation over train."""
 
@@ -36,7 +36,7 @@ class StoredPicture:
         return self.member.cameras[self.view]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Truth:
     """A catalog's members, and the appearances that a surrogate follows.
 
