@@ -25,19 +25,19 @@ from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
-from surrogate.studies.ablation.pace import Pace, measured, scheduled
+from surrogate.studies.ablation.timing import StepTimes, measure_step_times, scheduled
 from surrogate.training.data import ImageRow, validation_rows
 from surrogate.training.run import train
 
 PREFERRED, FALLBACK = "tgv-dvr", "tiny"
-BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.studies.ablation.clock`
-PROBE = 0.1  # of the largest budget, spent on measuring the pace first
+BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.studies.ablation.timing.clock`
+PROBE = 0.1  # of the largest budget, spent on measuring first how long steps take
 POINTS = 12  # of a training curve, about
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model trained for about `budget` seconds, by `surrogate.studies.ablation.clock`: those of all cores together on a CPU."""
+    """A model trained for about `budget` seconds of `surrogate.studies.ablation.timing.clock`: on a CPU, of all cores together."""
 
     budget: float
     surrogate: Surrogate
@@ -90,15 +90,15 @@ class Trained:
         return found.changed(fit_to_need=False, color_degree=degree, visualization_steps=0)
 
     @cached_property
-    def pace(self) -> Pace:
+    def step_times(self) -> StepTimes:
         """How fast this machine trains, from a short run."""
         self.setup.say(f"{self.name}: how fast a step is")
-        return measured(self.settings, self.catalog, PROBE * max(self.budgets))
+        return measure_step_times(self.settings, self.catalog, PROBE * max(self.budgets))
 
     def fit(self, budget: float) -> Fit:
         """The model of one budget, in seconds."""
         if budget not in self.fits:
-            settings = planned(self.settings, budget, self.pace)
+            settings = planned(self.settings, budget, self.step_times)
             self.setup.say(f"{self.name}: training for {budget:.0f} s")
             self.fits[budget] = Fit(budget, self._train(settings))
         return self.fits[budget]
@@ -151,8 +151,8 @@ def mean_decibels(surrogate: Surrogate, trained: Trained, rows: Sequence[ImageRo
     return float(np.mean(found))
 
 
-def planned(settings: TrainingSettings, seconds: float, pace: Pace) -> TrainingSettings:
+def planned(settings: TrainingSettings, seconds: float, times: StepTimes) -> TrainingSettings:
     """`settings` with as many steps as fit into `seconds`, and about `POINTS` points in the curve of their training."""
-    found = scheduled(settings, seconds, pace)
+    found = scheduled(settings, seconds, times)
     interval = max(1, (found.steps.canonical + found.steps.deformation) // POINTS)
     return found.changed(validation_interval=interval)

@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 from benchmarks.splatting.trained import POINTS, planned
 from surrogate.settings import TrainingSettings
-from surrogate.studies.ablation.pace import Pace
+from surrogate.studies.ablation.timing import StepTimes
 
 SETTINGS = TrainingSettings(visualization_steps=0)
 
 
 @given(st.floats(5.0, 500.0), st.floats(0.001, 0.02), st.floats(0.001, 0.02))
 def test_schedule_takes_the_time_it_is_given(seconds: float, canonical: float, deformation: float) -> None:
-    settings = planned(SETTINGS, seconds, Pace(1.0, canonical, deformation))
+    settings = planned(SETTINGS, seconds, StepTimes(1.0, canonical, deformation))
     taken = 1.0 + settings.steps.canonical * canonical + settings.steps.deformation * deformation
     assert taken == pytest.approx(seconds, abs=2 * (canonical + deformation))
     assert settings.steps.deformation / settings.steps.canonical == pytest.approx(5.0, rel=0.05)
@@ -23,7 +23,7 @@ def test_schedule_takes_the_time_it_is_given(seconds: float, canonical: float, d
 
 @pytest.mark.parametrize("steps", [5, 100, 12_345])
 def test_a_curve_has_points_enough_to_be_drawn(steps: int) -> None:
-    settings = planned(SETTINGS, float(steps), Pace(0.0, 1.0, 1.0))
+    settings = planned(SETTINGS, float(steps), StepTimes(0.0, 1.0, 1.0))
     points = steps / settings.validation.interval
     assert min(steps, POINTS) <= points <= 1.1 * POINTS
     interval, stages = settings.validation.interval, {"canonical_steps": 2_000, "deformation_steps": 10_000}

@@ -15,8 +15,8 @@ from surrogate.gaussians import NAMES, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.choice import Measured
+from surrogate.training.compression.choices import choose_modes
 from surrogate.training.compression.evaluator import Evaluator
-from surrogate.training.compression.modes import choose_modes
 from surrogate.training.fitted import Fitted
 from surrogate.training.optimizer import Adam
 from surrogate.training.stages import simulation_stage
