@@ -124,6 +124,25 @@ def test_a_finished_study_has_nothing_to_do_and_a_wider_one_only_what_is_missing
     ]
 
 
+def test_records_answer_on_another_machine_unless_other_code_made_them(
+    catalog: Catalog, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fitted_in(folder: str) -> list[tuple[str, int]]:
+        told: list[Result] = []
+        options = {"records": tmp_path / "kept", "seconds": BUDGET, "seeds": 1, "only": ["joint"]}
+        ablate("blobs", BaseExperiment(SCENE, catalog), tmp_path / folder, tell=told.append, **options)
+        return names(told)
+
+    assert fitted_in("here") == [("default", 0), ("joint", 0)]
+    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["default.seed0.json", "joint.seed0.json"]
+    assert fitted_in("elsewhere") == []
+    assert "| joint |" in (tmp_path / "elsewhere" / "ablation.md").read_text()
+    monkeypatch.setattr(module, "code", lambda *_: "later")
+    monkeypatch.setattr("surrogate.storage.records.code", lambda *_: "later")
+    assert fitted_in("here") == [("default", 0), ("joint", 0)]
+    assert fitted_in("elsewhere") == []
+
+
 def test_results_of_other_settings_budgets_or_data_are_not_taken(conduct, make_catalog, at_once) -> None:
     conduct(only=["default"])
     assert names(conduct(SCENE.changed(gaussians=41), only=["default"])) == [("default", 0)]
