@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 
@@ -23,7 +23,7 @@ from surrogate.splatting.device import chosen
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.studies.ablation.timing import ROUGHLY, StepTimes, measure_step_times, settled
-from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS, Variant
+from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
 from surrogate.training.data import ImageRow, TrainingData, validation_rows
 from surrogate.training.loop import StageRun
 from surrogate.training.progress import ProgressReport, TrainingProgress
@@ -45,37 +45,11 @@ WITHOUT_VALIDATION = (
 )
 
 
-class Experiment(Protocol):
-    """The variants of a study, and how one of them is trained and scored."""
-
-    @property
-    def variants(self) -> Sequence[Variant]:
-        """The first is what the others are compared with."""
-
-    @property
-    def base(self) -> TrainingSettings:
-        """The settings that all variants depart from."""
-
-    @property
-    def scene(self) -> TrainingSettings:
-        """The scene's settings."""
-
-    @property
-    def mark(self) -> str:
-        """Changes with everything but the settings of a variant that its result depends on."""
-
-    def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
-        """How long a step of these settings takes here and now, measured in about `seconds`."""
-
-    def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """The surrogate of these settings, trained in the folder `work`."""
-
-    def score(self, surrogate: Surrogate) -> list[Scored]:
-        """How well a surrogate shows the validation images."""
-
-
 class BaseExperiment:
     """Stages 1 and 2 of a scene's settings, with all time given to training itself.
+
+    `variants`, the first of which the others are compared with, depart from the settings `base`, which are those of the `scene` but
+    for what ablations need; `mark` changes with all else that results depend on.
 
     Nothing is chosen during training, since a choice takes time and may fall differently from run to run: colours are of degree 0
     where they are left to be chosen, and "auto" is replaced by what it stands for.
@@ -90,16 +64,16 @@ class BaseExperiment:
         self._images = validation_images(self.base, catalog)
 
     def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
-        """See `Experiment`."""
+        """How long a step of these settings takes here and now, measured in about `seconds`."""
         return measure_step_times(settings, self._catalog, seconds)
 
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """See `Experiment`."""
+        """The surrogate of these settings, trained in the folder `work`."""
         return train(settings, self._catalog, work, progress=progress)
 
     @one_torch_thread()
     def score(self, surrogate: Surrogate) -> list[Scored]:
-        """See `Experiment`."""
+        """How well a surrogate shows the validation images."""
         cases = [Case(row.member, row.view, row.appearance) for row in self._images]
         return _scored(surrogate, self._catalog, cases)
 
@@ -147,7 +121,7 @@ class VisualizationExperiment:
         self.mark = f"{fingerprint(self.base, catalog)} on {surrogate.training.get('fingerprint')}"
 
     def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
-        """See `Experiment`; the images are loaded once for all, so that takes no variant's time."""
+        """As of `BaseExperiment`; the images are loaded once for all, so that takes no variant's time."""
         learnt = self._data
 
         @one_torch_thread()
@@ -159,7 +133,7 @@ class VisualizationExperiment:
 
     @one_torch_thread()
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """See `Experiment`; nothing is written into `work`, and an interrupted training begins anew."""
+        """As of `BaseExperiment`; nothing is written into `work`, and an interrupted training begins anew."""
         found = []
         for one in self._data:
             visualization, run = self._begun(settings, one)
@@ -174,7 +148,7 @@ class VisualizationExperiment:
 
     @one_torch_thread()
     def score(self, surrogate: Surrogate) -> list[Scored]:
-        """See `Experiment`."""
+        """As of `BaseExperiment`."""
         return _scored(surrogate, self._source.catalog, [case for one in self._data for case in one.cases])
 
     @cached_property
@@ -200,6 +174,9 @@ class VisualizationExperiment:
 def _scored(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case]) -> list[Scored]:
     [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, cases)
     return list(found.values())
+
+
+Experiment = BaseExperiment | VisualizationExperiment
 
 
 def _is_of(surrogate: Surrogate, source: Source) -> bool:
