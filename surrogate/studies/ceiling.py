@@ -31,7 +31,6 @@ from surrogate.storage.records import Provenance, Record
 from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.training.data import ImageRow, TrainingData, load_examples
 from surrogate.training.loop import StageRun
-from surrogate.training.progress import TrainingProgress
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 
@@ -209,13 +208,10 @@ def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, 
     gaussians = gaussians.to(chosen(settings.device))
     run = StageRun(canonical_stage(gaussians, settings), settings, data)
     while run.step < run.stage.steps:
-        loss = run.advance()
+        run.advance()
         if run.step % REPORT_STEPS == 0 or run.step == run.stage.steps:
-            count = Count("alone", run.step, run.stage.steps, rate(run.step), "steps")
-            now = TrainingProgress(
-                count.stage, count.done, count.total, count.rate, loss, seconds_left=count.seconds_left
-            )
-            watch.tell(now, count.seconds_left)
+            count = Count("fitting", run.step, run.stage.steps, rate(run.step), "steps")
+            watch.tell(count, count.seconds_left)
     seconds = time.perf_counter() - started
     still = DeformedGaussians(gaussians.copy(), {}, source.normalization, Rasterizer.of(settings))
     return {

@@ -136,10 +136,9 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     import native
     from surrogate.splatting import BACKENDS
     from surrogate.splatting.threads import one_torch_thread
-    from surrogate.studies.stress.check import Outcome
+    from surrogate.studies.stress.check import Outcome, tables
     from surrogate.studies.stress.drift import measure_drift
     from surrogate.studies.stress.report import PAGE, write
-    from surrogate.studies.stress.table import tables
 
     if backend not in BACKENDS:
         raise click.ClickException(f"--backend must be one of {sorted(BACKENDS)}, got {backend!r}")

@@ -1,8 +1,8 @@
-"""Draw a hard case by a backend and by the float64 twin, and compare."""
+"""Draw the hard cases by backends and by the float64 twin, and compare."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -10,13 +10,15 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting import Constants, Primitives, draw, reference
-from surrogate.studies.stress.cases import Agreement, Case, Refusal
+from surrogate.splatting import BACKENDS, Constants, Primitives, draw, reference
+from surrogate.studies.stress.cases import Agreement, Case, Refusal, agreements, cases, refusals
 from surrogate.studies.stress.scenes import NEAR, cloud, tied, view
 
 MARGIN = 2e-4  # relative: nearer to a threshold, float32 may rightly fall to its other side
 PIXELS_AT_ONCE = 512
 CROWD = 3000  # Gaussians: enough for every thread to have several portions
+
+Backend = Mapping[str, Any]  # options of `surrogate.splatting.render`
 
 
 class Drawn(NamedTuple):
@@ -68,7 +70,7 @@ def draw_twin(case: Case) -> Twin:
     return Twin(certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"}))
 
 
-def check(case: Case, backend: Mapping[str, Any], twin: Twin | None = None) -> Outcome:
+def check(case: Case, backend: Backend, twin: Twin | None = None) -> Outcome:
     """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one.
 
     `twin` is what `draw_twin` makes of the case, for who has it already.
@@ -95,7 +97,7 @@ def check(case: Case, backend: Mapping[str, Any], twin: Twin | None = None) -> O
     return _judged(outcome, case, got.picture)
 
 
-def check_agreement(agreement: Agreement, backend: Mapping[str, Any]) -> Outcome:
+def check_agreement(agreement: Agreement, backend: Backend) -> Outcome:
     """A picture and its gradients, of Gaussians of which many lie at one depth, must not differ by a bit."""
     scene = Primitives(*(tensor.float() for tensor in tied(CROWD)))
     camera, certain = view(130, 90), torch.ones(90, 130, dtype=torch.bool)
@@ -112,7 +114,7 @@ def check_agreement(agreement: Agreement, backend: Mapping[str, Any]) -> Outcome
     return Outcome(agreement, complaints=tuple(complaints))
 
 
-def check_refusal(refusal: Refusal, backend: Mapping[str, Any]) -> Outcome:
+def check_refusal(refusal: Refusal, backend: Backend) -> Outcome:
     """A number that is not finite must be named, and nothing drawn."""
     scene = Primitives(*(tensor.float() for tensor in cloud()))
     getattr(scene, refusal.attribute)[refusal.row] = refusal.value
@@ -211,3 +213,31 @@ def _judged(outcome: Outcome, case: Case, picture: Tensor) -> Outcome:
 def largest_jump(case: Case) -> float:
     """What a contribution at a threshold may change: some floors' worth, one for each that lies on it."""
     return 4.0 * case.alpha_floor + 2.0 * Constants.min_transmittance
+
+
+def tables(
+    backends: Mapping[str, Backend], tell: Callable[[str, Outcome], None] = lambda *_: None
+) -> dict[str, list[Outcome]]:
+    """Hold backends to every row, each by its name; `tell` hears of each outcome.  The twin draws a case once for all."""
+    compiled = [getattr(BACKENDS.get(b.get("backend", "cpu")), "COMPILED", None) for b in backends.values()]
+    floors = {constants["alpha_floor"] for constants in compiled if constants}  # gsplat has but one alpha floor
+    found: dict[str, list[Outcome]] = {name: [] for name in backends}
+    rows: list[Case | Agreement | Refusal] = [
+        *(case for case in cases() if floors <= {case.constants.alpha_floor}),
+        *agreements(),
+        *refusals(),
+    ]
+    for row in rows:
+        for name, outcome in zip(backends, _checked(row, list(backends.values())), strict=True):
+            found[name].append(outcome)
+            tell(name, outcome)
+    return found
+
+
+def _checked(row: Case | Agreement | Refusal, backends: list[Backend]) -> list[Outcome]:
+    if isinstance(row, Case):
+        twin = draw_twin(row)
+        return [check(row, backend, twin) for backend in backends]
+    if isinstance(row, Agreement):
+        return [check_agreement(row, backend) for backend in backends]
+    return [check_refusal(row, backend) for backend in backends]

@@ -14,9 +14,8 @@ import surrogate.splatting
 from catalogs.cameras import Camera
 from surrogate.splatting import Constants, Primitives, cuda, draw_over, render
 from surrogate.splatting.device import chosen
-from surrogate.studies.stress.check import snapped
+from surrogate.studies.stress.check import snapped, tables
 from surrogate.studies.stress.scenes import cloud, off_center, view, with_lengths
-from surrogate.studies.stress.table import tables
 from surrogate.training.losses import image_loss_reference
 
 CONSTANTS = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1.0 / 255.0}

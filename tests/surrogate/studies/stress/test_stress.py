@@ -16,9 +16,8 @@ import surrogate.splatting
 from surrogate.cli import main
 from surrogate.splatting import Primitives, Rendering, cpu
 from surrogate.studies.stress.cases import Agreement, Case, agreements, cases, refusals
-from surrogate.studies.stress.check import check, check_agreement, check_refusal, draw_twin
+from surrogate.studies.stress.check import check, check_agreement, check_refusal, draw_twin, tables
 from surrogate.studies.stress.drift import Drift, Snapshot, measure_drift
-from surrogate.studies.stress.table import tables
 from tests.support.tables import tables as widths_of_tables
 
 HEAVY = 5_000  # Gaussians
@@ -159,7 +158,7 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
     assert all(len(set(widths)) == 1 for widths in widths_of_tables(page))
     assert (tmp_path / "good" / "stress.png").stat().st_size > 50_000
     some = [by_name("radius 1 px"), by_name("one Gaussian")]
-    monkeypatch.setattr("surrogate.studies.stress.table.cases", lambda: some)
+    monkeypatch.setattr("surrogate.studies.stress.check.cases", lambda: some)
     monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", drawn_wrong(brighter))
     done = CliRunner().invoke(main, ["stress", "--backend", "wrong", "--no-drift", "-o", str(tmp_path / "bad")])
     assert done.exit_code == 1
@@ -170,9 +169,9 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
 
 def test_the_twin_draws_a_case_once_for_all_backends(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn, some = [], [by_name("one Gaussian"), by_name("radius 1 px")]
-    monkeypatch.setattr("surrogate.studies.stress.table.cases", lambda: some)
+    monkeypatch.setattr("surrogate.studies.stress.check.cases", lambda: some)
     monkeypatch.setattr(
-        "surrogate.studies.stress.table.draw_twin", lambda case: (drawn.append(case), draw_twin(case))[1]
+        "surrogate.studies.stress.check.draw_twin", lambda case: (drawn.append(case), draw_twin(case))[1]
     )
     backends = {name: {"instruction_set": name} for name in native.instruction_sets()}
     found = tables(backends)
