@@ -1,4 +1,4 @@
-"""Whether a catalog that exists is the one that is asked for."""
+"""Whether a catalog is the one that is asked for, and whether a member fits in it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog, CatalogPlan, Member
 from catalogs.scene import PlannedMember, ViewPlan
 from catalogs.words import shortened
-from insitu.boxes import cameras_around, same_box
+from insitu.boxes import Box, cameras_around, check_inside, is_smaller, same_box
 from insitu.planning import Pilot, PlanOptions, given_distances, is_catalog, plan_catalog
 
 
@@ -89,6 +89,18 @@ def _differing_appearances(wanted: PlannedMember, stored: Member) -> list[str]:
         return []
     only_here, only_there = (shortened(sorted(names), 3) or "none" for names in (here - there, there - here))
     return [f"{stored.name} appearances: {only_here} only here, {only_there} only in the catalog"]
+
+
+def notes_on_member(box: Box, parameters: Mapping[str, float], plan: CatalogPlan) -> list[str]:
+    """What deserves a warning about a member that fills `box`; raises ValueError where it reaches out of the ensemble's."""
+    check_inside(box, plan.bounds)
+    notes = list(plan.space.outside([float(parameters[name]) for name in plan.space.names]).values())
+    if plan.provenance.get("bounds_from") != "given" and is_smaller(box, plan.bounds):
+        notes.append(
+            f"the member's box {box} is not the first member's {plan.bounds}, around which the "
+            "cameras stand: check spacing and origin"
+        )
+    return notes
 
 
 def differing(wanted: Any, stored: Any, place: str) -> list[str]:

@@ -21,8 +21,8 @@ from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.plan import CatalogError, json_values, name_problem
 from catalogs.scene import ViewPlan
 from catalogs.variations import Variation
-from insitu.agreement import agreeing_catalog, create_catalog
-from insitu.boxes import Box, check_inside, is_smaller
+from insitu.agreement import agreeing_catalog, create_catalog, notes_on_member
+from insitu.boxes import Box
 from insitu.fields import Fields, as_fields
 from insitu.memory import PeakMemory
 from insitu.planning import PlanOptions, appearances_from, check_complete, measure_pilot, space_from
@@ -137,8 +137,6 @@ class Session:
         `appearances` names those of the catalog's that this member is shown with, all by default.
         """
         started, memory = clock.perf_counter(), PeakMemory()
-        if split not in SPLITS:
-            raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
         catalog = self._catalog
         space, known = (
             check_complete(self._options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
@@ -147,7 +145,7 @@ class Session:
         wanted = known_appearances(appearances, [a.name for a in known])
         shown = [a for a in known if a.name in wanted]
         name = name or member_name(parameters)
-        record = _record(name, provenance, time)
+        record = _record(name, split, provenance, time)
         fields = as_fields(
             field,
             known if catalog is None else shown,  # a new catalog's sample distances need all fields
@@ -160,8 +158,7 @@ class Session:
         memory.sample()
         with _named_disk_errors(name, self.path):
             catalog = self._catalog = catalog or self._created(fields)
-            check_inside(fields.box, catalog.plan.bounds)
-            notes = _notes(fields.box, parameters, catalog.plan)
+            notes = notes_on_member(fields.box, parameters, catalog.plan)
             for note in [*map(ResamplingWarning, fields.notes), *map(UserWarning, notes)]:
                 self._warn(note)
             record["bounds"] = fields.box
@@ -287,8 +284,10 @@ def member_name(parameters: Mapping[str, float]) -> str:
     return text if fits else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _record(name: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
-    """The provenance of a member; refuses a bad name or value before a new catalog is made for it."""
+def _record(name: str, split: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
+    """The provenance of a member; refuses a bad name, split or value before a new catalog is made for it."""
+    if split not in SPLITS:
+        raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
     problem = name_problem(name)
     if problem:
         raise CatalogError(f"a member can't be called so: {problem}")
@@ -310,14 +309,3 @@ def _named_disk_errors(name: str, path: Path) -> Iterator[None]:
             "make room or permission, then render it again",
             str(path),
         ) from error
-
-
-def _notes(box: Box, parameters: Mapping[str, float], plan: CatalogPlan) -> list[str]:
-    """What deserves a warning about a member that fills `box`."""
-    notes = list(plan.space.outside([float(parameters[name]) for name in plan.space.names]).values())
-    if plan.provenance.get("bounds_from") != "given" and is_smaller(box, plan.bounds):
-        notes.append(
-            f"the member's box {box} is not the first member's {plan.bounds}, around which the "
-            "cameras stand: check spacing and origin"
-        )
-    return notes
