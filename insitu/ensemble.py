@@ -81,7 +81,7 @@ def run_ensemble(
     shard: tuple[int, int] | None = None,
     nan: str = "refuse",
     cache: Path | None = None,
-    progress: Callable[[EnsembleProgress], None] = lambda state: None,
+    progress: Callable[[EnsembleProgress], None] | None = None,
 ) -> EnsembleResult:
     """Render every member that the catalog lacks.
 
@@ -118,7 +118,7 @@ def run_ensemble(
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
     with single_threaded(), WorkerPool(count, executor) as pool:
-        run = _Run(path, source, nan, cache if source.expensive else None, pool, progress)
+        run = _Run(path, source, nan, cache if source.expensive else None, pool, progress or (lambda state: None))
         if present is None:
             space, _ = check_complete(options)
             run.plan(pilot_members(members, space), options, len(todo))

@@ -80,7 +80,7 @@ class Session:
         provenance: Mapping[str, Any] | None = None,
         variations: Iterable[Variation] | None = None,
         nan: str = "refuse",
-        progress: Callable[[int], None] = lambda images: None,
+        progress: Callable[[int], None] | None = None,
         warn: Callable[[Warning], None] = warn_caller,
     ) -> None:
         self.path = Path(catalog)
@@ -95,7 +95,7 @@ class Session:
             provenance=provenance or {},
             variations=None if variations is None else tuple(variations),
         )
-        self._nan, self._progress, self._warn = nan, progress, warn
+        self._nan, self._progress, self._warn = nan, progress or (lambda images: None), warn
         self._catalog = agreeing_catalog(self.path, self._options)
 
     def __enter__(self) -> Session:
@@ -247,6 +247,7 @@ def render_member(
     bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
     variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
         (`catalogs.variations.isovalue_family`, `transfer_function_family`), or are to be learnt beside a base (`field_variation`).
+    image_format, provenance, progress, warn : as in `Session`.
 
     Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
     to the transfer function's range, and the texture), once each further field, and one image at a time.  All of it is freed again
