@@ -14,9 +14,10 @@ views at seen or unseen parameters mean the same as for our own catalogs.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,11 @@ class ImportedMember:
     split: str
     frames: tuple[Frame, ...] = field(repr=False)
     view_splits: tuple[str, ...] = field(repr=False)
+
+    @property
+    def pictures(self) -> list[str]:
+        """Folder and name of each frame's file."""
+        return [f"{frame.path.parent.name}/{frame.path.name}" for frame in self.frames]
 
 
 def import_nerf(
@@ -117,28 +123,25 @@ def _write_members(catalog: Catalog, members: Sequence[ImportedMember], progress
             done += len(member.frames)
             progress(done, total)
             continue
-        with catalog.begin_member(
-            member.name,
-            dict(zip(names, member.parameters, strict=True)),
-            split=member.split,
-            cameras=[frame.camera for frame in member.frames],
-            view_splits=member.view_splits,
-            provenance={"pictures": _pictures(member)},
-        ) as writer:
-            for _ in _write(writer, member):
+        with (
+            catalog.begin_member(
+                member.name,
+                dict(zip(names, member.parameters, strict=True)),
+                split=member.split,
+                cameras=[frame.camera for frame in member.frames],
+                view_splits=member.view_splits,
+                provenance={"pictures": member.pictures},
+            ) as writer,
+            ThreadPoolExecutor(WRITERS) as pool,
+        ):
+            for _ in pool.map(partial(_write, writer), range(len(member.frames)), member.frames):
                 done += 1
                 progress(done, total)
     catalog.rebuild_table()
 
 
-def _write(writer: MemberWriter, member: ImportedMember) -> Iterator[None]:
-    """Decode and encode the member's pictures, several at once."""
-
-    def write(view: int) -> None:
-        writer.write_image(APPEARANCE, view, read_image(member.frames[view].path))
-
-    with ThreadPoolExecutor(WRITERS) as pool:
-        yield from pool.map(write, range(len(member.frames)))
+def _write(writer: MemberWriter, view: int, frame: Frame) -> None:
+    writer.write_image(APPEARANCE, view, read_image(frame.path))
 
 
 def plan_members(
@@ -221,15 +224,11 @@ def _check_alpha(frames: Sequence[Frame], background: Sequence[float] | None) ->
             )
 
 
-def _pictures(member: ImportedMember) -> list[str]:
-    return [f"{frame.path.parent.name}/{frame.path.name}" for frame in member.frames]
-
-
 def _check_same(stored: Member, member: ImportedMember, names: Sequence[str]) -> None:
     same = (
         tuple(stored.parameters[name] for name in names) == member.parameters
         and stored.view_splits == member.view_splits
-        and stored.provenance.get("pictures") == _pictures(member)
+        and stored.provenance.get("pictures") == member.pictures
     )
     if not same:
         raise ExchangeError(
