@@ -165,7 +165,7 @@ def from_message(message: Any, surrogate: Surrogate) -> Request:
     fields = message.get("sweep")
     if not isinstance(fields, Mapping):
         raise MessageError("a sheet or a film needs a sweep: choose a parameter in the tab Sweep")
-    columns = _axis_in(fields, surrogate, "name", "count", ("low", "high"))
+    columns = _axis_in(fields, surrogate, "name", "count", "low", "high")
     if kind == "sheet":
         rows = _axis_in(fields, surrogate, "second", "secondCount") if fields.get("second") else None
         return SheetRequest(Sweep(shown[0], columns, rows), *shown[1:])
@@ -173,9 +173,7 @@ def from_message(message: Any, surrogate: Surrogate) -> Request:
     return FilmRequest(film, *shown[1:], kind, there_and_back=True)
 
 
-def _axis_in(
-    fields: Mapping[str, Any], surrogate: Surrogate, name: str, count: str, ends: tuple[str, ...] = ()
-) -> Axis:
+def _axis_in(fields: Mapping[str, Any], surrogate: Surrogate, name: str, count: str, *ends: str) -> Axis:
     """An axis over the bounds of the parameter that `fields` name under `name`, or from one of the `ends` to the other."""
     named, steps = fields.get(name), fields.get(count)
     if not isinstance(named, str) or isinstance(steps, bool) or not isinstance(steps, int):

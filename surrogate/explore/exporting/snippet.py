@@ -24,13 +24,8 @@ def snippet(
 ) -> str:
     """A program that draws the very same picture, bit for bit, and writes `picture.png`.
 
-    Parameters
-    ----------
-    folder : that of the surrogate; it stands in the program as an absolute path.
-    setting, camera : what is shown, and from where.
-    background : straight RGB in [0, 1]; None for a transparent picture.
-
-    Raises ValueError where the surrogate can't show the setting's colours.
+    `folder` is that of the surrogate, and stands in the program as an absolute path.  Without a `background` (straight RGB in
+    [0, 1]) the picture is transparent.  Raises ValueError where the surrogate can't show the setting's colours.
     """
     imports = [
         "from pathlib import Path",

@@ -152,9 +152,8 @@ def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], pro
                 found.append(psnr_of(deformed, catalog, member, case.appearance, view))
             progress("what to expect", next(counted), total)
         if found:
-            parameters, varied = dict(member.parameters), dict(case.varied)
-            psnrs = tuple(found)
-            yield Measurement(member.name, member.split, parameters, case.appearance, varied, psnrs, case.seen_views)
+            shown = dict(member.parameters), case.appearance, dict(case.varied)
+            yield Measurement(member.name, member.split, *shown, tuple(found), case.seen_views)
 
 
 def psnr_of(deformed: DeformedGaussians, catalog: Catalog, member: Member, appearance: str, view: int) -> float:
