@@ -53,8 +53,13 @@ def decibels(squared_error: float) -> float:
 
 def psnr(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
     """PSNR in dB of two pictures of equal shape with values in [0, 1]."""
+    return decibels(mean_squared_error(truth, prediction))
+
+
+def mean_squared_error(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
+    """Mean over all pixels and channels of two pictures of equal shape."""
     difference = truth.astype(np.float64) - prediction
-    return decibels(float(np.mean(difference * difference)))
+    return float(np.mean(difference * difference))
 
 
 def ssim(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog
 from surrogate.evaluation.cases import Case, CaseCells, each_cell
-from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, Score, composite, decibels, foreground, score
+from surrogate.evaluation.metrics import WHITE, Score, composite, decibels, foreground, mean_squared_error, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
 from surrogate.evaluation.predictor import Draw, Predictor
 
@@ -76,21 +76,14 @@ def compare(
     perceptual: PerceptualMetrics | None = None,
 ) -> Scored:
     """Score a prediction of `case`; both pictures are premultiplied RGBA (H, W, 4), uint8 or float32."""
-    found = score(truth, picture, background)
-    exact = found.psnr < MOST_DECIBELS  # then it says what the error was, and nothing is computed twice
-    pair = [] if exact and perceptual is None else [composite(p, background or WHITE) for p in (truth, picture)]
+    pair = [composite(image, background or WHITE) for image in (truth, picture)]
     return Scored(
         target=case,
-        score=found,
-        squared_error=10.0 ** (-found.psnr / 10.0) if exact else _squared_error(*pair),
+        score=score(truth, picture, background),
+        squared_error=mean_squared_error(pair[0], pair[1]),
         covered=float(foreground(truth, background).mean()),
-        perceptual=None if perceptual is None else perceptual.score(*pair),
+        perceptual=None if perceptual is None else perceptual.score(pair[0], pair[1]),
     )
-
-
-def _squared_error(first: NDArray[np.float32], second: NDArray[np.float32]) -> float:
-    difference = first.astype(np.float64) - second
-    return float(np.mean(difference * difference))
 
 
 def score_cases(

@@ -1,4 +1,4 @@
-"""Evaluation of visualization parameters on images that are known: a surrogate's own, or those of another one."""
+"""Evaluation and report of visualization parameters on images that are known: a surrogate's own, or those of another one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from catalogs.catalog import Catalog
 from surrogate.cli import main
-from surrogate.evaluation.cases import PARAMETERS, SETTINGS, Case, drawn_evenly
+from surrogate.evaluation.cases import PARAMETERS, SETTINGS
 from surrogate.evaluation.evaluate import AT_NEAREST, Evaluation, VariedEvaluation, evaluate
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.scoring import METRICS
@@ -159,18 +159,6 @@ def test_members_that_show_a_part_are_said_to(wrong) -> None:
         shown = record["trivial_predictors"][0]["settings_shown"]
         assert shown["seen_parameters"] == [seen, seen]
         assert shown["unseen_parameters"] == [unseen, unseen]
-
-
-def test_equally_many_of_each_group_are_drawn(perfect) -> None:
-    member = perfect[1].member("train-0")
-    cases = [Case(member, i, name) for name, count in (("a", 40), ("b", 3), ("c", 40)) for i in range(count)]
-    kept = drawn_evenly(cases, 21)
-    counts = [sum(case.appearance == name for case in kept) for name in "abc"]
-    assert counts == [9, 3, 9]
-    assert [cases.index(case) for case in kept] == sorted(cases.index(case) for case in kept)
-    assert drawn_evenly(cases, 21) == kept
-    assert drawn_evenly(cases, 100) == cases
-    assert drawn_evenly([], 5) == []
 
 
 def summary(evaluation: Evaluation, surrogate: Surrogate) -> dict:
