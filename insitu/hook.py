@@ -57,7 +57,8 @@ class Session:
     have been forgotten.
 
     Use it as a context manager.  Parameters are those of `render_member` and of `insitu.planning.PlanOptions`; besides,
-    `progress` is called with the number of images drawn of a member, and `warn` with what deserves a warning.
+    `progress` is called with the number of images drawn of a member, and `warn` with each warning, which otherwise is given
+    at the caller's line.
 
     Examples
     --------
@@ -81,7 +82,7 @@ class Session:
         variations: Iterable[Variation] | None = None,
         nan: str = "refuse",
         progress: Callable[[int], None] | None = None,
-        warn: Callable[[Warning], None] = warn_caller,
+        warn: Callable[[Warning], None] | None = None,
     ) -> None:
         self.path = Path(catalog)
         self._options = PlanOptions(
@@ -95,7 +96,7 @@ class Session:
             provenance=provenance or {},
             variations=None if variations is None else tuple(variations),
         )
-        self._nan, self._progress, self._warn = nan, progress or (lambda images: None), warn
+        self._nan, self._progress, self._warn = nan, progress or (lambda images: None), warn or warn_caller
         self._catalog = agreeing_catalog(self.path, self._options)
 
     def __enter__(self) -> Session:
