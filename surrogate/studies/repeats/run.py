@@ -81,7 +81,8 @@ def _is_scored(records: Path, one: Repeat, base: str) -> bool:
     scores = load(records, one.seed)
     if scores is None or (scores.fingerprint, scores.base) != (one.mark, base):
         return False
-    return scores.provenance.code == (_code_of(Surrogate.load(one.model)) if Surrogate.exists(one.model) else code())
+    is_trained = Surrogate.exists(one.model) and _mark_in(one.model) == one.mark
+    return scores.provenance.code == (_code_of(Surrogate.load(one.model)) if is_trained else code())
 
 
 def _check(plan: Sequence[Repeat], run: Path) -> None:

@@ -98,6 +98,10 @@ def test_without_a_model_records_answer_unless_other_code_made_them(
     assert sorted(path.name for path in (tmp_path / "kept/seeds").iterdir()) == ["4.json", "5.json"]
     assert repeat(SCENE, catalog, tmp_path / "elsewhere", records=tmp_path / "kept", seeds=2) == first
     assert not (tmp_path / "elsewhere").exists()
+    train(SCENE.changed(gaussians=31), catalog, tmp_path / "other" / "surrogate")  # no model of these settings
+    monkeypatch.setattr(module, "_code_of", lambda _: "another")
+    assert repeat(SCENE, catalog, tmp_path / "other", records=tmp_path / "kept", seeds=2) == first
+    monkeypatch.undo()
     monkeypatch.setattr("surrogate.training.run.code", lambda: "later")
     monkeypatch.setattr(module, "code", lambda: "later")
     assert (
