@@ -24,6 +24,7 @@ export const nearest = async request => (await call("nearest", request)).found;
 
 async function call(name, request) {
   await opened;
+  if (socket.readyState !== WebSocket.OPEN) throw new Error("The explorer has stopped.");
   return new Promise((resolve, reject) => {
     waiting.push({ resolve, reject });
     socket.send(JSON.stringify({ call: name, request }));

@@ -68,6 +68,7 @@ def test_the_command_is_reached_through_it(
         assert_shown(page, surrogate, 1)
         process.terminate()
         page.get_by_role("heading", name="The explorer has stopped").wait_for()
+        page.wait_for_timeout(300)  # longer than the page waits before it draws for a new size, and nothing complains
 
 
 def test_a_notebook_shows_it_through_it(page: Page, hub: str, run_folder: Path, surrogate: Surrogate) -> None:
