@@ -25,7 +25,7 @@ from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import Primitives
-from surrogate.splatting.device import chosen
+from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun
@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="folder of the page; default docs, or runs/bench without a GPU")
     arguments = parser.parse_args()
     try:
-        device = chosen(arguments.device)
+        device = chosen_device(arguments.device)
     except RuntimeError as error:
         sys.exit(str(error))
     official = device.type == "cuda" and not arguments.quick

@@ -232,7 +232,7 @@ class Surrogate:
         background = record["background"]
         return cls(
             gaussians=Gaussians(**parts["gaussians"]),
-            deformation=load_deformation(record["deformation"]["kind"], parts["deformation"], record["deformation"]),
+            deformation=load_deformation(parts["deformation"], record["deformation"]),
             space=ParameterSpace.from_json(record["parameters"]),
             normalization=Normalization.from_json(record["normalization"]),
             rasterizer=Rasterizer.from_json(record["rasterizer"]),
@@ -252,7 +252,7 @@ class Surrogate:
             "schema": models.WITHOUT_FIELDS if continuous else models.SCHEMA,
             "parameters": self.space.to_json(),
             "normalization": self.normalization.to_json(),
-            "deformation": {"kind": self.deformation.kind, **self.deformation.record()},
+            "deformation": self.deformation.record(),
             "rasterizer": self.rasterizer.to_json(),
             "background": self.background,
             "training": dict(self.training),

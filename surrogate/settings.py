@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from surrogate.gaussians import NAMES
-from surrogate.splatting.constants import Constants
+from surrogate.splatting.rendering import Constants
 
 ColorDegree = Literal["auto", 0, 1]
 VisualizationKind = Literal["auto", "bilinear", "paper", "values"]

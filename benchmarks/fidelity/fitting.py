@@ -20,7 +20,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Points
 from surrogate.initialization.start import initial_gaussians, initial_points
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer

@@ -37,7 +37,7 @@ def stored(surrogate: Surrogate, keep: Callable[[Tensor], Tensor]) -> Surrogate:
     return replace(
         surrogate,
         gaussians=Gaussians(*(keep(tensor) for tensor in surrogate.gaussians.tensors().values())),
-        deformation=load_deformation(deformation.kind, tensors, deformation.record()),
+        deformation=load_deformation(tensors, deformation.record()),
     )
 
 

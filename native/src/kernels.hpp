@@ -8,7 +8,7 @@ namespace gs {
 
 constexpr int kMoments = 9;  // sums kept per (Gaussian, tile): see backward_tile in tiles.inc
 
-// What surrogate/splatting/constants.py describes, in its order.
+// What surrogate.splatting.Constants describes, in its order.
 struct Constants {
     double near;
     double dilation;  // px^2, added to the diagonal of the projected covariance

@@ -7,16 +7,13 @@ from typing import Any
 
 from torch import Tensor
 
-from surrogate.deformation.bilinear import BilinearDeformation
-from surrogate.deformation.composition import compose
+from surrogate.deformation.bilinear import BilinearDeformation, compose
 from surrogate.deformation.field import FieldDeformation
-from surrogate.deformation.offsets import Deformation, LearntDeformation, Offsets
+from surrogate.deformation.offsets import Deformation, Offsets
 from surrogate.deformation.values import ValuesDeformation
 
-KINDS: dict[str, type[LearntDeformation]] = {
-    BilinearDeformation.kind: BilinearDeformation,
-    FieldDeformation.kind: FieldDeformation,
-}
+Learnt = type[BilinearDeformation] | type[FieldDeformation]  # any parameters can be learnt with these
+KINDS: dict[str, Learnt] = {form.kind: form for form in (BilinearDeformation, FieldDeformation)}
 READABLE: dict[str, type[Deformation]] = {**KINDS, ValuesDeformation.kind: ValuesDeformation}
 
 __all__ = [
@@ -25,7 +22,6 @@ __all__ = [
     "BilinearDeformation",
     "Deformation",
     "FieldDeformation",
-    "LearntDeformation",
     "Offsets",
     "ValuesDeformation",
     "compose",
@@ -33,8 +29,9 @@ __all__ = [
 ]
 
 
-def load_deformation(kind: str, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Deformation:
-    """The saved deformation of this `kind`; raises ValueError for one that this version does not know."""
+def load_deformation(tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Deformation:
+    """The deformation of `stored()` and `record()`; raises ValueError for a kind that this version does not know."""
+    kind = record["kind"]
     if kind not in READABLE:
         raise ValueError(f"unknown deformation {kind!r}: this version knows {sorted(READABLE)}")
     return READABLE[kind].load(tensors, record)

@@ -20,11 +20,12 @@ from torch import Tensor
 
 from catalogs.words import one_line
 from surrogate.deformation.kernels import Factors, add_products
-from surrogate.deformation.offsets import Offsets
+from surrogate.deformation.offsets import Deformation, Offsets
 from surrogate.gaussians import NAMES, WIDTHS, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
+At = tuple[Deformation, Tensor]  # a deformation and normalized parameters (P,)
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
 
 
@@ -56,7 +57,15 @@ class BilinearDeformation:
         color_columns: int = 3,
         for_visualization: bool = False,
     ) -> BilinearDeformation:
-        """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero."""
+        """Random latents and first layer, zero last layer: nothing moves, but the gradient is not zero.
+
+        Parameters
+        ----------
+        parameters : how many it is a function of.
+        anchored : so many of the last parameters; where they are zero it will never move anything.
+        color_columns : how many of the colours' columns may move.
+        for_visualization : whether it has F_vis's own size and form.
+        """
         size = settings.visualization_size if for_visualization else settings.simulation_size
         count, hidden, latent = len(gaussians), size.hidden, size.latent
         units = _units(settings, color_columns)  # [C]
@@ -210,12 +219,28 @@ class BilinearDeformation:
         }
 
     def record(self) -> dict[str, Any]:
-        """The offset units (C,), which are not trained; zero for what holds still."""
-        return {"units": self.units.tolist()} | ({"anchored": self.anchored} if self.anchored else {})
+        """The kind and the offset units (C,), which are not trained; zero for what holds still."""
+        anchored = {"anchored": self.anchored} if self.anchored else {}
+        return {"kind": self.kind, "units": self.units.tolist()} | anchored
 
     def _columns(self, attribute: str) -> slice:
         start = sum(WIDTHS[name] for name in NAMES[: NAMES.index(attribute)])
         return slice(start, start + WIDTHS.get(attribute, len(self.units)))
+
+
+def compose(gaussians: Gaussians, first: At, second: At) -> Gaussians:
+    """The Gaussians deformed by `first`, and the result by `second`.
+
+    Offsets of bilinear deformations do not depend on what they deform, so both are added at once, without storing what lies
+    between; the result is the same bit for bit.
+    """
+    bilinear = [d for d, _ in (first, second) if isinstance(d, BilinearDeformation) and d.has_kernel]
+    if len(bilinear) == 2:
+        places = first[1], second[1]
+        return add_products(gaussians, [d.factors(place) for d, place in zip(bilinear, places, strict=True)])
+    for deformation, parameters in (first, second):
+        gaussians = deformation.deformed(gaussians, parameters)
+    return gaussians
 
 
 def _units(settings: TrainingSettings, color_columns: int) -> Tensor:

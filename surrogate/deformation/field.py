@@ -12,7 +12,7 @@ The authors' published code lets the adapter see only e(p), which shifts all fea
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -27,18 +27,16 @@ from surrogate.gaussians import NAMES, WIDTHS, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
-POSITION_FREQUENCIES = 10
-"""Frequencies in the encoding of a position; the highest has a period of 1/512 of half the box."""
-PARAMETER_FREQUENCIES = 2
-"""Frequencies in the encoding of a simulation parameter: few, so that offsets are smooth between members."""
-FEATURE_WIDTH = 128
-"""Numbers that describe a position, and the parameters."""
-BACKBONE_WIDTH = 512
-"""Width of the two layers that all heads share."""
-HEAD_WIDTH = 128
-"""Width of each head's hidden layer; the authors' is as wide as the backbone, which nearly triples the time of a step."""
-RATE = 3e-4
-"""Adam's rate for all networks (the authors: 1e-4); in 200 steps on a linear field of offsets 3e-3 learnt nothing."""
+POSITION_FREQUENCIES = 10  # in the encoding of a position; the highest has a period of 1/512 of half the box
+PARAMETER_FREQUENCIES = 2  # in the encoding of a simulation parameter: few, so that offsets are smooth between members
+FEATURE_WIDTH = 128  # numbers that describe a position, and the parameters
+BACKBONE_WIDTH = 512  # of the two layers that all heads share
+HEAD_WIDTH = (
+    128  # of each head's hidden layer; the authors' is as wide as the backbone: nearly three times the time of a step
+)
+RATE = (
+    3e-4  # Adam's for all networks (the authors: 1e-4); in 200 steps on a linear field of offsets 3e-3 learnt nothing
+)
 
 
 class _Layer(NamedTuple):
@@ -183,16 +181,17 @@ class FieldDeformation:
         anchored: int = 0,
         color_columns: int = 3,
         for_visualization: bool = False,
-        heads: Iterable[str] = NAMES,
     ) -> FieldDeformation:
         """Random networks with last layers of zero: nothing moves, but the gradient is not zero.
 
-        F_vis is without a backbone, as the paper's is; for transfer functions it has heads for "opacity_logits" and
-        "colors" only.
+        Parameters as in `BilinearDeformation.create`.  F_vis is without a backbone, as the paper's is.
         """
-        width, bfloat16 = 0 if for_visualization else BACKBONE_WIDTH, settings.designs.precision == "bfloat16"
         architecture = Architecture(
-            parameters, tuple(heads), color_columns, anchored, backbone_width=width, bfloat16=bfloat16
+            parameters,
+            color_columns=color_columns,
+            anchored=anchored,
+            backbone_width=0 if for_visualization else BACKBONE_WIDTH,
+            bfloat16=settings.designs.precision == "bfloat16",
         )
         return cls(architecture.initial(generator(settings.seed, "latents")), architecture, asdict(settings.units))
 
@@ -265,9 +264,9 @@ class FieldDeformation:
         return dict.fromkeys(self.networks, RATE)
 
     def record(self) -> dict[str, Any]:
-        """The architecture, and the offset units by attribute."""
+        """The kind, the architecture, and the offset units by attribute."""
         architecture = asdict(self.architecture)
-        return architecture | {"heads": list(self.architecture.heads), "units": dict(self.units)}
+        return {"kind": self.kind} | architecture | {"heads": list(self.architecture.heads), "units": dict(self.units)}
 
     def _found(self, means: Tensor, parameters: Tensor) -> dict[str, Tensor]:
         """The offsets (N, columns) of what moves."""

@@ -50,7 +50,7 @@ def _widened(table: Tensor, columns: int) -> Tensor:
 class Deformation(Protocol):
     """Offsets as a differentiable function of the canonical Gaussians and the normalized parameters.
 
-    An implementation joins `surrogate.deformation.READABLE` under its `kind`, and `KINDS` if it is learnt from nothing.
+    An implementation joins `surrogate.deformation.READABLE` under its `kind`, and `KINDS` if any parameters can be learnt with it.
     """
 
     kind: ClassVar[str]
@@ -98,25 +98,4 @@ class Deformation(Protocol):
         """Adam's rate for each of `tensors`."""
 
     def record(self) -> dict[str, Any]:
-        """JSON values that `load` needs beside the tensors."""
-
-
-class LearntDeformation(Deformation, Protocol):
-    """A deformation that any parameters can be learnt with."""
-
-    @classmethod
-    def create(
-        cls,
-        gaussians: Gaussians,
-        parameters: int,
-        settings: TrainingSettings,
-        *,
-        anchored: int = 0,
-        color_columns: int = 3,
-        for_visualization: bool = False,
-    ) -> Deformation:
-        """A deformation by `parameters` many parameters that still moves nothing.
-
-        Where the last `anchored` parameters are zero it will never move anything.  `color_columns` of the colours may move.
-        `for_visualization` asks for F_vis's own size and form.
-        """
+        """JSON values that `load` needs beside the tensors, and the `kind`."""

@@ -162,8 +162,9 @@ class ValuesDeformation:
         return {"weights": settings.rates.value}
 
     def record(self) -> dict[str, Any]:
-        """The base transfer function, the values and the steps."""
-        return {"base": asdict(self.base), "values": self.values.tolist(), "steps": list(self.steps)}
+        """The kind, the base transfer function, the values and the steps."""
+        values = {"values": self.values.tolist(), "steps": list(self.steps)}
+        return {"kind": self.kind, "base": asdict(self.base)} | values
 
 
 def placed_values(

@@ -91,24 +91,22 @@ class Visualization:
 
     def record(self) -> dict[str, Any]:
         """JSON values that `load` needs beside the tensors."""
-        tuned = self.simulation
         return {
             "variation": self.variation.to_json(),
             "color_degree": self.color_degree,
-            "deformation": {"kind": self.deformation.kind, **self.deformation.record()},
-            "simulation": None if tuned is None else {"kind": tuned.kind, **tuned.record()},
+            "deformation": self.deformation.record(),
+            "simulation": self.simulation and self.simulation.record(),
         }
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Visualization:
         """The visualization that had these `stored()` tensors and this `record()`."""
-
-        def part(name: str) -> Deformation:
-            return load_deformation(record[name]["kind"], part_of(tensors, name), record[name])
-
-        tuned = None if record["simulation"] is None else part("simulation")
-        variation = variation_from_json(record["variation"])
-        return cls(variation, part("deformation"), tuned, int(record["color_degree"]))
+        parts = {
+            name: load_deformation(part_of(tensors, name), record[name])
+            for name in ("deformation", "simulation")
+            if record[name] is not None
+        }
+        return cls(variation_from_json(record["variation"]), color_degree=int(record["color_degree"]), **parts)
 
     def stored(self) -> dict[str, Tensor]:
         """All tensors, those of F_vis and of the tuned F_sim."""

@@ -15,8 +15,7 @@ from scipy.ndimage import distance_transform_edt
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
 from surrogate.gaussians import Normalization
-from surrogate.initialization.pictures import Picture, foreground, straight_colors, training_pictures
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Picture, Points, foreground, straight_colors, training_pictures
 
 RESOLUTION = 64  # voxels along the longest side of the box
 CANDIDATES = 4  # places tried for each point that is wanted

@@ -1,10 +1,11 @@
-"""The pictures of one member that Gaussians may be placed by."""
+"""The pictures of one member that Gaussians may be placed by, and the points that these or the hook tell."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,16 @@ from catalogs.words import one_line
 from surrogate.gaussians import Normalization
 
 VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't reach further
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """M sampled points: places in normalized coordinates (M, 3) and straight RGB (M, 3), or None where unknown."""
+
+    places: NDArray[np.float64]  # [M, 3]
+    colors: NDArray[np.float64] | None  # [M, 3]
+
+    __repr__ = one_line
 
 
 class Picture(NamedTuple):

@@ -10,7 +10,7 @@ from torch import Tensor
 from catalogs.appearance import VolumeRendering, field_of
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Points
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 

@@ -23,8 +23,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.images import write_image
 from catalogs.words import one_line
 from surrogate.gaussians import Normalization
-from surrogate.initialization.pictures import Picture, foreground, straight_colors, training_pictures
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Picture, Points, foreground, straight_colors, training_pictures
 
 FEWEST_POINTS = 200  # fewer say less about where the volume is than its box does
 NEIGHBOURS = 8  # nearest views that each is matched with; further ones no longer look alike

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.splatting import cpu, cuda, reference
-from surrogate.splatting.constants import Constants
-from surrogate.splatting.rendering import Primitives, Rendering
+from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
 __all__ = ["BACKENDS", "Constants", "Primitives", "Rendering", "draw", "draw_over", "render"]
 

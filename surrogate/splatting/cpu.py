@@ -13,8 +13,7 @@ from torch import Tensor
 
 import native
 from catalogs.cameras import Camera
-from surrogate.splatting.constants import Constants
-from surrogate.splatting.rendering import Primitives, Rendering
+from surrogate.splatting.rendering import Constants, Primitives, Rendering
 from surrogate.splatting.threads import cores
 
 
@@ -71,18 +70,10 @@ class _Splat(torch.autograd.Function):
 def _drawn(arrays: list[NDArray[np.float32]], view: _View, threads: int) -> Any:
     camera, c = view.camera, view.constants
     intrinsics, size = (camera.fx, camera.fy, camera.cx, camera.cy), (camera.width, camera.height)
-    limits = (
-        c.near,
-        c.dilation,
-        c.alpha_floor,
-        c.alpha_cap,
-        c.min_transmittance,
-        c.frame_margin,
-        c.shortest_quaternion,
-    )
+    constants = [getattr(c, name) for name in Constants.__annotations__]  # class variables among them
     try:
         return native.forward(
-            arrays, camera.world_to_camera, intrinsics, size, limits, threads, view.instruction_set, view.background
+            arrays, camera.world_to_camera, intrinsics, size, constants, threads, view.instruction_set, view.background
         )
     except MemoryError as error:
         raise MemoryError(

@@ -19,8 +19,7 @@ import torch
 from torch import Tensor
 
 from catalogs.cameras import Camera
-from surrogate.splatting.constants import Constants
-from surrogate.splatting.rendering import Primitives, Rendering
+from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
 COMPILED = {"alpha_floor": 1.0 / 255.0, "alpha_cap": 0.999}
 NEEDED = "1.5.3"
@@ -33,6 +32,17 @@ def unusable() -> str:
     if not torch.cuda.is_available():
         return f"torch {torch.__version__} sees no CUDA device"
     return ""
+
+
+def chosen_device(setting: str) -> torch.device:
+    """The device that a setting means: "auto" is a GPU where torch and gsplat can use one, else main memory.
+
+    Raises RuntimeError saying what is missing where "cuda" is asked for in vain.
+    """
+    reason = unusable()
+    if setting == "cuda" and reason:
+        raise RuntimeError(f'training.device is "cuda", but {reason}')
+    return torch.device("cpu" if setting == "cpu" or reason else "cuda")
 
 
 def render(

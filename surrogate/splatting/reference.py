@@ -26,8 +26,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from catalogs.words import one_line
-from surrogate.splatting.constants import Constants
-from surrogate.splatting.rendering import Primitives, Rendering
+from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
 PIXELS_AT_ONCE = 2048
 

@@ -24,7 +24,7 @@ from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.device import chosen
+from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
@@ -205,7 +205,7 @@ def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, 
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
     data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
     gaussians = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
-    gaussians = gaussians.to(chosen(settings.device))
+    gaussians = gaussians.to(chosen_device(settings.device))
     run = StageRun(canonical_stage(gaussians, settings), settings, data)
     while run.step < run.stage.steps:
         run.advance()

@@ -22,7 +22,7 @@ class Fitted(NamedTuple):
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Fitted:
         """What had these `tensors()` and this `record()`."""
-        deformation = load_deformation(record["kind"], part_of(tensors, "deformation"), record)
+        deformation = load_deformation(part_of(tensors, "deformation"), record)
         return cls(Gaussians(**part_of(tensors, "gaussians")), deformation)
 
     def copy(self) -> Fitted:
@@ -51,7 +51,7 @@ class Fitted(NamedTuple):
 
     def record(self) -> dict[str, Any]:
         """JSON values that `load` needs beside the tensors."""
-        return {"kind": self.deformation.kind, **self.deformation.record()}
+        return self.deformation.record()
 
     @property
     def megabytes(self) -> float:

@@ -17,7 +17,7 @@ from surrogate.model import Surrogate
 from surrogate.provenance import code, commit
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.device import chosen
+from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training import earlier
@@ -110,7 +110,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
 
 def _begun(source: Source, data: TrainingData, checkpoint: Checkpoint | None, steps: Sequence[Step]) -> TrainingState:
     """The state that training goes on from."""
-    device = chosen(source.settings.device)
+    device = chosen_device(source.settings.device)
     if checkpoint is not None and "done" in checkpoint.record:
         return TrainingState.load(checkpoint).to(device)
     gaussians = source.initial_gaussians(data)

@@ -13,7 +13,7 @@ from catalogs.appearance import field_of
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.gaussians import Gaussians, Normalization
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Points
 from surrogate.initialization.start import initial_gaussians, initial_points
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import (

@@ -16,8 +16,7 @@ from catalogs.words import WIDTH
 from surrogate.deformation import FieldDeformation, Offsets
 from surrogate.deformation.field import Architecture
 from surrogate.deformation.transfer import Transfer
-from surrogate.initialization.pictures import Picture
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Picture, Points
 from surrogate.initialization.structure_from_motion import Track
 from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings

@@ -19,7 +19,7 @@ from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import Scored, score_cases
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.device import chosen
+from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.studies.ablation.timing import ROUGHLY, StepTimes, measure_step_times, settled
@@ -163,7 +163,7 @@ class VisualizationExperiment:
 
     def _begun(self, settings: TrainingSettings, learnt: _VariationData) -> tuple[Visualization, StageRun]:
         """A new F_vis and its training."""
-        device, source = chosen(settings.device), Source(settings, self._source.catalog)
+        device, source = chosen_device(settings.device), Source(settings, self._source.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
         degree = int(settings.designs.visualization_color_degree)
         visualization = new_visualization(*fitted, learnt.variation, source, degree)

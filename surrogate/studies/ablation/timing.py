@@ -9,7 +9,7 @@ from typing import NamedTuple
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.device import chosen
+from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.data import Example, ImageRow, TrainingData, load_examples, training_rows
 from surrogate.training.loop import StageRun
@@ -29,7 +29,7 @@ def clock(settings: TrainingSettings) -> Callable[[], float]:
     Two cores that compute for a minute count as two, so a study is best given one core (`taskset`, or a batch system's affinity):
     it then takes as long as it says, and as many can run side by side as there are cores.
     """
-    return time.process_time if chosen(settings.device).type == "cpu" else time.perf_counter
+    return time.process_time if chosen_device(settings.device).type == "cpu" else time.perf_counter
 
 
 class StepTimes(NamedTuple):
@@ -128,7 +128,7 @@ def _timed(
     settings: TrainingSettings, gaussians: Gaussians, data: TrainingData, timed: Callable[[StageRun], float]
 ) -> tuple[float, float]:
     """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
-    device, canonical, deformation = chosen(settings.device), 0.0, 0.0
+    device, canonical, deformation = chosen_device(settings.device), 0.0, 0.0
     gaussians = gaussians.copy().to(device)
     if settings.steps.canonical:
         canonical = timed(StageRun(canonical_stage(gaussians, settings), settings, data))

@@ -78,7 +78,7 @@ def test_gradients_agree_with_finite_differences() -> None:
 def test_it_survives_being_saved() -> None:
     gaussians = canonical(5, 12)
     deformation = random_deformation(gaussians, 2, torch.float32)
-    loaded = load_deformation(deformation.kind, deformation.tensors(), deformation.record())
+    loaded = load_deformation(deformation.tensors(), deformation.record())
     p = torch.tensor([0.2, 0.4])
     torch.testing.assert_close(
         flat(loaded.offsets(gaussians, p)), flat(deformation.offsets(gaussians, p)), rtol=0, atol=0
@@ -87,7 +87,7 @@ def test_it_survives_being_saved() -> None:
 
 def test_an_unknown_kind_is_named() -> None:
     with pytest.raises(ValueError, match="unknown deformation 'warp'"):
-        load_deformation("warp", {}, {})
+        load_deformation({}, {"kind": "warp"})
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 1500])
@@ -130,7 +130,7 @@ def test_an_attribute_that_is_held_still_leaves_the_others_and_takes_no_space() 
     assert torch.equal(table(without, gaussians, 0.3), expected)
     assert [without.moves(name) for name in gaussians.tensors()] == [True, True, False, True, False]
     assert without.stored()["weights_out"].shape == (5 * 7, 7)
-    loaded = load_deformation(without.kind, without.stored(), without.record())
+    loaded = load_deformation(without.stored(), without.record())
     assert torch.equal(table(loaded, gaussians, 0.3), expected)  # type: ignore[arg-type]
     deformed = without.deformed(gaussians, torch.tensor([0.3]))
     assert torch.equal(deformed.quats, gaussians.quats)
@@ -141,7 +141,7 @@ def test_nothing_moves_where_every_attribute_is_held_still() -> None:
     still = random_deformation(gaussians, 1, torch.float32)
     for name in gaussians.tensors():
         still = still.without(name)
-    loaded = load_deformation(still.kind, still.stored(), still.record())
+    loaded = load_deformation(still.stored(), still.record())
     assert not table(loaded, gaussians, 0.7).any()  # type: ignore[arg-type]
     assert loaded.reduced(1, [torch.tensor([0.5])]).latent_size == 1
 

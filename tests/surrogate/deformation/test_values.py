@@ -220,7 +220,7 @@ def test_a_clear_function_hides_what_stands_for_values_only() -> None:
 def test_it_survives_being_saved() -> None:
     deformation, shown = weighted(5, UNEVEN, torch.float32), some(5)
     record = json.loads(json.dumps(deformation.record()))
-    loaded = load_deformation("values", deformation.stored(), record)
+    loaded = load_deformation(deformation.stored(), record)
     for found, expected in zip(flat(loaded, shown), flat(deformation, shown), strict=True):
         assert torch.equal(found, expected)
 

@@ -8,8 +8,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Normalization
 from surrogate.initialization.hull import SLACK, hull_points, occupied, voxels
-from surrogate.initialization.pictures import Picture
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Picture, Points
 from tests.support.balls import Ball, grey, store
 
 COUNT = 5000

@@ -7,7 +7,7 @@ from catalogs.appearance import ImportedImages, TransferFunction, VolumeRenderin
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.summary import FieldSummary
 from surrogate.gaussians import Normalization
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Points
 from surrogate.initialization.start import initial_gaussians, initial_points
 from surrogate.settings import TrainingSettings
 from tests.support.blobs import Blobs

@@ -10,7 +10,7 @@ from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.gaussians import Normalization
 from surrogate.initialization import structure_from_motion as module
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Points
 from surrogate.initialization.structure_from_motion import (
     neighbours,
     structure_from_motion_points,

@@ -13,7 +13,7 @@ from torch import Tensor
 import surrogate.splatting
 from catalogs.cameras import Camera
 from surrogate.splatting import Constants, Primitives, cuda, draw_over, render
-from surrogate.splatting.device import chosen
+from surrogate.splatting.cuda import chosen_device
 from surrogate.studies.stress.check import snapped, tables
 from surrogate.studies.stress.scenes import cloud, off_center, view, with_lengths
 from surrogate.training.losses import image_loss_reference
@@ -182,9 +182,9 @@ def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         ModuleNotFoundError, match=r"gsplat >= 1.5.3 is not installed: pip install 'gs-surrogate\[cuda\]'"
     ):
         render(*cloud(5), view(), backend="cuda")
-    assert chosen("auto") == chosen("cpu") == torch.device("cpu")
+    assert chosen_device("auto") == chosen_device("cpu") == torch.device("cpu")
     with pytest.raises(RuntimeError, match=r'training\.device is "cuda", but gsplat'):
-        chosen("cuda")
+        chosen_device("cuda")
 
 
 def test_a_machine_without_a_gpu_draws_in_main_memory(monkeypatch: pytest.MonkeyPatch) -> None:

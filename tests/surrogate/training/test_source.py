@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from catalogs.catalog import Catalog
-from surrogate.initialization.points import Points
+from surrogate.initialization.pictures import Points
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import foreground_color
 from surrogate.training.source import DECISION_IMAGES, Source
