@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -117,31 +117,34 @@ def _frames(page: Page, kind: str) -> list[float]:
     return found
 
 
-def _brush(page: Page, moves: int) -> list[float]:
-    box = page.locator(".axis").nth(2).bounding_box()
+def _box(page: Page, selector: str, number: int = 0) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of an element, px."""
+    box = page.locator(selector).nth(number).bounding_box()
     assert box is not None
-    x, top, bottom = box["x"] + box["width"] / 2, box["y"] + 46, box["y"] + box["height"] - 40
-    page.mouse.move(x, bottom)
+    return box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]
+
+
+def _drag(page: Page, start: tuple[float, float], end: tuple[float, float], moves: int, kind: str) -> list[float]:
+    page.mouse.move(*start)
     page.mouse.down()
     page.evaluate("window.frames.length = 0")
-    for i in range(moves):
-        page.mouse.move(x, bottom - (i + 1) / moves * (bottom - top))
+    for x, y in np.linspace(start, end, moves + 1)[1:].tolist():
+        page.mouse.move(x, y)
         page.wait_for_timeout(30)
     page.mouse.up()
-    return _frames(page, "pointermove")
+    return _frames(page, kind)
+
+
+def _brush(page: Page, moves: int) -> list[float]:
+    left, top, right, bottom = _box(page, ".axis", 2)
+    x = (left + right) / 2
+    return _drag(page, (x, bottom - 40), (x, top + 46), moves, "pointermove")
 
 
 def _slide(page: Page, moves: int) -> list[float]:
-    box = page.locator("#parameter-0").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 10, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.evaluate("window.frames.length = 0")
-    for i in range(moves):
-        page.mouse.move(box["x"] + 10 + (i + 1) / moves * (box["width"] - 20), box["y"] + box["height"] / 2)
-        page.wait_for_timeout(30)
-    page.mouse.up()
-    return _frames(page, "input")
+    left, top, right, bottom = _box(page, "#parameter-0")
+    y = (top + bottom) / 2
+    return _drag(page, (left + 10, y), (right - 10, y), moves, "input")
 
 
 def _scroll(page: Page, moves: int) -> list[float]:
@@ -160,25 +163,22 @@ def measure(browser: Browser, catalog: Catalog, repeats: int = 5) -> dict[str, s
     started = time.perf_counter()
     page = page_of(catalog).encode()
     said = {"the page": f"written in {time.perf_counter() - started:.1f} s, {len(page) / 1e6:.2f} MB"}
+    found: dict[str, list[float]] = {}
     with _served(catalog, page) as address:
-        firsts, brushes, slides, scrolls, redrawn = [], [], [], [], []
         for _ in range(repeats):
             tab, first = _open(browser, address)
-            firsts.append(first)
             tab.wait_for_selector("#plot[aria-busy=false]")
-            redrawn.append(tab.evaluate("performance.now()"))
-            brushes += _brush(tab, 20)
-            slides += _slide(tab, 10)
-            scrolls += _scroll(tab, 10)
+            taken = {
+                "first picture, ms": [first],
+                "every line drawn, ms": [tab.evaluate("performance.now()")],
+                "brush to next frame, ms": _brush(tab, 20),
+                "slider to next frame, ms": _slide(tab, 10),
+                "scroll of the grid to next frame, ms": _scroll(tab, 10),
+            }
+            for name, times in taken.items():
+                found.setdefault(name, []).extend(times)
             tab.context.close()
-    rows: dict[str, Any] = {
-        "first picture, ms": firsts,
-        "every line drawn, ms": redrawn,
-        "brush to next frame, ms": brushes,
-        "slider to next frame, ms": slides,
-        "scroll of the grid to next frame, ms": scrolls,
-    }
-    return said | {name: str(Measured.of(times)) for name, times in rows.items()}
+    return said | {name: str(Measured.of(times)) for name, times in found.items()}
 
 
 def main() -> None:

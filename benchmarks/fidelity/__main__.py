@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.fidelity import ensembles, page
 from benchmarks.fidelity.fitting import Subject, catalog_of, fit, is_fitted, provenance, settings_of
-from benchmarks.fidelity.study import study
+from benchmarks.fidelity.rules import study
 from benchmarks.fidelity.variants import VARIANTS, Variant
 from benchmarks.page import DOCS, PROJECT, command_line, stopwatch
 from surrogate.splatting.threads import one_torch_thread

@@ -13,8 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from benchmarks.fidelity.activations import ACTIVATIONS, with_activation
-from benchmarks.fidelity.variants import GAUSSIANS, STEPS, Variant
+from benchmarks.fidelity.variants import ACTIVATIONS, GAUSSIANS, STEPS, Variant, with_activation
 from benchmarks.page import commit
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
@@ -73,7 +72,8 @@ def fit(subject: Subject, variant: Variant, scale: float, say: Callable[[str], N
     """Fit one variant with `scale` times its steps."""
     settings = settings_of(variant, scale)
     gaussians = _start(subject, settings, variant.activation)
-    stage = _activated(canonical_stage(gaussians, settings), gaussians, variant.activation)
+    stage = canonical_stage(gaussians, settings)
+    stage = replace(stage, gaussians_at=lambda _: with_activation(gaussians, variant.activation))
     run = StageRun(stage, settings, TrainingData(subject.examples["train"], (), subject.background))
     curve, started, watching = [], time.perf_counter(), 0.0
     while run.step < stage.steps:
@@ -137,10 +137,6 @@ def _start(subject: Subject, settings: TrainingSettings, activation: str) -> Gau
     gaussians = initial_gaussians(settings, subject.box, subject.points, foreground_color(some, subject.background))
     gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(settings.start.opacity))
     return gaussians
-
-
-def _activated(stage: Stage, gaussians: Gaussians, activation: str) -> Stage:
-    return replace(stage, gaussians_at=lambda _: with_activation(gaussians, activation))
 
 
 def _mean_of_four(picture: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -9,23 +9,41 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from benchmarks.fidelity.fitting import Subject
 from catalogs.cameras import Camera
 from surrogate.evaluation.metrics import decibels
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer, primitives
+from surrogate.settings import TrainingSettings
 from surrogate.splatting import Constants, reference
+from surrogate.training.data import Example
 
 Array = NDArray[np.float64]
 CELLS = 256  # that a ray is divided into for the integral
 SMALLEST = 1e-6  # alphas below it don't count where there is no floor
 NO_CAP = 1.0 - 1e-9
+VIEWS = 4
+PIXELS = 192  # of each view, where there is something to see
+
+
+def study(subject: Subject, gaussians: Gaussians, settings: TrainingSettings) -> dict[str, Any]:
+    """Mean differences over some validation views, in dB, and the model's own error at the same pixels."""
+    found = []
+    for example in _spread(subject.examples["validation"], VIEWS):
+        pixels = _shown(example, subject.background)
+        drawn = pictures(gaussians, example.camera, Rasterizer.of(settings), pixels)
+        truth = example.pixels[pixels[:, 1], pixels[:, 0]] / 255.0  # [P, 3 or 4]
+        channels = truth.shape[1]
+        error = decibels(float(np.mean((drawn["drawn"][:, :channels] - truth) ** 2)))
+        found.append({"error": error, **differences(drawn)})
+    return {name: float(np.mean([one[name] for one in found])) for name in found[0]}
 
 
 class Rays(NamedTuple):
@@ -117,6 +135,19 @@ def _integral(alphas: Array, places: Array, widths: Array, colors: Array) -> Arr
     shares = within / np.where(total > 0.0, total, 1.0)  # [K, CELLS]
     weights = shares @ (before * -np.expm1(-total))  # [K]
     return np.append(weights @ colors[met], weights.sum())
+
+
+def _spread(examples: Any, count: int) -> list[Example]:
+    return [examples[i] for i in np.linspace(0, len(examples) - 1, count).astype(int)]
+
+
+def _shown(example: Example, background: tuple[float, float, float] | None) -> NDArray[np.int64]:
+    """(P, 2) columns and rows of pixels that show something, drawn by a fixed seed."""
+    pixels = example.pixels / 255.0
+    shown = pixels[..., 3] > 0 if background is None else np.abs(pixels - np.array(background)).max(axis=2) > 0.01
+    rows, columns = np.nonzero(shown)
+    drawn = np.random.default_rng(0).choice(len(rows), min(PIXELS, len(rows)), replace=False)
+    return np.stack([columns[drawn], rows[drawn]], axis=1)
 
 
 def _front_to_back(gaussians: Gaussians, camera: Camera, rasterizer: Rasterizer) -> Gaussians:

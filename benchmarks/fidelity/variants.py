@@ -1,14 +1,46 @@
-"""What is changed, one thing at a time, in fitting one member: settings as data."""
+"""What is changed, one thing at a time, in fitting one member: settings as data, and alternatives to the sigmoid.
+
+1 - exp(-softplus(x)), an optical depth kept positive by softplus, is the sigmoid itself: exp(-softplus(x)) = 1 / (1 + e^x).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+import torch
+from torch import Tensor
+
+from surrogate.gaussians import Gaussians
 
 STEPS = 6_000
 GAUSSIANS = 20_000
 BASE = "as it is"
+
+
+@dataclass(frozen=True)
+class Activation:
+    """An opacity in [0, 1] from a number, and the number for an opacity."""
+
+    opacity: Callable[[Tensor], Tensor]
+    number: Callable[[float], float]
+
+
+ACTIVATIONS: Mapping[str, Activation] = {
+    "sigmoid": Activation(torch.sigmoid, lambda opacity: math.log(opacity / (1.0 - opacity))),
+    "optical depth": Activation(lambda x: -torch.expm1(-x.exp()), lambda opacity: math.log(-math.log1p(-opacity))),
+    "cut": Activation(lambda x: x.clamp(0.0, 1.0), lambda opacity: opacity),
+}
+
+
+def with_activation(gaussians: Gaussians, name: str) -> Gaussians:
+    """The Gaussians that `surrogate` knows, whose opacities are those that the activation gives; differentiable."""
+    if name == "sigmoid":
+        return gaussians
+    opacities = ACTIVATIONS[name].opacity(gaussians.opacity_logits).clamp(1e-7, 1.0 - 1e-6)  # [N]
+    return Gaussians(gaussians.means, gaussians.log_scales, gaussians.quats, torch.logit(opacities), gaussians.colors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +51,7 @@ class Variant:
     ----------
     group, name : what is asked, and this answer to it.
     settings : of `TrainingSettings`, over those of every fit.
-    activation : of `benchmarks.fidelity.activations`.
+    activation : of `ACTIVATIONS`.
     """
 
     group: str

@@ -25,8 +25,7 @@ from benchmarks.splatting.precisions import precisions
 from benchmarks.splatting.scaling import scaling
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.step import step
-from benchmarks.splatting.trained import Trained
-from benchmarks.splatting.training_time import training_time
+from benchmarks.splatting.trained import Trained, training_time
 from surrogate.provenance import machine
 from surrogate.splatting.threads import one_torch_thread
 

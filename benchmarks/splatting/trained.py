@@ -1,4 +1,7 @@
-"""Models trained for a given time, and how their pictures compare with those of validation members and views."""
+"""Models trained for a given time, and how their pictures compare with those of validation members and views.
+
+Each budget of time is a whole schedule that fits into it, not a longer run cut short.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import PROJECT
+from benchmarks.page import PROJECT, table
+from benchmarks.splatting.figures import COLORS, MARKERS, panels, plain_ticks
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.workloads import View
 from catalogs.cameras import Camera
@@ -33,6 +37,8 @@ PREFERRED, FALLBACK = "tgv-dvr", "tiny"
 BUDGETS, QUICK_BUDGETS = (15.0, 30.0, 60.0, 120.0), (2.0, 4.0)  # seconds by `surrogate.studies.ablation.timing.clock`
 PROBE = 0.1  # of the largest budget, spent on measuring first how long steps take
 POINTS = 12  # of a training curve, about
+FIGURE = "splatting_training.png"
+JUDGED = 96  # validation images for the final number; the curve looks at those that the settings say
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,3 +162,36 @@ def planned(settings: TrainingSettings, seconds: float, times: StepTimes) -> Tra
     found = scheduled(settings, seconds, times)
     interval = max(1, (found.steps.canonical + found.steps.deformation) // POINTS)
     return found.changed(validation_interval=interval)
+
+
+def training_time(setup: Setup, trained: Trained) -> str:
+    """A row per budget, and the plot of all curves."""
+    rows, judged, fits = [], trained.validation(JUDGED), [trained.fit(budget) for budget in trained.budgets]
+    for fit in fits:
+        surrogate, settings = fit.surrogate, fit.surrogate.training["settings"]
+        rows.append(
+            [
+                f"{fit.budget:.0f}",
+                f"{surrogate.training['seconds']:.1f}",
+                f"{settings['canonical_steps']} + {settings['deformation_steps']}",
+                f"{len(surrogate.gaussians):,}",
+                f"{surrogate.megabytes:.2f}",
+                f"{fit.curve[-1][1]:.2f}",
+                f"{mean_decibels(surrogate, trained, judged):.2f}",
+            ]
+        )
+    with panels(setup.output / FIGURE, height=3.6) as axes:
+        for fit, color, marker in zip(fits, COLORS, MARKERS, strict=False):
+            seconds, decibels = zip(*fit.curve, strict=True)
+            axes.plot(seconds, decibels, "-", color=color, linewidth=1.2, label=f"schedule of {fit.budget:.0f} s")
+            axes.plot(seconds[-1], decibels[-1], marker, color=color, markersize=6)
+        axes.set(xscale="log", xlabel="seconds of training, data loading included", ylabel="validation PSNR, dB")
+        plain_ticks(axes.xaxis)
+        axes.set_title(f"{trained.name}, seed {trained.settings.seed}")
+        axes.legend(loc="lower right")
+    header = ["budget, s", "taken, s", "steps", "Gaussians", "MB", "validation PSNR at the end of its curve, dB"]
+    described = (
+        f"Scene {trained.name}, seed {trained.settings.seed}, other settings as in scenes/{trained.name}.toml. A budget counts the "
+        "time of all cores together (on a GPU that on the wall), what was taken the time on the wall.\n\n"
+    )
+    return described + table([*header, f"of {len(judged)} validation images, dB"], rows)
