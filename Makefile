@@ -37,13 +37,13 @@ dataset: $(SETUP)
 # Training implies its data and its report; each step does nothing when nothing changed.
 train: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
+	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
 
 # The same, and in the report what the same Gaussians could reach at all: it takes as long as training again.
 evaluate: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate ceiling scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
-	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
+	$(BIN)/surrogate ceiling scenes/$(SCENE).toml --runs $(RUNS)
+	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
 
 # The same training with other seeds; what is finished, or known from a record of the same settings and code, is not trained again.
 repeat: dataset

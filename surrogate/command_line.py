@@ -25,7 +25,7 @@ RECORDS = click.option(
     "--records",
     type=click.Path(path_type=Path),
     help="Folder of all measured records; what one of the same settings and code answers is not done again.  "
-    "[default: docs/records where that is and --runs is not given, else that of --runs]",
+    "[default: that of --runs; of repeat and ablate docs/records, where that is and --runs is not given]",
 )
 
 

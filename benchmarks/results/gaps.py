@@ -31,7 +31,10 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
         yield "the report", f"make results SCENES={scene.name}"
     without = [part.what for part in parts_of([scene]) if part.ceiling is None and _can_have_ceiling(part)]
     if without:
-        yield f"the ceiling of {', '.join(without)}", f"surrogate ceiling scenes/{scene.name}.toml"
+        yield (
+            f"the ceiling of {', '.join(without)}",
+            f"surrogate ceiling scenes/{scene.name}.toml --records docs/records",
+        )
     if scene.repeats is None:
         yield "other seeds", f"surrogate repeat scenes/{scene.name}.toml"
     there = {study.kind for study in scene.studies}

@@ -27,7 +27,10 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     from surrogate.report.report import is_current, write_report
     from surrogate.storage.checkpoints import fingerprint
 
-    page, kept = opened.folder / "report" / "report.md", (opened.records, opened.settings.seed)
+    page, kept = (
+        opened.folder / "report" / "report.md",
+        (opened.folder if records is None else opened.records, opened.settings.seed),
+    )
     if not Surrogate.exists(opened.model) and is_kept(*kept, fingerprint(opened.settings, opened.catalog), code()):
         click.echo(f"{report_path(*kept)}: nothing to do")
         return
@@ -52,7 +55,7 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
             dataset_seconds=seconds,
             records=opened.records,
         )
-        save_report(opened.records, surrogate, opened.settings, report, time.process_time() - begun)
+        save_report(kept[0], surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):
         click.echo(f"  {text}")
     click.echo(f"{page} ({time.perf_counter() - started:.0f} s)")

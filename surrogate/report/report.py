@@ -22,20 +22,22 @@ RECORD = "report.json"
 
 
 def is_current(directory: Path, surrogate: Surrogate, records: Path | None = None) -> bool:
-    """Whether `directory` holds a report of exactly this surrogate and of what stands beside it in `records`."""
+    """Whether `directory` holds a report of exactly this surrogate and of what `write_report` would show beside it."""
     try:
         record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    beside = _beside(surrogate, directory.parent if records is None else records)
+    beside = _beside(surrogate, directory.parent, records)
     return bool(record.get("fingerprint") == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))
 
 
-def _beside(surrogate: Surrogate, records: Path) -> tuple[list[dict[str, Any]], list[Scores]]:
+def _beside(surrogate: Surrogate, *folders: Path | None) -> tuple[list[dict[str, Any]], list[Scores]]:
     """The ceilings and seeds of the surrogate's settings and data; maybe none."""
-    mark = surrogate.training["fingerprint"]
-    ceilings = [entry for entry in load_ceilings(records) if (entry["surrogate"] or {}).get("fingerprint") == mark]
-    return ceilings, load_scores(records, base=mark)
+    mark, known = surrogate.training["fingerprint"], [folder for folder in folders if folder is not None]
+    ceilings = [entry for folder in known for entry in load_ceilings(folder)]
+    own = {e["appearance"]: e for e in ceilings if (e["surrogate"] or {}).get("fingerprint") == mark}
+    seeds = {scores.seed: scores for folder in known for scores in load_scores(folder, base=mark)}
+    return list(own.values()), [seeds[seed] for seed in sorted(seeds)]
 
 
 def write_report(
@@ -50,9 +52,9 @@ def write_report(
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents.
 
-    Ceilings and seeds of the same settings and data are taken from `records`, by default the folder around `directory`.
+    Ceilings and seeds of the same settings and data are taken from the folder around `directory`, and from `records`.
     """
-    ceilings, repeats = _beside(surrogate, directory.parent if records is None else records)
+    ceilings, repeats = _beside(surrogate, directory.parent, records)
     record = summarize(
         scene, surrogate, evaluation, dataset_seconds=dataset_seconds, ceilings=ceilings, repeats=repeats
     )

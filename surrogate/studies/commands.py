@@ -111,7 +111,7 @@ def ablate(
 @RECORDS
 def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
     """Fit SCENE's Gaussians to one unseen member alone: what they could reach at all, beside what the surrogate reaches."""
-    opened = OpenScene.open(scene, runs, records)
+    opened = OpenScene.open(scene, runs, records or runs)
     from surrogate.model import Surrogate
     from surrogate.studies.ceiling import FOLDER, line, measure_ceiling
 

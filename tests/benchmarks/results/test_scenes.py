@@ -36,7 +36,7 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "bare", 30.0)
     shutil.rmtree(tmp_path / "records/bare/ceiling")
     assert gaps(tmp_path, "bare") == {
-        "the ceiling of pictures made elsewhere": "surrogate ceiling scenes/bare.toml",
+        "the ceiling of pictures made elsewhere": "surrogate ceiling scenes/bare.toml --records docs/records",
         "other seeds": "surrogate repeat scenes/bare.toml",
         "the ablation of the base appearance": "surrogate ablate scenes/bare.toml",
     }
