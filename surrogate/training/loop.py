@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from surrogate.evaluation.metrics import WHITE
+from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians
 from surrogate.randomness import generator
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
-from surrogate.training.divergence import as_drawn, divergence, first_infinite
 from surrogate.training.losses import deformation_size, image_loss
 from surrogate.training.optimizer import Adam
-from surrogate.training.relocation import plan_relocation, relocate
+from surrogate.training.relocation import ScreenGradients, plan_relocation, relocate
 from surrogate.training.sampling import HardExamples, ShuffledEpochs
-from surrogate.training.screen_gradients import ScreenGradients
 from surrogate.training.stages import Stage
-from surrogate.training.validation import mean_psnr
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,20 +47,21 @@ class StageRun:
         self, stage: Stage, settings: TrainingSettings, data: TrainingData, memory: LoopMemory | None = None
     ) -> None:
         self.stage, self.settings, self.data = stage, settings, data
-        self.step = 0
-        self._adam = Adam(stage.tensors, stage.rates)
+        self.step = 0 if memory is None else memory.step
+        self._adam = Adam(stage.tensors, stage.rates, self.step)
         first = next(iter(stage.tensors.values()))
-        count = len(stage.tensors["means"]) if stage.relocates else 0
+        count = len(stage.tensors["means"]) if stage.per_gaussian else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
-        by_gradient = count if settings.relocation.target == "gradient" else 0
-        self._screen_gradients = ScreenGradients.none(by_gradient, first)
+        by_gradient = count and settings.relocation.target == "gradient"
+        self._screen_gradients = ScreenGradients.none(count, first) if by_gradient else None
         images, power = len(data.examples), settings.loss.hard_example_power
         self._hard = HardExamples(images, settings.seed, power) if power else None
         self._order = self._hard or ShuffledEpochs(images, settings.seed)
         self._rasterizer = Rasterizer.of(settings)
         self._background = WHITE if data.background is None else data.background
         if memory is not None:
-            self._restore(memory)
+            for name, own in self.memory().tensors.items():
+                own.copy_(memory.tensors[name])
 
     def advance(self) -> float:
         """One step: draw, compare, move, and relocate where it is due.  Returns the loss.
@@ -81,19 +80,15 @@ class StageRun:
             size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
             loss = loss + settings.loss.deformation_penalty * size
         loss.backward()
-        if len(self._screen_gradients):
+        if self._screen_gradients is not None:
             self._screen_gradients.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)
         self._adam.step(settings.rates.final_factor ** (self.step / self.stage.steps))
         self.step += 1
-        if self.stage.relocates:
-            with torch.no_grad():
-                self._peaks.mul_(settings.relocation.peak_decay)
-                torch.maximum(self._peaks, gaussians.opacities(), out=self._peaks)
-                if self._relocation_due():
-                    self._relocate()
+        if self.stage.per_gaussian:
+            self._relocate(gaussians)
         value = float(loss.detach())
         if not math.isfinite(value):
-            raise divergence(self.stage.name, self.step, self.stage.steps, f"the loss is {value}")
+            raise self._diverged(f"the loss is {value}")
         return value
 
     def finish(self) -> None:
@@ -107,7 +102,13 @@ class StageRun:
             shown = as_drawn(self.stage.gaussians_at(self.data.examples[self._order[self.step]].parameters))
         found = first_infinite(self.stage.tensors) or first_infinite(shown)
         if found:
-            raise divergence(self.stage.name, self.step, self.stage.steps, found)
+            raise self._diverged(found)
+
+    def _diverged(self, what: str) -> ValueError:
+        return ValueError(
+            f"training diverged in stage {self.stage.name} at step {self.step:,} of {self.stage.steps:,}, where {what}: "
+            "lower the rates in the scene's [training] table"
+        )
 
     def validate(self) -> float | None:
         """Mean PSNR (dB) over the validation images, full frame, on white or their own background; None where there are none.
@@ -121,23 +122,12 @@ class StageRun:
 
     def memory(self) -> LoopMemory:
         """What a run with the same stage, its tensors as they are now, settings and data goes on with."""
-        moments = self._adam.moments()
-        tensors = {f"moments.first.{name}": first for name, (first, _) in moments.items()}
-        tensors |= {f"moments.second.{name}": second for name, (_, second) in moments.items()}
-        tensors |= {"peaks": self._peaks}
-        tensors |= self._screen_gradients.tensors() if len(self._screen_gradients) else {}
-        tensors |= self._hard.tensors() if self._hard is not None else {}
+        tensors = {"peaks": self._peaks}
+        for name, (first, second) in self._adam.moments().items():
+            tensors |= {f"moments.first.{name}": first, f"moments.second.{name}": second}
+        for part in (self._screen_gradients, self._hard):
+            tensors |= {} if part is None else part.tensors()
         return LoopMemory(self.step, tensors)
-
-    def _restore(self, memory: LoopMemory) -> None:
-        self.step, tensors = memory.step, memory.tensors
-        self._peaks.copy_(tensors["peaks"])
-        if len(self._screen_gradients):
-            self._screen_gradients.restore(tensors)
-        if self._hard is not None:
-            self._hard.restore(tensors)
-        moments = {n: (tensors[f"moments.first.{n}"], tensors[f"moments.second.{n}"]) for n in self.stage.tensors}
-        self._adam.restore(moments, self.step)
 
     def _drawn(self, gaussians: Gaussians, example: Example) -> Tensor:
         """The picture (H, W, 4) that is compared with an example."""
@@ -147,22 +137,54 @@ class StageRun:
             self.require_finite()  # which says what is wrong with the training, where that's why
             raise
 
-    def _relocation_due(self) -> bool:
-        interval = self.settings.relocation.interval
-        return bool(
-            interval and self.step % interval == 0 and self.step <= self.settings.relocation.stop * self.stage.steps
-        )
-
-    def _relocate(self) -> None:
+    @torch.no_grad()
+    def _relocate(self, gaussians: Gaussians) -> None:
+        """Take note of the opacities that were just drawn, and relocate dead Gaussians where that is due."""
+        settings, pulls, peaks = self.settings.relocation, self._screen_gradients, self._peaks
+        torch.maximum(peaks.mul_(settings.peak_decay), gaussians.opacities(), out=peaks)
+        if not settings.interval or self.step % settings.interval or self.step > settings.stop * self.stage.steps:
+            return
         random = generator(self.settings.seed, "relocation", self.step)
-        wanted = (
-            self._screen_gradients.above(self.settings.relocation.gradient_threshold)
-            if len(self._screen_gradients)
-            else None
-        )
-        relocation = plan_relocation(self._peaks, self.settings.relocation.dead_opacity, random, wanted)
+        wanted = None if pulls is None else pulls.above(settings.gradient_threshold)
+        relocation = plan_relocation(peaks, settings.dead_opacity, random, wanted)
         if relocation is not None:
             rows = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())
-            self._peaks[relocation.moved] = self._peaks[relocation.sources]
-        self._screen_gradients.forget()
+            peaks[relocation.moved] = peaks[relocation.sources]
+        if pulls is not None:
+            pulls.forget()
+
+
+def first_infinite(tensors: Mapping[str, Tensor]) -> str:
+    """The first number that is not finite, such as "scales[3, 0] is inf"; "" where all are finite."""
+    for name, tensor in tensors.items():
+        broken = ~tensor.detach().isfinite()
+        if broken.any():
+            place = tuple(broken.nonzero()[0].tolist())
+            return f"{name}{list(place) if place else ''} is {float(tensor.detach()[place])}"
+    return ""
+
+
+@torch.no_grad()
+def as_drawn(gaussians: Gaussians) -> dict[str, Tensor]:
+    """All that must be finite to draw the Gaussians: a scale may be infinite though its logarithm is not."""
+    return gaussians.tensors() | {"scales": gaussians.scales(), "opacities": gaussians.opacities()}
+
+
+@torch.no_grad()
+def mean_psnr(
+    gaussians_at: Callable[[Tensor], Gaussians],
+    examples: Sequence[Example],
+    rasterizer: Rasterizer,
+    background: Sequence[float],
+) -> float:
+    """Mean PSNR (dB) over images, full frame, over `background` (3,), pictures cut to [0, 1].
+
+    `gaussians_at` gives the Gaussians at normalized parameters (P,).
+    """
+    scores = []
+    for example in examples:
+        picture = rasterizer.draw_over(gaussians_at(example.parameters), example.camera, background)  # [H, W, 4]
+        target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
+        scores.append(psnr(target, picture[..., :3].clamp(0.0, 1.0).cpu().numpy()))
+    return sum(scores) / len(scores)

@@ -61,9 +61,10 @@ class Adam:
     around the kernel as in it.
     """
 
-    def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
+    def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float], steps: int = 0) -> None:
+        """Go on after so many `steps`, with zero moments until `moments` is written to."""
         self._tensors, self._rates = dict(tensors), dict(rates)
-        self._steps = torch.zeros((), device=next(iter(tensors.values())).device)
+        self._steps = torch.tensor(float(steps), device=next(iter(tensors.values())).device)
         self._moments = {
             name: (torch.zeros_like(t, requires_grad=False), torch.zeros_like(t, requires_grad=False))
             for name, t in tensors.items()
@@ -84,10 +85,3 @@ class Adam:
     def moments(self) -> dict[str, tuple[Tensor, Tensor]]:
         """First and second moment of each tensor; writing to them changes the optimizer."""
         return dict(self._moments)
-
-    def restore(self, moments: Mapping[str, tuple[Tensor, Tensor]], steps: int) -> None:
-        """Continue from `moments` after `steps` steps."""
-        self._steps.fill_(steps)
-        for name, own in self._moments.items():
-            for kept, given in zip(own, moments[name], strict=True):
-                kept.copy_(given)

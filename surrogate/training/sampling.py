@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -51,7 +49,7 @@ class HardExamples:
     def __getitem__(self, step: int) -> int:
         number, place = divmod(step, HARD_BLOCK)
         if place == 0:
-            self.block = self._drawn(number)
+            self.block[:] = self._drawn(number)
         return int(self.block[place])
 
     def tell(self, item: int, error: float) -> None:
@@ -60,12 +58,8 @@ class HardExamples:
         self.errors[item] = error if np.isnan(before) else MEMORY * before + (1.0 - MEMORY) * error
 
     def tensors(self) -> dict[str, Tensor]:
-        """The state by name."""
-        return {"hard.errors": torch.from_numpy(self.errors.copy()), "hard.block": torch.from_numpy(self.block.copy())}
-
-    def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take up the state of `tensors()`."""
-        self.errors, self.block = tensors["hard.errors"].numpy().copy(), tensors["hard.block"].numpy().copy()
+        """The state by name; writing to it changes the state."""
+        return {"hard.errors": torch.from_numpy(self.errors), "hard.block": torch.from_numpy(self.block)}
 
     def _drawn(self, number: int) -> NDArray[np.int64]:
         random = generator(self._seed, "hard examples", number)

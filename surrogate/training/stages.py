@@ -28,10 +28,9 @@ class Stage:
     steps : its length.
     tensors : the leaf tensors that are optimized, by name; those of the Gaussians under the names in `Gaussians`.
     rates : Adam's rate per tensor at the stage's start.
-    per_gaussian : which of them have a row per Gaussian.
+    per_gaussian : which of them have a row per Gaussian that moves when a dead Gaussian is relocated; none: nothing is relocated.
     gaussians_at : the Gaussians at normalized parameters (P,), differentiable in `tensors`.
     rest_at : what the stage's deformation acts on, there; None where it has none.
-    relocates : whether dead Gaussians may move; all rows of `per_gaussian` are among `tensors` then.
     """
 
     name: str
@@ -40,7 +39,6 @@ class Stage:
     rates: Mapping[str, float]
     per_gaussian: frozenset[str]
     gaussians_at: Callable[[Tensor], Gaussians]
-    relocates: bool = True
     rest_at: Callable[[Tensor], Gaussians] | None = None
 
 

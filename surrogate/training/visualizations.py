@@ -14,7 +14,7 @@ from catalogs.variations import Variation
 from surrogate.deformation import KINDS, Deformation
 from surrogate.deformation.values import ValuesDeformation, placed_values
 from surrogate.deformation.visualization import Visualization
-from surrogate.gaussians import NAMES, Gaussians
+from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings, VisualizationKind
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage
@@ -114,8 +114,7 @@ def visualization_stage(
         steps=settings.steps.visualization,
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=rates,
-        per_gaussian=frozenset(NAMES),
+        per_gaussian=frozenset(),
         gaussians_at=gaussians_at,
-        relocates=False,
         rest_at=None if applied else rest_at,
     )

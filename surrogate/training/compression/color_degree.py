@@ -16,7 +16,7 @@ from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.fitted import Fitted
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.stages import Stage, canonical_rates
+from surrogate.training.stages import Stage
 from surrogate.training.visualizations import new_visualization, visualization_stage
 
 NAME, NAME_OF_F_VIS = "colour degree", "colour degree of F_vis"
@@ -61,7 +61,6 @@ def _decided(name: str, scores: Sequence[float]) -> tuple[int, Choice]:
 def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> float:
     """Mean PSNR over the validation images once the colours, of this degree, have been trained."""
     gaussians = fitted.gaussians.copy().with_color_degree(degree)
-    settings = evaluator.settings.changed(relocation_interval=0)
 
     def gaussians_at(parameters: Tensor) -> Gaussians:
         return fitted.deformation.deformed(gaussians, parameters)
@@ -69,12 +68,12 @@ def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> floa
     stage = Stage(
         name=NAME,
         steps=evaluator.steps(PROBE),
-        tensors={"means": gaussians.means, "colors": gaussians.colors.requires_grad_()},
-        rates={"means": 0.0, "colors": canonical_rates(settings)["colors"]},
+        tensors={"colors": gaussians.colors.requires_grad_()},
+        rates={"colors": evaluator.settings.rates.colors},
         per_gaussian=frozenset(),
         gaussians_at=gaussians_at,
     )
-    StageRun(stage, settings, evaluator.data).finish()
+    StageRun(stage, evaluator.settings, evaluator.data).finish()
     return evaluator.psnr_of(gaussians_at)
 
 

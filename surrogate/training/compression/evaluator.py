@@ -17,9 +17,8 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.compression.choice import Measured
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.fitted import Fitted
-from surrogate.training.loop import StageRun
+from surrogate.training.loop import StageRun, mean_psnr
 from surrogate.training.stages import simulation_stage
-from surrogate.training.validation import mean_psnr
 
 TIMED = 8  # pictures
 RECOVERY_DECAY = 0.3  # of the rates in a fine-tuning, which begins with those of stage 2's end

@@ -10,8 +10,7 @@ import torch
 from surrogate import TrainingSettings, train
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.training.divergence import as_drawn, first_infinite
-from surrogate.training.loop import StageRun
+from surrogate.training.loop import StageRun, as_drawn, first_infinite
 from tests.support.blobs import Blobs
 
 SMALL = Blobs(count=4, size=16)
