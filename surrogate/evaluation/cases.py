@@ -85,12 +85,11 @@ def cases_of(
 
 def base_cells(catalog: Catalog, appearance: str) -> CaseCells:
     """Test images of the base appearance, by row of `VIEWS` and column of `PARAMETERS`; no choice may be made on them."""
-    members = catalog.members
-    found = {
-        row: {column: cases_of(members, {appearance: {}}, splits, views) for column, splits in PARAMETERS.items()}
+    of = partial(cases_of, catalog.members, {appearance: {}})
+    return {
+        row: {"seen_parameters": drawn(of(("train",), views)), "unseen_parameters": of(("test",), views)}
         for row, views in VIEWS.items()
     }
-    return {row: {**columns, "seen_parameters": drawn(columns["seen_parameters"])} for row, columns in found.items()}
 
 
 def base_validation(catalog: Catalog, appearance: str) -> list[Case]:

@@ -179,7 +179,8 @@ class _Engine:
         for family in tuned_rules() if tuning else ():
             scores = score_cases(Mixtures(self.catalog, pictures, family), self.catalog, tuning)
             psnr = [mean(found.values(), "psnr") for found in scores]
-            rules.append(family[int(np.argmax([-math.inf if value is None else value for value in psnr]))])
+            best = int(np.argmax([-math.inf if value is None else value for value in psnr]))
+            rules |= [list(family.items())[best]]
         mixtures, degrees = Mixtures(self.catalog, pictures, rules), pictures.borrowed_degrees(cases)
         return self.baselines("trivial predictors", mixtures, groups, degrees=degrees)
 

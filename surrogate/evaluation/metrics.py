@@ -32,11 +32,20 @@ DEFINITIONS = {
 
 @dataclass(frozen=True)
 class Score:
-    """The metrics of one image; `psnr_foreground` is nan where neither picture has a foreground."""
+    """The metrics of one image.
+
+    Attributes
+    ----------
+    psnr_foreground : nan where neither picture has a foreground.
+    squared_error : mean over pixels and channels, as in `psnr` but not cut.
+    covered : share of the truth's pixels that are foreground.
+    """
 
     psnr: float
     ssim: float
     psnr_foreground: float
+    squared_error: float
+    covered: float
 
 
 def composite(rgba: NDArray[Any], background: Sequence[float]) -> NDArray[np.float32]:
@@ -82,8 +91,9 @@ def score(truth: NDArray[Any], prediction: NDArray[Any], background: Sequence[fl
 
     `background` is the colour behind opaque images, None where images have alpha.
     """
-    behind = WHITE if background is None else background
-    true, predicted = composite(truth, behind), composite(prediction, behind)
-    shown = foreground(truth, background) | foreground(prediction, background)  # [H, W]
+    true, predicted = (composite(picture, background or WHITE) for picture in (truth, prediction))
+    covered = foreground(truth, background)  # [H, W]
+    shown = covered | foreground(prediction, background)  # [H, W]
     inside = psnr(true[shown], predicted[shown]) if shown.any() else math.nan
-    return Score(psnr(true, predicted), ssim(true, predicted), inside)
+    error = mean_squared_error(true, predicted)
+    return Score(decibels(error), ssim(true, predicted), inside, error, float(covered.mean()))

@@ -12,6 +12,7 @@ threads, so two threads score no faster than one; OMP_NUM_THREADS says how many 
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import math
 import os
@@ -81,8 +82,9 @@ class Perceptual:
     flip: float | None
 
 
+@dataclass(frozen=True, eq=False)
 class PerceptualMetrics:
-    """The metrics that this machine has.  It holds no state that changes: any number of threads may score at once.
+    """The metrics that this machine has, by name; any number of threads may score at once.
 
     Attributes
     ----------
@@ -95,9 +97,8 @@ class PerceptualMetrics:
     0.967...
     """
 
-    def __init__(self, measures: Mapping[str, Measure], unavailable: Mapping[str, str]) -> None:
-        self._measures = dict(measures)
-        self.unavailable: Mapping[str, str] = dict(unavailable)
+    measures: Mapping[str, Measure]
+    unavailable: Mapping[str, str]
 
     @classmethod
     def load(cls) -> PerceptualMetrics:
@@ -115,21 +116,18 @@ class PerceptualMetrics:
         if truth.ndim != 3 or truth.shape[2] != 3 or truth.shape != prediction.shape:
             raise ValueError(f"pictures must both be (H, W, 3), got truth {truth.shape}, prediction {prediction.shape}")
         pair = [np.ascontiguousarray(image, dtype=np.float32) for image in (truth, prediction)]
-        values = {name: measure(pair[0], pair[1]) for name, measure in self._measures.items()}
+        with torch.inference_mode():
+            values = {name: measure(pair[0], pair[1]) for name, measure in self.measures.items()}
         return Perceptual(values.get("ms_ssim"), values.get("lpips"), values.get("flip"))
 
     def __repr__(self) -> str:
         missing = (f"no {name}: {reason}" for name, reason in self.unavailable.items())
-        return f"PerceptualMetrics({'; '.join([', '.join(self._measures), *missing])})"
+        return f"PerceptualMetrics({'; '.join([', '.join(self.measures), *missing])})"
 
 
 def _load_ms_ssim() -> Measure:
-    try:
-        from pytorch_msssim import ms_ssim
-    except ImportError:
-        raise _not_installed("pytorch-msssim") from None
+    ms_ssim = _installed("pytorch-msssim").ms_ssim
 
-    @torch.inference_mode()
     def measure(truth: Picture, prediction: Picture) -> float:
         if min(truth.shape[:2]) < MS_SSIM_SMALLEST:
             return math.nan
@@ -140,21 +138,13 @@ def _load_ms_ssim() -> Measure:
 
 
 def _load_flip() -> Measure:
-    try:
-        import flip_evaluator
-    except ImportError:
-        raise _not_installed("flip-evaluator") from None
-
-    def measure(truth: Picture, prediction: Picture) -> float:
-        return float(flip_evaluator.evaluate(truth, prediction, "LDR", applyMagma=False, parameters={})[1])
-
-    return measure
+    flip = _installed("flip-evaluator").evaluate
+    return lambda truth, prediction: float(flip(truth, prediction, "LDR", applyMagma=False, parameters={})[1])
 
 
 def _load_lpips() -> Measure:
     heads, convolutions = _heads(), _alexnet(_weights_path())
 
-    @torch.inference_mode()
     def measure(truth: Picture, prediction: Picture) -> float:
         if min(truth.shape[:2]) < LPIPS_SMALLEST:
             return math.nan
@@ -176,8 +166,7 @@ def _features(images: Tensor, convolutions: Sequence[tuple[Tensor, Tensor]]) -> 
     for (index, _, stride, padding), (weights, biases) in zip(CONVOLUTIONS, convolutions, strict=True):
         if index in POOLED:
             features = functional.max_pool2d(features, kernel_size=3, stride=2)
-        features = functional.conv2d(features, weights, biases, stride, padding).relu()
-        yield features
+        yield (features := functional.conv2d(features, weights, biases, stride, padding).relu())
 
 
 def _weights_path() -> Path:
@@ -237,6 +226,13 @@ def _tensor(state: Mapping[str, Any], path: Path, name: str, shape: tuple[int, .
 def _batch(truth: Picture, prediction: Picture) -> Tensor:
     """Both pictures (H, W, 3), the truth first, as one tensor [2, 3, H, W]."""
     return torch.from_numpy(np.stack([truth, prediction])).permute(0, 3, 1, 2).contiguous()
+
+
+def _installed(package: str) -> Any:
+    try:
+        return importlib.import_module(package.replace("-", "_"))
+    except ImportError:
+        raise _not_installed(package) from None
 
 
 def _not_installed(package: str) -> _Unavailable:

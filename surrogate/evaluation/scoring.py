@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog
 from surrogate.evaluation.cases import Case, CaseCells, each_cell
-from surrogate.evaluation.metrics import WHITE, Score, composite, decibels, foreground, mean_squared_error, score
+from surrogate.evaluation.metrics import WHITE, Score, composite, decibels, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
 from surrogate.evaluation.predictor import Draw, Predictor
 
@@ -33,25 +33,14 @@ Progress = Callable[[int, int], None]  # done, total
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """How well one image of the data set was predicted.
-
-    Attributes
-    ----------
-    squared_error : mean over pixels and channels, as in `score.psnr` but not cut.
-    covered : share of the truth's pixels that are foreground.
-    perceptual : None where they were not asked for.
-    """
+    """How well one image of the data set was predicted; perceptual metrics only where they were asked for."""
 
     target: Case
     score: Score
-    squared_error: float
-    covered: float
     perceptual: Perceptual | None = None
 
     def value(self, metric: str) -> float:
-        """One of `METRICS` (but `MEAN_ERROR`) or `PERCEPTUAL_METRICS`, or "covered"; nan without."""
-        if metric == "covered":
-            return self.covered
+        """A metric of `score` or `perceptual`, by name; nan without."""
         found = getattr(self.perceptual if metric in PERCEPTUAL_METRICS else self.score, metric, None)
         return math.nan if found is None else float(found)
 
@@ -62,7 +51,7 @@ Cells = Mapping[str, Mapping[str, Sequence[Scored]]]  # by row and column of a t
 def mean(scored: Iterable[Scored], metric: str) -> float | None:
     """Mean of a metric over images that have one; None without any."""
     if metric == MEAN_ERROR:
-        errors = [s.squared_error for s in scored]
+        errors = [s.score.squared_error for s in scored]
         return decibels(float(np.mean(errors))) if errors else None
     values = [value for value in (s.value(metric) for s in scored) if not math.isnan(value)]
     return float(np.mean(values)) if values else None
@@ -76,14 +65,8 @@ def compare(
     perceptual: PerceptualMetrics | None = None,
 ) -> Scored:
     """Score a prediction of `case`; both pictures are premultiplied RGBA (H, W, 4), uint8 or float32."""
-    pair = [composite(image, background or WHITE) for image in (truth, picture)]
-    return Scored(
-        target=case,
-        score=score(truth, picture, background),
-        squared_error=mean_squared_error(pair[0], pair[1]),
-        covered=float(foreground(truth, background).mean()),
-        perceptual=None if perceptual is None else perceptual.score(pair[0], pair[1]),
-    )
+    pair = (composite(image, background or WHITE) for image in (truth, picture))
+    return Scored(case, score(truth, picture, background), None if perceptual is None else perceptual.score(*pair))
 
 
 def score_cases(

@@ -6,8 +6,8 @@ All are linear in the pictures, so a rule is no more than a matrix of weights fr
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from itertools import chain, combinations_with_replacement, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +18,11 @@ from scipy.spatial.distance import cdist
 Weights = NDArray[np.float64]  # [T, M]
 NEIGHBOURS = 4
 RIDGES = (1e-6, 1e-4, 1e-2, 1e-1, 1.0)
-ON_HULL = (
-    1e-11  # of the way to the middle, by which targets outside are moved: those on the hull are outside by rounding
-)
+ON_HULL = 1e-11  # of the way to the middle: targets on the hull are outside by rounding, so all outside are moved in
 LENGTHS = (0.5, 1.0, 2.0, 4.0)
 
-
-@dataclass(frozen=True)
-class Rule:
-    """A name, and a function from known parameters (M, P) and wanted ones (T, P), both normalized, to weights (T, M)."""
-
-    name: str
-    weights: Callable[[NDArray[np.float64], NDArray[np.float64]], Weights]
+# From known parameters (M, P) and wanted ones (T, P), both normalized, to weights (T, M).
+Rule = Callable[[NDArray[np.float64], NDArray[np.float64]], Weights]
 
 
 def mean_image(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
@@ -90,41 +83,35 @@ def radial(known: NDArray[np.float64], wanted: NDArray[np.float64], *, length: f
     return smooth + (1.0 - smooth.sum(axis=1, keepdims=True)) / len(known)
 
 
-def fixed_rules(parameters: int) -> list[Rule]:
-    """Rules without constants; piecewise-linear interpolation only up to three parameters."""
-    found = [Rule("mean image", mean_image), Rule("nearest member", nearest_member)]
-    return [*found, Rule("linear interpolation", linear)] if parameters <= 3 else found
+def fixed_rules(parameters: int) -> dict[str, Rule]:
+    """Rules without constants, by name; piecewise-linear interpolation only up to three parameters."""
+    found: dict[str, Rule] = {"mean image": mean_image, "nearest member": nearest_member}
+    return {**found, "linear interpolation": linear} if parameters <= 3 else found
 
 
-def setting_rules(parameters: int, plural: str) -> list[Rule]:
+def setting_rules(parameters: int, plural: str) -> dict[str, Rule]:
     """Rules for a variation with so many visualization parameters; `plural` names its settings."""
-    nearest = Rule("nearest trained setting", nearest_member)
     if parameters == 1:
-        return [nearest, Rule(f"linear interpolation of {plural}", linear)]
-    return [nearest, Rule(f"inverse distances to the {NEIGHBOURS} nearest settings", inverse_distance)]
+        return {"nearest trained setting": nearest_member, f"linear interpolation of {plural}": linear}
+    between = f"inverse distances to the {NEIGHBOURS} nearest settings"
+    return {"nearest trained setting": nearest_member, between: inverse_distance}
 
 
-def tuned_rules() -> list[list[Rule]]:
+def tuned_rules() -> list[dict[str, Rule]]:
     """Families of rules with constants to tune: of each family the best on validation members is taken."""
     return [
-        [
-            Rule(f"ridge regression (degree {d}, penalty {p:g})", partial(ridge, degree=d, penalty=p))
-            for d in (1, 2, 3)
-            for p in RIDGES
-        ],
-        [
-            Rule(f"radial basis functions (length {s:g}, penalty {p:g})", partial(radial, length=s, penalty=p))
-            for s in LENGTHS
-            for p in RIDGES
-        ],
+        {
+            f"ridge regression (degree {d}, penalty {p:g})": partial(ridge, degree=d, penalty=p)
+            for d, p in product((1, 2, 3), RIDGES)
+        },
+        {
+            f"radial basis functions (length {s:g}, penalty {p:g})": partial(radial, length=s, penalty=p)
+            for s, p in product(LENGTHS, RIDGES)
+        },
     ]
 
 
 def _monomials(points: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
     """All monomials (N, F) up to `degree` of points (N, P)."""
-    columns = [np.ones(len(points))]
-    level = [(np.ones(len(points)), 0)]
-    for _ in range(degree):
-        level = [(values * points[:, i], i) for values, first in level for i in range(first, points.shape[1])]
-        columns += [values for values, _ in level]
-    return np.stack(columns, axis=1)
+    factors = chain.from_iterable(combinations_with_replacement(points.T, d) for d in range(degree + 1))
+    return np.stack([np.prod([np.ones(len(points)), *columns], axis=0) for columns in factors], axis=1)

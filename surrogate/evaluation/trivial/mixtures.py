@@ -40,12 +40,12 @@ class Mixtures:
 
     catalog: Catalog
     sources: Sources
-    rules: Sequence[Rule]
+    rules: Mapping[str, Rule]
 
     @property
     def names(self) -> list[str]:
         """See `Predictor`."""
-        return [rule.name for rule in self.rules]
+        return list(self.rules)
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
         """See `Predictor`; the cases of a batch mix the same pictures, which alone are in memory."""
@@ -56,7 +56,7 @@ class Mixtures:
         for batch in (batches[key] for key in batches if key):
             stored, points = self.sources.stored(batch[0]), self.sources.points(batch[0])
             wanted = np.array([self.sources.place(case) for case in batch])  # [T, P]
-            weights = np.stack([rule.weights(points, wanted) for rule in self.rules], axis=1)  # [T, K, M]
+            weights = np.stack([rule(points, wanted) for rule in self.rules.values()], axis=1)  # [T, K, M]
             used = np.flatnonzero(weights.any(axis=(0, 1))).tolist()
             with ThreadPoolExecutor(2) as pool:
                 loaded = pool.map(lambda i, s=stored: self.catalog.image(*s[i], dtype="float32"), used)

@@ -24,7 +24,7 @@ class Counting(PerceptualMetrics):
 
 def scored(error: float, perceptual: Perceptual | None = None) -> Scored:
     nothing = Case(None, 0, "dvr")  # type: ignore[arg-type]
-    return Scored(nothing, Score(-10 * math.log10(error), 0.5, math.nan), error, 0.25, perceptual)
+    return Scored(nothing, Score(-10 * math.log10(error), 0.5, math.nan, error, 0.25), perceptual)
 
 
 def test_the_mean_error_is_taken_before_decibels_are() -> None:
@@ -53,11 +53,11 @@ def test_a_comparison_is_what_its_parts_are(background: tuple[float, float, floa
     behind = np.array(background or (1.0, 1.0, 1.0))
     pair = [np.clip(image[..., :3] + (1 - image[..., 3:]) * behind, 0, 1) for image in (truth, picture)]
     assert found.score == score(truth, picture, background)
-    assert found.squared_error == pytest.approx(np.mean((pair[0] - pair[1]) ** 2), rel=1e-5)
+    assert found.score.squared_error == pytest.approx(np.mean((pair[0] - pair[1]) ** 2), rel=1e-5)
     assert found.perceptual is not None
     assert found.perceptual.flip == pytest.approx(np.abs(pair[0] - pair[1]).mean(), rel=1e-5)
     share = alpha.mean() if background is None else (np.abs(truth[..., :3] - behind) > 2 / 255).any(axis=-1).mean()
-    assert found.covered == pytest.approx(share)
+    assert found.score.covered == pytest.approx(share)
 
 
 def test_scores_keep_the_order_and_a_few_are_looked_at(tmp_path) -> None:

@@ -62,7 +62,7 @@ def test_the_surrogate_that_drew_the_images_is_perfect_on_all_of_them(perfect) -
     for varied_evaluation in evaluation.variations:
         for scored in varied_evaluation.scored:
             assert scored.score.psnr == 60.0
-            assert scored.squared_error < 1e-6
+            assert scored.score.squared_error < 1e-6
     assert {s.score.psnr for row in evaluation.cells.values() for group in row.values() for s in group} == {60.0}
 
 
@@ -95,7 +95,7 @@ def test_scores_are_those_of_the_pictures_at_the_setting(wrong, kind: str) -> No
                 picture = surrogate.at(p=case.member.parameters["p"], **varied(case.appearance)).render(case.camera)
                 errors.append(squared_error(truth, picture))
                 assert scored.score.psnr == pytest.approx(min(60.0, -10 * np.log10(errors[-1])), abs=1e-3)
-                assert scored.covered == pytest.approx((truth[..., 3] > 1).mean())
+                assert scored.score.covered == pytest.approx((truth[..., 3] > 1).mean())
             assert np.mean(errors) > 1e-5  # it is wrong indeed
             record = summary(evaluation, surrogate)["variations"][KINDS[kind]]
             assert record["psnr_of_mean_error"][row][column] == pytest.approx(-10 * np.log10(np.mean(errors)), abs=1e-3)

@@ -107,5 +107,5 @@ def test_inverse_distances_meet_what_they_know_and_need_no_four() -> None:
 
 
 def test_interpolation_is_offered_up_to_three_parameters() -> None:
-    assert "linear interpolation" in {p.name for p in fixed_rules(3)}
-    assert "linear interpolation" not in {p.name for p in fixed_rules(6)}
+    assert "linear interpolation" in fixed_rules(3)
+    assert "linear interpolation" not in fixed_rules(6)
