@@ -21,7 +21,7 @@ from catalogs.catalog import Catalog
 from catalogs.images import write_image
 from insitu.simulations import simulation
 from render import render_views
-from render.datasets import as_grid
+from render.datasets import to_grid
 from surrogate import Surrogate
 from surrogate.evaluation.metrics import Score, composite, score
 
@@ -62,7 +62,7 @@ def measured(step: int) -> tuple[str, NDArray[np.float32]]:
     field = simulation("taylor_green").run(
         dict(member.parameters), resolution=RESOLUTION, time=TIME, progress=lambda _: None
     )
-    distance, grid = catalog.plan.provenance["sample_distances"][base.name], as_grid(field)
+    distance, grid = catalog.plan.provenance["sample_distances"][base.name], to_grid(field)
     before = surrogate.at(**member.parameters)
     rows, columns = [], []
     for name, function in functions(base.transfer_function).items():

@@ -211,14 +211,14 @@ def _stored(path: Path, datasets: tuple[str, ...], shown: Any) -> Any:
 def _pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -> dict[str, dict[str, Any]]:
     """Grids by field and member of `count` members that lie far apart."""
     from insitu.ensemble import pilot_members
-    from render.datasets import as_grid
+    from render.datasets import to_grid
 
     fields: dict[str, dict[str, Any]] = {}
     for member in pilot_members(members, space or source.space, count):
         click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
         for name, field in source.field(member, lambda fraction: None).items():
             try:
-                fields.setdefault(name, {})[member.name] = as_grid(field, nan=nan)
+                fields.setdefault(name, {})[member.name] = to_grid(field, nan=nan, warn=False)
             except (TypeError, ValueError) as error:
                 raise ValueError(f"field {name!r} of {member.name}: {error}") from error
     return fields

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.appearance import Appearance, check_fields, field_of, shown_fields
 from insitu.boxes import Box, box_of, same_box
-from render.datasets import as_grid
+from render.datasets import to_grid
 
 if TYPE_CHECKING:
     from render.grids import Grid
@@ -59,11 +59,11 @@ def as_fields(
 
     Parameters
     ----------
-    data : one field, anything that `as_grid` takes; several of them by name, all of one shape and place; or a pyvista or VTK data
+    data : one field, anything that `to_grid` takes; several of them by name, all of one shape and place; or a pyvista or VTK data
         set, whose arrays are chosen by the names of the fields.
     appearances : those that the member is shown with.
     known : all of the catalog's, by default the same; a mapping may hold what one of these shows.
-    spacing, origin, array, nan : as in `as_grid`, for all fields.
+    spacing, origin, array, nan : as in `to_grid`, for all fields.
 
     Raises ValueError or TypeError naming the field and the appearance that shows it where one is missing, of another shape or
     place, or not acceptable; ValueError where a mapping holds a field that none shows, or several of which none is named.
@@ -80,7 +80,7 @@ def as_fields(
         held = data if not several else data[name] if name else next(iter(data.values()))
         chosen = array if several else name or array
         try:
-            grids[name] = as_grid(held, spacing=spacing, origin=origin, array=chosen, nan=nan)
+            grids[name] = to_grid(held, spacing=spacing, origin=origin, array=chosen, nan=nan, warn=False)
         except (TypeError, ValueError) as error:
             if not name:
                 raise

@@ -141,12 +141,13 @@ def measure_pilot(fields: Fields, options: PlanOptions) -> Pilot:
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
     if options.sample_distance is not None or not volumes:
         return Pilot(bounds, fields.ranges)
-    from render.quality import find_sample_distance
+    from render.quality import choose_sample_distance
 
     variations = [v for v in options.variations or () if v.continuous]  # nothing is in common between fields
     cameras = cameras_around(bounds, options.views or ViewPlan())
+    target = options.target_decibels or TARGET_DECIBELS
     found = {
-        a.name: find_sample_distance(fields.shown_by(a), a, cameras, options.target_decibels or TARGET_DECIBELS)
+        a.name: choose_sample_distance(fields.shown_by(a), a, cameras, target, warn=False)
         for a in _measured(volumes, variations)
     }
     related = {a.name: _related(a.name, variations) & found.keys() for a in volumes}

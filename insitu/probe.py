@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.datasets import as_grid
+from render.datasets import to_grid
 
 if TYPE_CHECKING:
     from render.grids import Grid
@@ -75,14 +75,14 @@ def probe_fields(fields: Mapping[str, Any] | Iterable[Any], *, nan: str = "refus
 
     Parameters
     ----------
-    fields : anything `as_grid` takes, by member name or in a row; taken one at a time, so they may be a generator.
+    fields : anything `to_grid` takes, by member name or in a row; taken one at a time, so they may be a generator.
     nan : as in `render_member`; holes are left out.
     """
     named = fields.items() if isinstance(fields, Mapping) else ((f"member {i}", f) for i, f in enumerate(fields))
     names, ranges, drawn = [], [], []
     rng = np.random.default_rng(0)
     for name, data in named:
-        values = _known(as_grid(data, nan=nan))
+        values = _known(to_grid(data, nan=nan, warn=False))
         names.append(name)
         ranges.append((float(values.min()), float(values.max())))
         drawn.append(rng.choice(values, SAMPLES) if values.size > SAMPLES else np.resize(values, SAMPLES))

@@ -7,7 +7,7 @@ resolution and by which method, because resampling decides what can be seen.
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,16 +22,6 @@ class ResamplingWarning(UserWarning):
     """The data are not on a regular grid and were interpolated onto one."""
 
 
-class _Samples(NamedTuple):
-    """Values (nz, ny, nx), spacing and origin (x, y, z), the samples `outside` all cells, and how all were made."""
-
-    values: NDArray[Any]
-    spacing: ArrayLike
-    origin: ArrayLike
-    outside: NDArray[np.bool_] | None = None
-    notes: tuple[str, ...] = ()
-
-
 def to_grid(
     data: Any,
     *,
@@ -39,6 +29,7 @@ def to_grid(
     origin: ArrayLike | None = None,
     array: str | None = None,
     nan: str = "refuse",
+    warn: bool = True,
 ) -> Grid:
     """A `Grid` of `data`.
 
@@ -52,30 +43,15 @@ def to_grid(
     array : name of the point or cell array of a data set; may be left out where there is only one.
     nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
         with such a corner transparent (see `Grid.holes`).
+    warn : whether the `notes` of a resampled grid are also given as warnings.
 
     Image data are taken sample by sample: points where they are, cell values at the cell centres (so the box
     is half a cell smaller on each side, and no value is averaged with its neighbours).  Rectilinear, curvilinear
-    and unstructured data are resampled with a `ResamplingWarning` that says how.
+    and unstructured data are resampled; a `ResamplingWarning` says how.
 
     Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for data
     that are no field at all.
     """
-    grid = as_grid(data, spacing=spacing, origin=origin, array=array, nan=nan)
-    if grid is not data:
-        for note in grid.notes:
-            warnings.warn(note, ResamplingWarning, stacklevel=2)
-    return grid
-
-
-def as_grid(
-    data: Any,
-    *,
-    spacing: ArrayLike | None = None,
-    origin: ArrayLike | None = None,
-    array: str | None = None,
-    nan: str = "refuse",
-) -> Grid:
-    """As `to_grid`, without warning: the grid's `notes` say what a warning would."""
     if isinstance(data, Grid):
         if spacing is not None or origin is not None:
             raise ValueError("a Grid has its own spacing and origin")
@@ -83,8 +59,10 @@ def as_grid(
     if hasattr(data, "IsA") and hasattr(data, "GetClassName"):
         if spacing is not None or origin is not None:
             raise ValueError(f"a {data.GetClassName()} has its own spacing and origin: leave them out")
-        samples = _samples(data, array)
-        return checked_grid(*samples[:3], nan, outside=samples.outside, notes=samples.notes)
+        grid = _grid_of_data_set(data, array, nan)
+        for note in grid.notes if warn else ():
+            warnings.warn(note, ResamplingWarning, stacklevel=2)
+        return grid
     if array is not None:
         raise ValueError(f"array={array!r} names an array of a VTK data set, but the data are {type(data).__name__}")
     if all(hasattr(data, name) for name in ("values", "spacing", "origin")):
@@ -106,8 +84,8 @@ def _plain_array(data: Any) -> NDArray[Any]:
     return np.asarray(masked.astype(masked.dtype if masked.dtype.kind == "f" else np.float64).filled(np.nan))
 
 
-def _samples(data: Any, array: str | None) -> _Samples:
-    """Samples of a vtkDataSet.
+def _grid_of_data_set(data: Any, array: str | None, nan: str) -> Grid:
+    """A grid of a vtkDataSet.
 
     Raises TypeError for data sets without volume cells, ValueError for arrays that cannot be chosen or used.
     """
@@ -119,10 +97,10 @@ def _samples(data: Any, array: str | None) -> _Samples:
         raise ValueError(f"the {data.GetClassName()} is empty: it has {data.GetNumberOfPoints()} points and no cells")
     name, on_cells = _chosen_array(data, array)
     if data.IsA("vtkImageData") and _aligned(data):
-        return _image_samples(data, name, on_cells)
+        return _from_image(data, name, on_cells, nan)
     if data.IsA("vtkRectilinearGrid"):
-        return _rectilinear_samples(data, name, on_cells)
-    return _probed_samples(data, name, on_cells)
+        return _from_rectilinear(data, name, on_cells, nan)
+    return _probed(data, name, on_cells, nan)
 
 
 def _chosen_array(data: Any, array: str | None) -> tuple[str, bool]:
@@ -146,17 +124,17 @@ def _chosen_array(data: Any, array: str | None) -> tuple[str, bool]:
     return array, array in on_cells
 
 
-def _image_samples(data: Any, name: str, on_cells: bool) -> _Samples:
+def _from_image(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
     points = np.array(data.GetDimensions())  # x, y, z
     spacing = np.array(data.GetSpacing())
     origin = np.array(data.GetOrigin()) + spacing * np.array(data.GetExtent())[::2]
     if on_cells:  # a cell's value belongs to its centre
         points, origin = points - 1, origin + spacing / 2
     values = _values(data, name, on_cells).reshape(points[::-1])
-    return _Samples(values, spacing, origin)
+    return checked_grid(values, spacing, origin, nan)
 
 
-def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> _Samples:
+def _from_rectilinear(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
     from scipy.interpolate import RegularGridInterpolator
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -168,14 +146,14 @@ def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> _Samples:
         axes = [(axis[1:] + axis[:-1]) / 2 for axis in axes]
     values = _values(data, name, on_cells).reshape([len(axis) for axis in reversed(axes)])
     if min(values.shape) < 2:  # refused by the grid, which names the shape
-        return _Samples(values, 1.0, 0.0)
+        return checked_grid(values, 1.0, 0.0, nan)
     steps = [np.diff(axis) for axis in axes]
     for letter, step in zip("xyz", steps, strict=True):
         if not (step > 0).all():
             raise ValueError(f"the rectilinear grid's {letter} coordinates must increase strictly")
     origin = [axis[0] for axis in axes]
     if all(np.ptp(step) <= UNIFORM * step.mean() for step in steps):
-        return _Samples(values, [step.mean() for step in steps], origin)
+        return checked_grid(values, [step.mean() for step in steps], origin, nan)
     counts = [_samples_along(axis[-1] - axis[0], float(step.min())) for axis, step in zip(axes, steps, strict=True)]
     fine = [np.linspace(axis[0], axis[-1], count) for axis, count in zip(axes, counts, strict=True)]
     interpolate = RegularGridInterpolator(axes[::-1], values.astype(np.float64))
@@ -188,10 +166,10 @@ def _rectilinear_samples(data: Any, name: str, on_cells: bool) -> _Samples:
         f"{' x '.join(str(len(axis)) for axis in axes)} to {nx} x {ny} x {nz} samples (trilinear)"
         + _coarser([float(step.min()) for step in steps], [f[1] - f[0] for f in fine])
     )
-    return _Samples(resampled, [f[1] - f[0] for f in fine], origin, notes=(note,))
+    return checked_grid(resampled, [f[1] - f[0] for f in fine], origin, nan, notes=(note,))
 
 
-def _probed_samples(data: Any, name: str, on_cells: bool) -> _Samples:
+def _probed(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkResampleToImage
 
@@ -216,7 +194,7 @@ def _probed_samples(data: Any, name: str, on_cells: bool) -> _Samples:
         f"resampled to {nx} x {ny} x {nz} samples ({method}); {outside.mean():.1%} of them lie outside its cells "
         "and are transparent" + _coarser([typical] * 3, list(np.array(image.GetSpacing())))
     )
-    return _Samples(values, image.GetSpacing(), image.GetOrigin(), outside, (note,))
+    return checked_grid(values, image.GetSpacing(), image.GetOrigin(), nan, outside=outside, notes=(note,))
 
 
 def _values(data: Any, name: str, on_cells: bool) -> NDArray[Any]:

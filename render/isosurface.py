@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import Isosurface
-from catalogs.cameras import Camera
 from render.grids import Grid
 from render.placement import Placement
 from render.volume import image_data
-from render.window import aim, open_window
 
 SUPERSAMPLING = 2  # pixels are the mean of SUPERSAMPLING**2: cheaper than, and as smooth as, multisampling
 
@@ -20,54 +18,41 @@ SUPERSAMPLING = 2  # pixels are the mean of SUPERSAMPLING**2: cheaper than, and 
 HEADLIGHT = """
   float facing = abs(dot(normalize(normalVCVSOutput), normalize(vertexVC.xyz)));
   vec3 shade = ({ambient:.9e} + {diffuse:.9e} * facing) * vec3({red:.9e}, {green:.9e}, {blue:.9e})
-    + vec3({specular:.9e} * pow(facing, {power:.9e}));
+    + vec3({specular:.9e} * pow(facing, {specular_power:.9e}));
   gl_FragData[0] = vec4(clamp(shade, 0.0, 1.0), 1.0);
 """
 
 
-class IsosurfaceRenderer:
-    """Pictures of one isosurface: extract once, draw many views, free on exit.
+def surface_scene(grid: Grid, appearance: Isosurface, placement: Placement) -> Any:
+    """A vtkRenderer that shows the isosurface; None where the field has none."""
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkLight, vtkPolyDataMapper, vtkRenderer
 
-    The surface is the flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central
-    differences; grid cells with a hole at a corner have none.  An empty surface is valid: its pictures are empty.
-    """
-
-    def __init__(self, grid: Grid, appearance: Isosurface) -> None:
-        self._closed = False
-        self._placement = Placement.of(grid)
-        surface = extract(grid, appearance.isovalue, self._placement)
-        self.triangles = int(surface.GetNumberOfPolys())
-        self._window = open_window()
-        self._renderer = _surface_scene(surface, appearance) if self.triangles else None
-        if self._renderer is not None:
-            self._window.add(self._renderer)
-
-    def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
-        """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
-        if self._closed:
-            raise RuntimeError("this renderer is closed")
-        if self._renderer is None:
-            return np.zeros((camera.height, camera.width, 4), dtype=np.float32 if float_output else np.uint8)
-        local = self._placement.camera(camera).resized(SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height)
-        aim(self._renderer, local, *self._placement.clipping_range(local))
-        return box_average(self._window.draw(self._renderer, local.width, local.height, float_output=float_output))
-
-    def close(self) -> None:
-        """Free the surface, here and in graphics memory."""
-        self._closed = True
-        if self._renderer is not None:
-            self._window.remove(self._renderer)
-            self._renderer = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    surface = extract(grid, appearance.isovalue, placement)
+    if not surface.GetNumberOfPolys():
+        return None
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputData(surface)
+    mapper.ScalarVisibilityOff()
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    red, green, blue = appearance.color
+    code = HEADLIGHT.format(**vars(appearance), red=red, green=green, blue=blue)
+    actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
+    light = vtkLight()  # a positional one makes VTK hand positions and normals to the fragment shader
+    light.SetLightTypeToHeadlight()
+    light.PositionalOn()
+    renderer = vtkRenderer()
+    renderer.AddLight(light)
+    renderer.AddActor(actor)
+    return renderer
 
 
 def extract(grid: Grid, isovalue: float, placement: Placement) -> Any:
-    """The surface as vtkPolyData: triangles with point normals, in the unit sphere of `placement`."""
+    """The surface as vtkPolyData: triangles with point normals, in the unit sphere of `placement`.
+
+    The flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central differences; grid cells
+    with a hole at a corner have none.
+    """
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
     contour = vtkFlyingEdges3D()
@@ -116,31 +101,3 @@ def _without_holes(surface: Any, holes: NDArray[np.bool_], placement: Placement)
     left.SetPolys(polygons)
     left.GetPointData().SetNormals(surface.GetPointData().GetNormals())
     return left
-
-
-def _surface_scene(surface: Any, appearance: Isosurface) -> Any:
-    from vtkmodules.vtkRenderingCore import vtkActor, vtkLight, vtkPolyDataMapper, vtkRenderer
-
-    mapper = vtkPolyDataMapper()
-    mapper.SetInputData(surface)
-    mapper.ScalarVisibilityOff()
-    actor = vtkActor()
-    actor.SetMapper(mapper)
-    red, green, blue = appearance.color
-    code = HEADLIGHT.format(
-        ambient=appearance.ambient,
-        diffuse=appearance.diffuse,
-        specular=appearance.specular,
-        power=appearance.specular_power,
-        red=red,
-        green=green,
-        blue=blue,
-    )
-    actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
-    light = vtkLight()  # a positional one makes VTK hand positions and normals to the fragment shader
-    light.SetLightTypeToHeadlight()
-    light.PositionalOn()
-    renderer = vtkRenderer()
-    renderer.AddLight(light)
-    renderer.AddActor(actor)
-    return renderer

@@ -47,29 +47,19 @@ def choose_sample_distance(
     appearance: VolumeRendering | Isosurface,
     cameras: Sequence[Camera],
     target_decibels: float = 50.0,
+    *,
+    warn: bool = True,
 ) -> SampleDistance:
     """The largest sample distance at which `grid`'s pictures come within `target_decibels` (+1 dB in hand).
 
     Renders up to four of `cameras`, spread over the sequence, at ever smaller distances until the target is met.
     On grids whose spacings differ by more than a factor of 2 it starts at half the smallest, because thin
-    structures lose opacity when a step jumps over them.  Warns, and returns the finest, where none is enough.
-    An isosurface has no samples along rays: its distance is the smallest spacing and its error is 0 (inf dB).
+    structures lose opacity when a step jumps over them.  Where none is enough it returns the finest,
+    with a `note`, and gives it as a warning unless `warn` is false.  An isosurface has no samples along rays: its
+    distance is the smallest spacing and its error is 0 (inf dB).
 
     Raises ValueError for no cameras or a target that 8 bits cannot hold (above 58 dB).
     """
-    found = find_sample_distance(grid, appearance, cameras, target_decibels)
-    if found.note:
-        warnings.warn(found.note, stacklevel=2)
-    return found
-
-
-def find_sample_distance(
-    grid: Grid,
-    appearance: VolumeRendering | Isosurface,
-    cameras: Sequence[Camera],
-    target_decibels: float = 50.0,
-) -> SampleDistance:
-    """As `choose_sample_distance`, without warning: the result's `note` says where none is good enough."""
     if not cameras:
         raise ValueError("choosing a sample distance needs at least one camera")
     if isinstance(appearance, Isosurface):
@@ -94,6 +84,8 @@ def find_sample_distance(
         f"no sample distance reaches {target_decibels} dB with 1 dB in hand: {measured.distance:g} gives "
         f"{measured.decibels:.1f} dB; the transfer function has features finer than the grid"
     )
+    if warn:
+        warnings.warn(note, stacklevel=2)
     return replace(measured, note=note)
 
 

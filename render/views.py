@@ -3,26 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, Self
 
+import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import Appearance, Isosurface, VolumeRendering
 from catalogs.cameras import Camera
 from render.grids import Grid
-from render.isosurface import IsosurfaceRenderer
-from render.volume import VolumeRenderer
+from render.isosurface import SUPERSAMPLING, box_average, surface_scene
+from render.placement import Placement
+from render.volume import volume_scene
+from render.window import aim, open_window
 
 
-def renderer(
-    grid: Grid, appearance: Appearance, *, sample_distance: float | None = None
-) -> VolumeRenderer | IsosurfaceRenderer:
-    """An open renderer (a context manager with `render(camera)`) of `grid` under `appearance`."""
-    if isinstance(appearance, VolumeRendering):
-        return VolumeRenderer(grid, appearance, sample_distance=sample_distance)
-    if isinstance(appearance, Isosurface):
-        return IsosurfaceRenderer(grid, appearance)
-    raise TypeError(f"{type(appearance).__name__} {appearance.name!r} cannot be rendered from a field")
+class Renderer:
+    """Pictures of one field under one appearance: upload or extract once, draw many views, free on exit.
+
+    `sample_distance` is for volumes (see `render.volume`).  An empty isosurface is valid: its pictures are empty.
+    Raises TypeError for an appearance that is not drawn from a field.
+    """
+
+    def __init__(self, grid: Grid, appearance: Appearance, *, sample_distance: float | None = None) -> None:
+        self._closed, self._supersampling = False, 1
+        self._placement, self._window = Placement.of(grid), open_window()
+        if isinstance(appearance, VolumeRendering):
+            self._scene = volume_scene(grid, appearance, self._placement, sample_distance)
+        elif isinstance(appearance, Isosurface):
+            self._scene, self._supersampling = surface_scene(grid, appearance, self._placement), SUPERSAMPLING
+        else:
+            raise TypeError(f"{type(appearance).__name__} {appearance.name!r} cannot be rendered from a field")
+        if self._scene is not None:
+            self._window.add(self._scene)
+
+    def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
+        """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
+        if self._closed:
+            raise RuntimeError("this renderer is closed")
+        if self._scene is None:
+            return np.zeros((camera.height, camera.width, 4), dtype=np.float32 if float_output else np.uint8)
+        width, height = self._supersampling * camera.width, self._supersampling * camera.height
+        local = self._placement.camera(camera).resized(width, height)
+        aim(self._scene, local, *self._placement.clipping_range(local))
+        image = self._window.draw(self._scene, width, height, float_output=float_output)
+        return image if self._supersampling == 1 else box_average(image)
+
+    def close(self) -> None:
+        """Free the volume or surface, here and in graphics memory."""
+        self._closed = True
+        if self._scene is not None:
+            self._window.remove(self._scene)
+            self._scene = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def render_views(
@@ -39,6 +76,6 @@ def render_views(
     half the smallest spacing (`choose_sample_distance` finds the largest that is good enough).  The field is
     uploaded once and freed when the iterator ends or is closed.
     """
-    with renderer(grid, appearance, sample_distance=sample_distance) as scene:
+    with Renderer(grid, appearance, sample_distance=sample_distance) as renderer:
         for camera in cameras:
-            yield scene.render(camera, float_output=float_output)
+            yield renderer.render(camera, float_output=float_output)

@@ -2,85 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.cameras import Camera
 from render.grids import Grid
 from render.placement import Placement
 from render.shaders import replacements
-from render.window import aim, open_window
+from render.window import open_window
 
 FARTHEST = 1e6  # widths of the transfer function
 
 
-class VolumeRenderer:
-    """Pictures of one field under one transfer function: upload once, draw many views, free on exit.
+def volume_scene(
+    grid: Grid, appearance: VolumeRendering, placement: Placement, sample_distance: float | None = None
+) -> Any:
+    """A vtkRenderer that shows the volume; VTK draws its box and holds its texture, `render.shaders` is the inner loop.
 
-    VTK draws the volume's box and holds its texture; the ray-caster's inner loop is `render.shaders`.
+    `sample_distance` is the longest distance between samples along a ray, world units (each ray is cut into equal steps
+    no longer than this); by default half the smallest spacing.  Shaded volumes are lit by a headlight at the eye,
+    two-sided, by central differences of the field.
 
-    Parameters
-    ----------
-    sample_distance : longest distance between samples along a ray, world units (each ray is cut into equal
-        steps no longer than this); by default half the smallest spacing.
-
-    Shaded volumes are lit by a headlight at the eye, two-sided, by central differences of the field.
+    Raises ValueError for a distance that is none and for a grid too long for this machine's OpenGL.
     """
-
-    def __init__(
-        self,
-        grid: Grid,
-        appearance: VolumeRendering,
-        *,
-        sample_distance: float | None = None,
-    ) -> None:
-        distance = default_sample_distance(grid) if sample_distance is None else float(sample_distance)
-        if not (np.isfinite(distance) and distance > 0):
-            raise ValueError(f"sample_distance must be a positive length in world units, got {sample_distance}")
-        self.sample_distance = distance
-        self._placement = Placement.of(grid)
-        self._window = open_window()
-        if max(grid.shape) > self._window.longest_volume:
-            raise ValueError(
-                f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
-                f"{self._window.longest_volume}: render every second sample (field[::2, ::2, ::2], spacing doubled)"
-            )
-        self._renderer: Any = _volume_scene(grid, appearance, self._placement, distance)
-        self._window.add(self._renderer)
-
-    def render(self, camera: Camera, *, float_output: bool = False) -> NDArray[Any]:
-        """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
-        if self._renderer is None:
-            raise RuntimeError("this renderer is closed")
-        local = self._placement.camera(camera)
-        aim(self._renderer, local, *self._placement.clipping_range(local))
-        return self._window.draw(self._renderer, camera.width, camera.height, float_output=float_output)
-
-    def close(self) -> None:
-        """Free the volume, here and in graphics memory."""
-        if self._renderer is not None:
-            self._window.remove(self._renderer)
-            self._renderer = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
-def default_sample_distance(grid: Grid) -> float:
-    """Half the smallest spacing, world units."""
-    return 0.5 * min(grid.spacing)
-
-
-def _volume_scene(grid: Grid, appearance: VolumeRendering, placement: Placement, distance: float) -> Any:
     from vtkmodules.vtkRenderingCore import vtkRenderer, vtkVolume
     from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 
+    distance = 0.5 * min(grid.spacing) if sample_distance is None else float(sample_distance)
+    if not (np.isfinite(distance) and distance > 0):
+        raise ValueError(f"sample_distance must be a positive length in world units, got {sample_distance}")
+    longest = open_window().longest_volume
+    if max(grid.shape) > longest:
+        raise ValueError(
+            f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
+            f"{longest}: render every second sample (field[::2, ::2, ::2], spacing doubled)"
+        )
     mapper = vtkOpenGLGPUVolumeRayCastMapper()
     mapper.SetInputData(image_data(texture_values(grid, appearance.transfer_function), placement))
     mapper.SetAutoAdjustSampleDistances(False)

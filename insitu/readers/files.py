@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from render.datasets import as_grid
+from render.datasets import to_grid
 
 if TYPE_CHECKING:
     from render.grids import Grid
@@ -37,9 +37,9 @@ def read_field(
         raise FileNotFoundError(f"there is no file {path}")
     try:
         if path.suffix == ".npy":
-            return as_grid(np.load(path, mmap_mode="r", allow_pickle=False), spacing=spacing, nan=nan)
+            return to_grid(np.load(path, mmap_mode="r", allow_pickle=False), spacing=spacing, nan=nan, warn=False)
         import pyvista
 
-        return as_grid(pyvista.read(path), array=array, nan=nan)
+        return to_grid(pyvista.read(path), array=array, nan=nan, warn=False)
     except (ValueError, TypeError, OSError, EOFError, KeyError) as error:
         raise ValueError(f"{path}: {error}") from error

@@ -177,14 +177,14 @@ def test_a_variation_is_sampled_as_finely_as_its_measured_settings_need(monkeypa
     from render import quality
 
     measured: dict[str, float] = {}
-    choose = quality.find_sample_distance
+    choose = quality.choose_sample_distance
 
-    def remember(grid: Any, appearance: VolumeRendering, *rest: Any) -> Any:
-        chosen = choose(grid, appearance, *rest)
+    def remember(grid: Any, appearance: VolumeRendering, *rest: Any, **how: Any) -> Any:
+        chosen = choose(grid, appearance, *rest, **how)
         measured[appearance.name] = chosen.distance
         return chosen
 
-    monkeypatch.setattr(quality, "find_sample_distance", remember)
+    monkeypatch.setattr(quality, "choose_sample_distance", remember)
     other = replace(BASE, name="other")
     appearances = (BASE, other, *ISOVALUES.appearances, *FUNCTIONS.appearances)
     variations = (ISOVALUES.variation, FUNCTIONS.variation)

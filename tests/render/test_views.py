@@ -8,7 +8,7 @@ import pytest
 from catalogs.appearance import ImportedImages, Isosurface, VolumeRendering
 from catalogs.cameras import orbit
 from render import render_views
-from render.volume import VolumeRenderer
+from render.views import Renderer
 
 
 def test_one_picture_per_camera_in_order_and_lazily(gyroid, smooth) -> None:
@@ -21,7 +21,7 @@ def test_one_picture_per_camera_in_order_and_lazily(gyroid, smooth) -> None:
             yield camera
 
     pictures = render_views(gyroid, VolumeRendering("dvr", smooth), one_by_one())
-    with VolumeRenderer(gyroid, VolumeRendering("dvr", smooth), sample_distance=0.04) as volume:
+    with Renderer(gyroid, VolumeRendering("dvr", smooth), sample_distance=0.04) as volume:
         for number, camera in enumerate(cameras):
             np.testing.assert_array_equal(next(pictures), volume.render(camera))
             assert taken[-1] == number
@@ -30,7 +30,7 @@ def test_one_picture_per_camera_in_order_and_lazily(gyroid, smooth) -> None:
 
 def test_leaving_early_frees_the_renderer(gyroid, smooth, monkeypatch) -> None:
     closed = []
-    monkeypatch.setattr(VolumeRenderer, "close", lambda self: closed.append(self))
+    monkeypatch.setattr(Renderer, "close", lambda self: closed.append(self))
     cameras = orbit(gyroid.center, gyroid.bounding_radius, width=8, height=8, frequency=1)
     pictures = render_views(gyroid, VolumeRendering("dvr", smooth), cameras)
     next(pictures)

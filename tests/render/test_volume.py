@@ -14,7 +14,7 @@ from render.datasets import to_grid
 from render.grids import Grid
 from render.quality import psnr
 from render.raymarch import march
-from render.volume import VolumeRenderer
+from render.views import Renderer
 from render.window import open_window
 
 GRAY = ((0.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0))
@@ -139,20 +139,20 @@ def test_any_pinhole_camera_off_centre_oblong_from_inside_and_facing_away(gyroid
 @pytest.mark.parametrize("distance", [0.0, -1.0, math.nan, math.inf])
 def test_a_sample_distance_is_a_positive_length(gyroid, smooth, distance: float) -> None:
     with pytest.raises(ValueError, match="sample_distance must be a positive length"):
-        VolumeRenderer(gyroid, VolumeRendering("dvr", smooth), sample_distance=distance)
+        Renderer(gyroid, VolumeRendering("dvr", smooth), sample_distance=distance)
 
 
 def test_a_grid_longer_than_opengl_takes_is_refused_not_drawn_empty(smooth) -> None:
     grid = to_grid(np.zeros((2, 2, open_window().longest_volume + 1), dtype=np.float32))
     with pytest.raises(ValueError, match="samples along one axis, but this machine's OpenGL takes"):
-        VolumeRenderer(grid, VolumeRendering("dvr", smooth))
+        Renderer(grid, VolumeRendering("dvr", smooth))
 
 
 def test_open_renderers_take_turns_and_a_closed_one_says_so(gyroid, smooth, peaks) -> None:
     camera = around(gyroid)[0]
-    with VolumeRenderer(gyroid, VolumeRendering("a", smooth)) as first:
+    with Renderer(gyroid, VolumeRendering("a", smooth)) as first:
         alone = first.render(camera)
-        with VolumeRenderer(gyroid, VolumeRendering("b", peaks)) as second:
+        with Renderer(gyroid, VolumeRendering("b", peaks)) as second:
             other = second.render(camera.resized(32, 48))
             np.testing.assert_array_equal(first.render(camera), alone)
             np.testing.assert_array_equal(second.render(camera.resized(32, 48)), other)

@@ -13,7 +13,7 @@ import pytest
 
 from catalogs.appearance import VolumeRendering
 from catalogs.cameras import Camera, orbit
-from render.volume import VolumeRenderer
+from render.views import Renderer
 from render.window import Window, open_window, projection_matrix
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -92,7 +92,7 @@ def test_a_forked_child_is_told_to_be_spawned() -> None:
 def test_another_thread_is_refused(gyroid, smooth) -> None:
     camera = orbit(gyroid.center, gyroid.bounding_radius, width=16, height=16, frequency=1)[3]
     errors: list[str] = []
-    with VolumeRenderer(gyroid, VolumeRendering("dvr", smooth)) as volume:
+    with Renderer(gyroid, VolumeRendering("dvr", smooth)) as volume:
 
         def draw() -> None:
             try:
@@ -130,7 +130,7 @@ def test_many_members_leave_no_memory_behind(smooth) -> None:
     camera = Camera.look_at((4, 3, 2), (0.5, 0.5, 0.5), vertical_fov_degrees=20, width=32, height=32)
     used = []
     for member in range(24):
-        with VolumeRenderer(to_grid(field + member, spacing=1 / 95), VolumeRendering("dvr", smooth)) as volume:
+        with Renderer(to_grid(field + member, spacing=1 / 95), VolumeRendering("dvr", smooth)) as volume:
             volume.render(camera)
         used.append(resident())
     assert used[-1] - used[7] < 12.0  # sixteen members of 3.4 MB, held twice or more, would be over 100
