@@ -1,8 +1,4 @@
-"""What a browser may ask for: every message is checked whole before anything is drawn.
-
-Messages come from outside.  Their types, lengths, ranges and sizes are all checked here, so that the rest of the explorer deals
-with frozen dataclasses only.
-"""
+"""What a browser may ask for: types, lengths, ranges and sizes of every message are checked before anything is drawn."""
 
 from __future__ import annotations
 
@@ -58,73 +54,59 @@ class FrameRequest:
 def frame_request(message: Any, surrogate: Surrogate) -> FrameRequest:
     """Check a message and return its request; raises MessageError for a wrong one."""
     fields = _mapping(message, "the message")
-    listed = _sequence(fields.get("settings"), "settings", 1, MOST_SETTINGS)
-    settings = tuple(setting_of(record, surrogate) for record in listed)
+    records = _sequence(fields.get("settings"), "settings", 1, MOST_SETTINGS)
+    settings = tuple(setting_of(record, surrogate) for record in records)
     camera = camera_of(fields.get("camera"), fields.get("size"), surrogate)
     if camera.width * camera.height * len(settings) > MOST_PIXELS:
         raise MessageError(
             f"{len(settings)} pictures of {camera.width}x{camera.height} are more than {MOST_PIXELS:,} pixels: ask for smaller ones"
         )
     form: Any = fields.get("form", "jpeg")
-    if form not in ("jpeg", "png"):
-        raise MessageError(f"form must be jpeg or png, got {_shown(form)}")
-    difference, truth = _flag(fields, "difference"), _flag(fields, "truth")
-    if difference and len(settings) != 2:
-        raise MessageError(f"a difference is between two settings, got {len(settings)}")
-    if truth and len(settings) != 1:
-        raise MessageError(f"the truth stands beside one setting, got {len(settings)}")
+    _require(form in ("jpeg", "png"), "form must be jpeg or png", form)
+    difference, truth = (fields.get(name, False) for name in ("difference", "truth"))
+    _require(isinstance(difference, bool), "difference must be true or false", difference)
+    _require(isinstance(truth, bool), "truth must be true or false", truth)
+    _require(not difference or len(settings) == 2, "a difference is between two settings", len(settings))
+    _require(not truth or len(settings) == 1, "the truth stands beside one setting", len(settings))
     return FrameRequest(settings, camera, color_of(fields.get("background", "#000000")), form, difference, truth)
 
 
 def setting_of(record: Any, surrogate: Surrogate) -> Setting:
     """A setting of the surrogate: all simulation parameters, the visualization parameters of one variation or none."""
-    fields = _mapping(record, "a setting")
+    fields, names = _mapping(record, "a setting"), surrogate.space.names
     parameters = _mapping(fields.get("parameters"), "parameters")
-    if set(parameters) != set(surrogate.space.names):
-        raise MessageError(
-            f"parameters must be exactly {list(surrogate.space.names)}, got {_shown(sorted(parameters))}"
-        )
-    visualization = _mapping(fields.get("visualization", {}), "visualization")
+    _require(set(parameters) == set(names), f"parameters must be exactly {list(names)}", sorted(parameters))
     color_map = fields.get("color_map", "")
-    if not isinstance(color_map, str) or color_map not in ("", *COLOR_MAPS):
-        raise MessageError(f"color_map must be one of {', '.join(COLOR_MAPS)} or empty, got {_shown(color_map)}")
+    known = isinstance(color_map, str) and color_map in ("", *COLOR_MAPS)
+    _require(known, f"color_map must be one of {', '.join(COLOR_MAPS)} or empty", color_map)
+    visualization = _visualization(_mapping(fields.get("visualization", {}), "visualization"), surrogate)
     setting = Setting(
-        {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters},
-        _visualization(visualization, surrogate),
-        color_map,
+        {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}, visualization, color_map
     )
-    if color_map or visualization:
-        _check_function(setting, surrogate)
+    follows_functions = set(visualization) <= set(POINT_PARAMETERS)
+    if color_map and not follows_functions:
+        raise MessageError("a colour map belongs to a transfer function, not to isosurfaces or other appearances")
+    if color_map or (visualization and follows_functions and base_function(surrogate) is not None):
+        try:
+            setting.transfer_function(surrogate)
+        except ValueError as error:  # control points cross, or colours are fixed
+            raise MessageError(str(error)) from None
     return setting
 
 
 def _visualization(given: Mapping[str, Any], surrogate: Surrogate) -> dict[str, float | str]:
+    variations = [v.variation for v in surrogate.visualizations]
+    variation = next((v for v in variations if set(given) <= set(v.asked_names)), None)
     if not given:
         return {}
-    for variation in (v.variation for v in surrogate.visualizations):
-        if not set(given) <= set(variation.asked_names):
-            continue
-        if not variation.continuous:
-            appearances = [variation.base, *(s.appearance for s in variation.settings)]
-            if given[APPEARANCE] not in appearances:
-                raise MessageError(f"{APPEARANCE} must be one of {appearances}, got {_shown(given[APPEARANCE])}")
-            return {APPEARANCE: str(given[APPEARANCE])}
+    if variation is None:
+        names = [list(v.asked_names) for v in variations]
+        raise MessageError(f"visualization must be of one of {names or 'no'} parameters, got {_shown(sorted(given))}")
+    if variation.continuous:
         return {p.name: within(given[p.name], p) for p in variation.space.parameters if p.name in given}
-    known = [list(v.variation.asked_names) for v in surrogate.visualizations]
-    raise MessageError(f"visualization must be of one of {known or 'no'} parameters, got {_shown(sorted(given))}")
-
-
-def _check_function(setting: Setting, surrogate: Surrogate) -> None:
-    """Raise MessageError where the setting's transfer function can't be had: control points cross, or colours are fixed."""
-    displaced = set(setting.visualization) <= set(POINT_PARAMETERS)
-    if setting.color_map and not displaced:
-        raise MessageError("a colour map belongs to a transfer function, not to isosurfaces or other appearances")
-    if not displaced or (not setting.color_map and base_function(surrogate) is None):
-        return
-    try:
-        setting.transfer_function(surrogate)
-    except ValueError as error:
-        raise MessageError(str(error)) from None
+    appearances = [variation.base, *variation.parameter_names]
+    _require(given[APPEARANCE] in appearances, f"{APPEARANCE} must be one of {appearances}", given[APPEARANCE])
+    return {APPEARANCE: str(given[APPEARANCE])}
 
 
 def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
@@ -132,17 +114,15 @@ def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
     fields = _mapping(record, "camera")
     width, height = (_side(side) for side in _sequence(size, "size", 2, 2))
     field = _number(fields.get("field"), "camera.field")
-    if not LEAST_FIELD <= field <= MOST_FIELD:
-        raise MessageError(f"camera.field must lie in {LEAST_FIELD:g} to {MOST_FIELD:g} degrees, got {field:g}")
+    fits = LEAST_FIELD <= field <= MOST_FIELD
+    _require(fits, f"camera.field must lie in {LEAST_FIELD:g} to {MOST_FIELD:g} degrees", field)
     position, target, up = (_point(fields.get(name), f"camera.{name}") for name in ("position", "target", "up"))
     center, extent = surrogate.normalization.center, surrogate.normalization.extent
     for name, point in (("position", position), ("target", target)):
         far = max(abs(x - c) for x, c in zip(point, center.tolist(), strict=True)) / extent
         if far > FARTHEST:
             raise MessageError(f"camera.{name} is {far:.3g} half sizes of the volume away: at most {FARTHEST:g}")
-    length = math.hypot(*up)
-    if not 1e-6 < length < 1e6:
-        raise MessageError(f"camera.up must have a length of about 1, got {length:g}")
+    _require(1e-6 < math.hypot(*up) < 1e6, "camera.up must have a length of about 1", math.hypot(*up))
     try:
         return Camera.look_at(position, target, vertical_fov_degrees=field, width=width, height=height, up=up)
     except ValueError as error:
@@ -151,8 +131,8 @@ def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
 
 def color_of(value: Any) -> Color:
     """Straight RGB in [0, 1] of "#rrggbb"."""
-    if not isinstance(value, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", value):
-        raise MessageError(f"a colour is written #rrggbb, got {_shown(value)}")
+    proper = isinstance(value, str) and re.fullmatch(r"#[0-9a-fA-F]{6}", value) is not None
+    _require(proper, "a colour is written #rrggbb", value)
     red, green, blue = (int(value[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     return red, green, blue
 
@@ -200,16 +180,15 @@ def _point(value: Any, name: str) -> tuple[float, float, float]:
 
 def _side(value: Any) -> int:
     number = _number(value, "size")
-    if number != int(number) or not LEAST_SIDE <= number <= MOST_SIDE:
-        raise MessageError(f"a side of a picture has {LEAST_SIDE} to {MOST_SIDE} pixels, got {number:g}")
+    fits = number.is_integer() and LEAST_SIDE <= number <= MOST_SIDE
+    _require(fits, f"a side of a picture has {LEAST_SIDE} to {MOST_SIDE} pixels", number)
     return int(number)
 
 
-def _flag(fields: Mapping[str, Any], name: str) -> bool:
-    value = fields.get(name, False)
-    if not isinstance(value, bool):
-        raise MessageError(f"{name} must be true or false, got {_shown(value)}")
-    return value
+def _require(met: bool, demand: str, value: Any) -> None:
+    """Raise MessageError that names the demand and the value, unless it is met."""
+    if not met:
+        raise MessageError(f"{demand}, got {_shown(value)}")
 
 
 def _shown(value: Any) -> str:

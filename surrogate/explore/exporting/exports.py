@@ -1,23 +1,22 @@
 """Files that the explorer exports: a record for each kind, made from a message of the page or the options of a command.
 
-A record makes the same bytes whoever asked for it.  In each, `setting` or `sweep` is what is shown, `camera` where from, and
-`background` the straight RGB in [0, 1] behind it.  `content` gives the bytes, and raises ValueError where the surrogate can't show
-what is asked for; `summary` says in a line what they are.  The page's bounds are narrower than a command's, for strangers use them.
+In each record `setting` or `sweep` is what is shown, `camera` where from, and `background` the straight RGB in [0, 1] behind it.
+`content` gives the bytes, the same whoever asked, and raises ValueError where the surrogate can't show what is asked for; `summary`
+says in a line what they are.  The page's bounds are narrower than a command's, for strangers use them.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
-
-from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
 from catalogs.variations import APPEARANCE
 from surrogate.evaluation.metrics import WHITE
-from surrogate.explore.exporting.films import gif, mp4
+from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS, ROW_STEPS, SHEET_STEPS
 from surrogate.explore.exporting.pictures import encode, record_for, record_of
 from surrogate.explore.exporting.ply import ply_bytes
@@ -112,14 +111,14 @@ class FilmRequest:
             raise ValueError("a film goes over one parameter: leave the second out, or make a PNG")
 
     def content(self, run: Run, progress: Progress) -> bytes:
-        drawn: Iterator[NDArray[Any]] = pictures(
-            self.sweep, run.surrogate, self.camera, self.background, progress=progress
+        drawn = pictures(self.sweep, run.surrogate, self.camera, self.background, progress=progress)
+        return film_bytes(
+            self.form,
+            captioned(drawn, self.sweep, background=self.background) if self.caption else drawn,
+            frames_per_second=self.frames_per_second,
+            there_and_back=self.there_and_back,
+            go_on=progress,
         )
-        if self.caption:
-            drawn = captioned(drawn, self.sweep, background=self.background)
-        write = gif if self.form == "gif" else mp4
-        rate, bounced = self.frames_per_second, self.there_and_back
-        return write(drawn, frames_per_second=rate, there_and_back=bounced, go_on=progress)
 
     def summary(self, run: Run) -> str:
         return str(self.sweep)
@@ -179,8 +178,7 @@ def _axis_in(fields: Mapping[str, Any], surrogate: Surrogate, name: str, count: 
     if not isinstance(named, str) or isinstance(steps, bool) or not isinstance(steps, int):
         raise MessageError("a sweep has the name of a parameter and a number of pictures")
     of = parameter(surrogate, named)
-    bounds = (None if fields.get(end, "") == "" else within(fields[end], of) for end in ends)
-    return axis_over(surrogate, named, steps, *bounds)
+    return axis_over(of, steps, *(None if fields.get(end, "") == "" else within(fields[end], of) for end in ends))
 
 
 def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequest:
@@ -189,26 +187,26 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     Simulation parameters that neither they nor the picture to be `like` tell stand in the middle of their bounds.  Raises
     ValueError for wrong options.
     """
-    surrogate, record = run.surrogate, record_of(options["like"]) if options.get("like") else None
-    setting = _setting(surrogate, options["parameters"], options["color_map"], record)
+    surrogate = run.surrogate
+    like, camera, kept = _kept(options["like"]) if options.get("like") else (Setting({}), None, None)
+    setting = _setting(surrogate, options, like)
     if kind == "ply":
         return GaussiansRequest(setting)
-    camera = _camera(run, options["view"], options["size"], record)
+    camera = camera or _view(run, options["view"])
+    if options["size"]:
+        camera = camera.resized(*_pixels(options["size"]))
     background = _color(options["background"].split(",")) if options["background"] else None
     if kind in ("png", "exr"):
-        kept = None if record is None else record.get("background")
-        background = background or (surrogate.background if kept is None else _color(kept))
-        return PictureRequest(setting, camera, background, kind)
+        return PictureRequest(setting, camera, background or kept or surrogate.background, kind)
     down, film = options["down"], kind in ("gif", "mp4")
     steps = options["steps"] or (FILM_STEPS if film else ROW_STEPS if down else SHEET_STEPS)
-    columns = axis_over(surrogate, options["over"], steps, options["low"], options["high"])
-    bounds = options["rows_from"], options["rows_to"]
-    rows = axis_over(surrogate, down, options["rows_steps"], *bounds) if down else None
+    columns = axis_over(parameter(surrogate, options["over"]), steps, options["low"], options["high"])
+    bounds = options["rows_steps"], options["rows_from"], options["rows_to"]
+    rows = axis_over(parameter(surrogate, down), *bounds) if down else None
     shown = Sweep(setting, columns, rows), camera, background or surrogate.background or WHITE
     if not film:
         return SheetRequest(*shown)
-    motion = options["fps"], options["there_and_back"], options["caption"]
-    return FilmRequest(*shown, kind, *motion)
+    return FilmRequest(*shown, kind, options["fps"], options["there_and_back"], options["caption"])
 
 
 def guesses(request: CommandRequest, surrogate: Surrogate) -> list[str]:
@@ -228,43 +226,40 @@ def guesses(request: CommandRequest, surrogate: Surrogate) -> list[str]:
     return sentences
 
 
-def _setting(surrogate: Surrogate, given: Sequence[str], color_map: str, record: Mapping[str, Any] | None) -> Setting:
-    """What the options ask for, over what the record of a picture shows, over the middle of all bounds."""
-    values = dict(map(_assignment, given))
-    simulated = {n: float(value) for n, value in values.items() if n in surrogate.space.names}
-    shown = {name: value for name, value in values.items() if name not in simulated}
-    middle = {p.name: (p.low + p.high) / 2.0 for p in surrogate.space.parameters}
-    if record is None:
-        return Setting(middle | simulated, shown, color_map)
+def _kept(path: Path) -> tuple[Setting, Camera | None, Color | None]:
+    """The setting, camera and background that a picture keeps."""
+    record = record_of(path)
     try:
-        seen = {name: float(value) for name, value in record["parameters"].items()}
-        visualization, colors = dict(record["visualization"]), str(record["color_map"])
+        parameters = {name: float(value) for name, value in record["parameters"].items()}
+        setting = Setting(parameters, dict(record["visualization"]), str(record["color_map"]))
+        camera = Camera.from_json(record["camera"]) if "camera" in record else None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ValueError(f"the picture keeps no setting that is understood: {error!r}") from error
-    return Setting(middle | seen | simulated, shown or visualization, color_map or colors)
+        raise ValueError(f"the picture keeps no setting or camera that is understood: {error!r}") from error
+    return setting, camera, None if record.get("background") is None else _color(record["background"])
+
+
+def _setting(surrogate: Surrogate, options: Mapping[str, Any], like: Setting) -> Setting:
+    """What the options ask for, over another setting, over the middle of all bounds."""
+    values = dict(map(_assignment, options["parameters"]))
+    shown = {name: value for name, value in values.items() if name not in surrogate.space.names}
+    middle = {p.name: (p.low + p.high) / 2.0 for p in surrogate.space.parameters}
+    simulated = {name: float(value) for name, value in values.items() if name not in shown}
+    parameters = {**middle, **like.parameters, **simulated}
+    return Setting(parameters, shown or like.visualization, options["color_map"] or like.color_map)
 
 
 def _assignment(text: str) -> tuple[str, float | str]:
-    name, sign, value = (part.strip() for part in text.partition("="))
+    name, _, value = (part.strip() for part in text.partition("="))
     try:
-        if not sign:
-            raise ValueError
-        return name, value if name == APPEARANCE else float(value)
+        return name, value if value and name == APPEARANCE else float(value)
     except ValueError:
         raise ValueError(f"parameters are given as NAME=VALUE, got {text!r}") from None
 
 
-def _camera(run: Run, view: int, size: str, record: Mapping[str, Any] | None) -> Camera:
-    if record is not None and "camera" in record:
-        try:
-            camera = Camera.from_json(record["camera"])
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"the picture keeps no camera that is understood: {error!r}") from error
-    else:
-        if not 0 <= view < len(run.cameras):
-            raise ValueError(f"view must lie in 0..{len(run.cameras) - 1}, got {view}")
-        camera = run.cameras[view]
-    return camera.resized(*_pixels(size)) if size else camera
+def _view(run: Run, view: int) -> Camera:
+    if not 0 <= view < len(run.cameras):
+        raise ValueError(f"view must lie in 0..{len(run.cameras) - 1}, got {view}")
+    return run.cameras[view]
 
 
 def _color(parts: Any) -> Color:

@@ -5,96 +5,92 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.images import to_bytes
+from surrogate.explore.exporting.kinds import FRAMES_PER_SECOND
 
-FRAMES_PER_SECOND = 12.0
 SLOWEST, FASTEST = 0.5, 50.0  # browsers show GIFs of more than 50 pictures a second at 10
 COLORS = 256
 CONSTANT_RATE_FACTOR = 18  # of x264: hardly to be told from the original
 BT709, LIMITED = 1, 1  # ITU-T H.273: what players take a film's colours for, and what these are converted to
 
 
-def gif(
+def film_bytes(
+    kind: Literal["gif", "mp4"],
     pictures: Iterable[NDArray[Any]],
     *,
     frames_per_second: float = FRAMES_PER_SECOND,
     there_and_back: bool = False,
     go_on: Callable[[], Any] = lambda: None,
 ) -> bytes:
-    """Pictures (H, W, 3) in [0, 1], or uint8, as an animated GIF that never ends.
+    """Pictures (H, W, 3) in [0, 1], or uint8, as a film.
 
-    Each has a palette of its own, 256 colours by median cut (Heckbert 1982), and is not dithered: on volume renderings that is 2
-    to 7 dB better than dithering, and 1 to 8 dB better than octrees.  A picture of 256² takes 0.1 s.  With `there_and_back` it runs
-    backwards from the last picture, so that nothing jumps.  Times are rounded to 1/100 s.  `go_on` is called before each picture
-    is written, and what it raises ends the film.
+    With `there_and_back` it runs backwards from the last picture, each end once, so that nothing jumps.  `go_on` is called before
+    each picture is written, and what it raises ends the film.
 
-    Raises ValueError for fewer than two pictures, of different shapes, or a rate that is not in 0.5 to 50 a second.
+    "gif" never ends.  Each picture has a palette of its own, 256 colours by median cut (Heckbert 1982), and is not dithered: on
+    volume renderings that is 2 to 7 dB better than dithering, and 1 to 8 dB better than octrees.  A picture of 256² takes 0.1 s.
+    Times are rounded to 1/100 s.
+
+    "mp4" is H.264 that browsers and QuickTime play.  Colours have half the resolution (4:2:0, Rec. 709): nothing else plays
+    everywhere.  A picture of odd width or height repeats its last column or row.
+
+    Raises ValueError for fewer than two pictures, of different shapes, or a rate that is not in 0.5 to 50 a second; for MP4 also
+    where PyAV is not installed or has no H.264 encoder.
     """
-    frames = [_with_palette(picture) for picture in _checked(pictures, frames_per_second)]
-    first, *others = bounced(frames) if there_and_back else frames
-    written = _watched(others, go_on)
-    stream = io.BytesIO()
-    milliseconds = 10 * round(100.0 / frames_per_second)
-    first.save(stream, "GIF", save_all=True, append_images=written, duration=milliseconds, loop=0)
+    if not SLOWEST <= frames_per_second <= FASTEST:
+        raise ValueError(f"a film has {SLOWEST:g} to {FASTEST:g} pictures a second, got {frames_per_second:g}")
+    if kind == "mp4":
+        _check_encoder()
+    frames: Iterable[Any] = _checked(pictures) if kind == "mp4" else map(_with_palette, _checked(pictures))
+    if there_and_back:
+        forwards = list(frames)
+        frames = forwards + forwards[-2:0:-1]
+    stream, write = io.BytesIO(), _write_gif if kind == "gif" else _write_mp4
+    write(stream, _watched(frames, go_on), frames_per_second)
     return stream.getvalue()
 
 
-def mp4(
-    pictures: Iterable[NDArray[Any]],
-    *,
-    frames_per_second: float = FRAMES_PER_SECOND,
-    there_and_back: bool = False,
-    go_on: Callable[[], Any] = lambda: None,
-) -> bytes:
-    """Pictures (H, W, 3) in [0, 1], or uint8, as an H.264 film in MP4 that browsers and QuickTime play.
+def _write_gif(stream: io.BytesIO, frames: Iterator[Any], frames_per_second: float) -> None:
+    milliseconds = 10 * round(100.0 / frames_per_second)
+    next(frames).save(stream, "GIF", save_all=True, append_images=frames, duration=milliseconds, loop=0)
 
-    Colours have half the resolution (4:2:0, Rec. 709): nothing else plays everywhere.  A picture of odd width or height repeats its
-    last column or row.  `go_on` as for `gif`.
 
-    Raises ValueError as `gif` does, and where PyAV is not installed or has no H.264 encoder.
-    """
+def _check_encoder() -> None:
     try:
         import av
     except ModuleNotFoundError:
         raise ValueError("MP4 films need PyAV: pip install 'gs-surrogate[video]', or make a GIF") from None
     if "libx264" not in av.codecs_available:
         raise ValueError("this PyAV has no H.264 encoder: pip install 'gs-surrogate[video]' afresh, or make a GIF")
-    frames: Iterable[NDArray[np.uint8]] = _checked(pictures, frames_per_second)
-    if there_and_back:
-        frames = bounced(list(frames))
-    stream = io.BytesIO()
-    with av.open(stream, "w", format="mp4") as container:
-        _write_frames(container, _watched(frames, go_on), frames_per_second)
-    return stream.getvalue()
 
 
-def bounced(frames: list[Any]) -> list[Any]:
-    """Frames there and back, each end once: repeated without end nothing jumps or waits."""
-    return frames + frames[-2:0:-1]
-
-
-def _write_frames(container: Any, frames: Iterable[NDArray[np.uint8]], frames_per_second: float) -> None:
-    from av import VideoFrame
+def _write_mp4(stream: io.BytesIO, frames: Iterator[NDArray[np.uint8]], frames_per_second: float) -> None:
+    import av
     from av.video.reformatter import ColorRange, Colorspace
 
     rate = Fraction(frames_per_second).limit_denominator(1000)
-    track = container.add_stream("libx264", rate=rate, options={"crf": str(CONSTANT_RATE_FACTOR)})
-    track.pix_fmt = "yuv420p"
-    context = track.codec_context
-    context.colorspace, context.color_primaries, context.color_trc = BT709, BT709, BT709
-    context.color_range = LIMITED
-    for frame in map(_even, frames):
-        if not context.is_open:
-            track.height, track.width = frame.shape[:2]
-        image = VideoFrame.from_ndarray(frame, format="rgb24")
-        converted = image.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
-        container.mux(track.encode(converted))
-    container.mux(track.encode())
+    with av.open(stream, "w", format="mp4") as container:
+        track: Any = container.add_stream("libx264", rate=rate, options={"crf": str(CONSTANT_RATE_FACTOR)})
+        track.pix_fmt = "yuv420p"
+        context = track.codec_context
+        context.colorspace, context.color_primaries, context.color_trc = BT709, BT709, BT709
+        context.color_range = LIMITED
+        for frame in frames:
+            height, width = frame.shape[:2]
+            even = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+            if not context.is_open:
+                track.height, track.width = even.shape[:2]
+            image = av.VideoFrame.from_ndarray(even, format="rgb24")
+            converted = image.reformat(
+                format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
+            )
+            container.mux(track.encode(converted))
+        container.mux(track.encode())
 
 
 def _watched(frames: Iterable[Any], go_on: Callable[[], Any]) -> Iterator[Any]:
@@ -103,10 +99,8 @@ def _watched(frames: Iterable[Any], go_on: Callable[[], Any]) -> Iterator[Any]:
         yield frame
 
 
-def _checked(pictures: Iterable[NDArray[Any]], rate: float) -> Iterator[NDArray[np.uint8]]:
-    """The pictures as contiguous uint8; raises ValueError where they make no film of this rate."""
-    if not SLOWEST <= rate <= FASTEST:
-        raise ValueError(f"a film has {SLOWEST:g} to {FASTEST:g} pictures a second, got {rate:g}")
+def _checked(pictures: Iterable[NDArray[Any]]) -> Iterator[NDArray[np.uint8]]:
+    """The pictures as contiguous uint8; raises ValueError where they make no film."""
     shape: tuple[int, ...] = ()
     count = 0
     for picture in pictures:
@@ -123,8 +117,3 @@ def _with_palette(picture: NDArray[np.uint8]) -> Any:
     from PIL import Image
 
     return Image.fromarray(picture).quantize(COLORS, method=Image.Quantize.MEDIANCUT)
-
-
-def _even(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    height, width = frame.shape[:2]
-    return np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge") if height % 2 or width % 2 else frame

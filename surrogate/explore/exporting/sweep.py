@@ -44,7 +44,7 @@ class Axis:
     def __post_init__(self) -> None:
         if self.name == APPEARANCE or not self.name:
             raise ValueError(f"a sweep goes over a parameter that is a number, got {self.name!r}: name another one")
-        if not np.isfinite([self.low, self.high]).all() or not self.low < self.high:
+        if not -math.inf < self.low < self.high < math.inf:
             raise ValueError(
                 f"a sweep over {self.name} goes from a finite value to a larger one, got {self.low:g} to {self.high:g}"
             )
@@ -56,7 +56,7 @@ class Axis:
     @property
     def values(self) -> list[float]:
         """All of them, in order."""
-        return [float(value) for value in np.linspace(self.low, self.high, self.count)]
+        return np.linspace(self.low, self.high, self.count).tolist()
 
     @property
     def labels(self) -> list[str]:
@@ -97,10 +97,9 @@ class Sweep:
 
     def at(self, values: Sequence[float]) -> Setting:
         """The setting where the `axes` have these values."""
-        given = dict(zip((axis.name for axis in self.axes), values, strict=True))
-        simulated = {name: value for name, value in given.items() if name in self.base.parameters}
-        shown = {name: value for name, value in given.items() if name not in simulated}
-        parameters, visualization = {**self.base.parameters, **simulated}, {**self.base.visualization, **shown}
+        parameters, visualization = dict(self.base.parameters), dict(self.base.visualization)
+        for axis, value in zip(self.axes, values, strict=True):
+            (parameters if axis.name in parameters else visualization)[axis.name] = value
         return replace(self.base, parameters=parameters, visualization=visualization)
 
     def __len__(self) -> int:
@@ -108,7 +107,8 @@ class Sweep:
 
     def __str__(self) -> str:
         over = " and ".join(f"{axis.name} {axis.low:g}..{axis.high:g}" for axis in reversed(self.axes))
-        kept = {n: v for n, v in self.base.values.items() if n not in {axis.name for axis in self.axes}}
+        varied = [axis.name for axis in self.axes]
+        kept = {name: value for name, value in self.base.values.items() if name not in varied}
         return f"{len(self)} pictures over {over}" + (f", {listed(kept)}" if kept else "")
 
 
@@ -126,10 +126,8 @@ def check(sweep: Sweep, surrogate: Surrogate) -> None:
         try:
             sweep.at(corner).gaussians(surrogate)
         except ValueError as error:
-            at = ", ".join(
-                f"{axis.name} = {value:g}" for axis, value in reversed([*zip(sweep.axes, corner, strict=True)])
-            )
-            raise ValueError(f"the sweep can't be shown at {at}: {error}") from error
+            places = [f"{axis.name} = {value:g}" for axis, value in zip(sweep.axes, corner, strict=True)]
+            raise ValueError(f"the sweep can't be shown at {', '.join(reversed(places))}: {error}") from error
 
 
 def pictures(
@@ -168,15 +166,14 @@ def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
     return {p.name: p for space in reversed(spaces) for p in space.parameters}
 
 
-def axis_over(surrogate: Surrogate, name: str, count: int, low: float | None = None, high: float | None = None) -> Axis:
-    """The axis of that parameter, over its whole bounds or from `low` to `high`; raises ValueError for no such number."""
-    of = parameter(surrogate, name)
-    return Axis(name, of.low if low is None else low, of.high if high is None else high, count, of.unit)
-
-
 def parameter(surrogate: Surrogate, name: str) -> Parameter:
     """One of `parameters_of`; raises ValueError for other names."""
     known = parameters_of(surrogate)
     if name not in known:
         raise ValueError(f"this surrogate has the parameters {sorted(known)}, got {name!r}")
     return known[name]
+
+
+def axis_over(of: Parameter, count: int, low: float | None = None, high: float | None = None) -> Axis:
+    """The axis of that parameter, over its whole bounds or from `low` to `high`."""
+    return Axis(of.name, of.low if low is None else low, of.high if high is None else high, count, of.unit)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import builtins
 import io
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from catalogs.cameras import Camera
-from surrogate.explore.exporting.films import gif, mp4
+from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, pictures, settings
 from surrogate.explore.setting import Setting
 from tests.support.models import following
 
 CAMERA = Camera.look_at((3.0, 4.0, 1.0), (0, 0, 0), vertical_fov_degrees=31.0, width=120, height=96)
+gif, mp4 = partial(film_bytes, "gif"), partial(film_bytes, "mp4")
 BACKGROUND = (0.25, 0.5, 0.75)
 SWEEP = Sweep(Setting({"p": 0.5}), Axis("p", 0.0, 1.0, 5))
 
