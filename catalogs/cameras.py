@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -182,13 +183,7 @@ def icosphere(frequency: int = 5) -> NDArray[np.float64]:
     adjacent = np.isclose(distances, 2.0)
     cosines = corners @ corners[POLE] / (1.0 + golden**2)  # 1, 0.447, -0.447 or -1
     heights = np.searchsorted([-0.5, 0.0, 0.5], -cosines)  # [12], edges of the icosahedron from the pole
-    faces = [
-        [a, b, c]
-        for a in range(12)
-        for b in range(a + 1, 12)
-        for c in range(b + 1, 12)
-        if adjacent[a, b] and adjacent[b, c] and adjacent[a, c]
-    ]
+    faces = [[a, b, c] for a, b, c in combinations(range(12), 3) if adjacent[[a, b, a], [b, c, c]].all()]
     shares = np.array([(frequency - i - j, i, j) for i in range(frequency + 1) for j in range(frequency + 1 - i)])
     points = np.concatenate([shares @ corners[face] for face in faces])
     rings = np.concatenate([shares @ heights[face] for face in faces])  # edges of the polyhedron from the pole
@@ -224,14 +219,8 @@ def orbit(
     distance = radius / math.sin(math.atan(fill * half))
     center = np.asarray(center, dtype=np.float64)
     return [
-        Camera.look_at(
-            center + distance * direction,
-            center,
-            vertical_fov_degrees=vertical_fov_degrees,
-            width=width,
-            height=height,
-        )
-        for direction in icosphere(frequency)
+        Camera.look_at(place, center, vertical_fov_degrees=vertical_fov_degrees, width=width, height=height)
+        for place in center + distance * icosphere(frequency)
     ]
 
 

@@ -81,12 +81,8 @@ class MemberWriter:
         write_image(path, rgba)
         self._written.add((appearance, view))
 
-    def write_summary(self, summary: FieldSummary) -> None:
-        """Keep the summary of the only field beside its images."""
-        summary.save(self.path / SUMMARY)
-
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
-        """Keep the summaries of a member's fields, by name, beside their images."""
+        """Keep the summaries of a member's fields, by name ("" for the only one), beside their images."""
         only = len(self._catalog.plan.fields) == 1 == len(summaries)
         save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if only else summaries)
 

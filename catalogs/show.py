@@ -8,7 +8,7 @@ from pathlib import Path
 from catalogs import cinema
 from catalogs.catalog import TABLE, Catalog, CatalogError
 from catalogs.members import Member
-from catalogs.notebook.facts import facts
+from catalogs.notebook.facts import facts, megabytes
 from catalogs.summary import FieldSummary
 
 UNKNOWN = "-"
@@ -26,7 +26,7 @@ def describe(path: Path) -> str:
 
 def _describe_catalog(catalog: Catalog) -> str:
     members = catalog.members
-    stored = [*facts(catalog.plan, members), ("on disk", _megabytes(catalog.path))]
+    stored = [*facts(catalog.plan, members), ("on disk", f"{megabytes(catalog.path):,.1f} MB")]
     unfinished = catalog.unfinished()
     if unfinished:
         names = ", ".join(path.name[1:].split("~")[0] for path in unfinished)
@@ -35,11 +35,6 @@ def _describe_catalog(catalog: Catalog) -> str:
         )
     lines = [f"Catalog {catalog.path}", *(f"  {name:<11} {fact}" for name, fact in stored)]
     return "\n".join([*lines, "", *_member_table(catalog, members)] if members else lines)
-
-
-def _megabytes(path: Path) -> str:
-    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-    return f"{size / 1e6:,.1f} MB"
 
 
 def _member_table(catalog: Catalog, members: Sequence[Member]) -> list[str]:
@@ -72,7 +67,9 @@ def _describe_table(path: Path) -> str:
         column = [row[index] for row in cells if row[index]]
         kind = cinema.cell_type(column[0]) if column else str
         rows.append([label, _type_name(label, kind), str(len(set(column))), *_range(column, kind)])
-    title = f"Cinema database {path}\n  {len(cells):,} rows, {_megabytes(path)} on disk, not made by gs-surrogate\n"
+    title = (
+        f"Cinema database {path}\n  {len(cells):,} rows, {megabytes(path):,.1f} MB on disk, not made by gs-surrogate\n"
+    )
     return "\n".join([title, *_aligned(rows)])
 
 

@@ -53,24 +53,12 @@ class FieldSummary:
         if self.point_opacities.shape != (count,) or len(self.bin_edges) != len(self.histogram) + 1:
             raise ValueError("every point needs an opacity, and n bins n + 1 edges")
 
-    def save(self, path: Path) -> None:
-        """Write as a numpy archive of plain arrays."""
-        save_summaries(path, {"": self})
-
-    @classmethod
-    def load(cls, path: Path) -> FieldSummary:
-        """Read what `save` wrote, of several fields the first; raises ValueError naming a file that is none.
-
-        Never runs code from it.
-        """
-        return next(iter(load_summaries(path).values()))
-
     def __repr__(self) -> str:
         share = f"{100 * self.clipped_fraction:.2f} % clipped"
         return f"<FieldSummary from {self.minimum:.5g} to {self.maximum:.5g}, {share}, {len(self.points):,} points>"
 
     @classmethod
-    def _of_arrays(cls, archive: Mapping[str, Any], prefix: str = "") -> FieldSummary:
+    def _of_arrays(cls, archive: Mapping[str, Any], prefix: str) -> FieldSummary:
         values = {f.name: archive[prefix + f.name] for f in fields(cls)}
         scalars = {name: float(values[name]) for name in ("minimum", "maximum", "clipped_fraction")}
         return cls(**{**values, **scalars})

@@ -58,13 +58,14 @@ class Access:
         Plain addresses need no such care where there is a token; without one only loopback ones are answered.  Behind a proxy
         the name is that of the proxy, and the token alone counts.
         """
-        named = named_host(header)
+        try:
+            named = urlsplit(f"//{header}").hostname or ""
+        except ValueError:
+            named = ""
         if self.base_url or named in self._names():
             return True
-        try:
-            return ipaddress.ip_address(named).is_loopback or bool(self.token)
-        except ValueError:
-            return False
+        address = _address(named)
+        return address is not None and (address.is_loopback or bool(self.token))
 
     def is_token(self, said: str | None) -> bool:
         """Whether this is the token, found out in a time that tells nothing of it."""
@@ -80,23 +81,19 @@ class Access:
 
 def is_local(host: str) -> bool:
     """Whether only this machine reaches a server that listens there."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    address = _address(host)
+    return host == "localhost" or (address is not None and address.is_loopback)
 
 
 def is_any(host: str) -> bool:
     """Whether the host stands for all of the machine's addresses."""
-    try:
-        return host == "" or ipaddress.ip_address(host).is_unspecified
-    except ValueError:
-        return False
+    address = _address(host)
+    return host == "" or (address is not None and address.is_unspecified)
 
 
-def named_host(header: str) -> str:
-    """The host that a Host header names, without its port; "" for nonsense."""
+def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The host where it is a plain address; None where it is a name."""
     try:
-        return urlsplit(f"//{header}").hostname or ""
+        return ipaddress.ip_address(host)
     except ValueError:
-        return ""
+        return None

@@ -1,8 +1,4 @@
-"""Serve one catalog: its page and the plain files below it, nothing else.
-
-It answers this machine alone, unless it listens on an address that others reach: then a request must carry a random token, which
-stands in the printed address and is kept as a cookie from then on.
-"""
+"""Serve one catalog: its page and the plain files below it, nothing else, to whom `catalogs.browse.access` lets in."""
 
 from __future__ import annotations
 
@@ -70,12 +66,6 @@ class CatalogRequest(BaseHTTPRequestHandler):
     timeout = LINGER_SECONDS
 
     def do_GET(self) -> None:
-        self._answer(with_body=True)
-
-    def do_HEAD(self) -> None:
-        self._answer(with_body=False)
-
-    def _answer(self, *, with_body: bool) -> None:
         access = self.server.access
         if not access.is_named_by(self.headers.get("Host", "")):
             self.send_error(HTTPStatus.FORBIDDEN)
@@ -97,8 +87,10 @@ class CatalogRequest(BaseHTTPRequestHandler):
         with content:
             about = {"Content-Type": kind, "Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"}
             self._send_head(HTTPStatus.OK, size, about)
-            if with_body:
+            if self.command == "GET":
                 shutil.copyfileobj(content, self.wfile)
+
+    do_HEAD = do_GET
 
     def _knows(self, access: Access) -> bool:
         """Whether the request has the token as a cookie; else answers it, and makes a token in the address that cookie."""

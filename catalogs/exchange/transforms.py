@@ -18,6 +18,7 @@ import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -85,7 +86,7 @@ def read_frames(directory: Path) -> list[Frame]:
     with ThreadPoolExecutor(READERS) as pool:
         frames = list(pool.map(_frame, rows))
     width, height = frames[0].camera.width, frames[0].camera.height
-    for row, camera in ((row, frame.camera) for row, frame in zip(rows, frames, strict=True)):
+    for row, camera in zip(rows, (frame.camera for frame in frames), strict=True):
         if (camera.width, camera.height) != (width, height):
             raise ExchangeError(
                 f"{row.place}: {row.path} is {camera.width}x{camera.height} pixels, the first picture {width}x{height}: "
@@ -134,17 +135,14 @@ def _row(folder: Path, frame: Any, split: str, angle: float, place: str) -> _Row
 
 def _numbers(value: Any, shape: tuple[int, ...], place: str) -> NDArray[np.float64]:
     """JSON numbers nested like `shape`, finite, as float64; strings and truth values are none."""
-
-    def check(item: Any, depth: int) -> None:
-        if depth < len(shape):
-            if not isinstance(item, list) or len(item) != shape[depth]:
-                raise ExchangeError(f"{place} must hold {'x'.join(map(str, shape))} numbers, got {_short(value)}")
-            for part in item:
-                check(part, depth + 1)
-        elif isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < 1e300:
+    items = [value]
+    for length in shape:
+        if not all(isinstance(item, list) and len(item) == length for item in items):
+            raise ExchangeError(f"{place} must hold {'x'.join(map(str, shape))} numbers, got {_short(value)}")
+        items = list(chain.from_iterable(items))
+    for item in items:
+        if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < 1e300:
             raise ExchangeError(f"{place}: {_short(item)} is no finite number")
-
-    check(value, 0)
     return np.array(value, dtype=np.float64)
 
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from catalogs.appearance import Appearance, Isosurface, VolumeRendering, field_of
 from catalogs.members import Member
 from catalogs.parameters import Parameter
 from catalogs.plan import CatalogPlan
 from catalogs.words import counted
+
+
+def megabytes(folder: Path) -> float:
+    """What the files in and below the folder take on disk."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / 1e6
 
 
 def facts(plan: CatalogPlan, members: Sequence[Member]) -> list[tuple[str, str]]:

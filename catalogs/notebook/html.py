@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from catalogs.cameras import OBLIQUE, Camera
 from catalogs.images import read_image
 from catalogs.members import Member, read_record
 from catalogs.notebook.cards import WHITE, Picture, card, never_failing, on_background
-from catalogs.notebook.facts import facts
+from catalogs.notebook.facts import facts, megabytes
 from catalogs.plan import CatalogError, CatalogPlan
 
 PICTURES = 6  # on a contact sheet
@@ -83,20 +82,11 @@ def first_view(cameras: Sequence[Camera], center: NDArray[np.float64]) -> int:
 def _size(members: Sequence[Member]) -> str:
     """How much the members take on disk, in words; estimated from some of them where there are many files."""
     until = time.perf_counter() + COUNTING_SECONDS
-    sizes = list[int]()
+    sizes = list[float]()
     for place in np.random.default_rng(0).permutation(len(members)):
-        sizes.append(sum(entry.stat().st_size for entry in _files(members[place].path)))
+        sizes.append(megabytes(members[place].path))
         if time.perf_counter() > until:
             break
     if len(sizes) < len(members):
-        return f"about {np.mean(sizes) * len(members) / 1e6:,.0f} MB"
-    return f"{sum(sizes) / 1e6:,.1f} MB"
-
-
-def _files(folder: str | Path) -> Iterator[os.DirEntry[str]]:
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.is_dir(follow_symlinks=False):
-                yield from _files(entry.path)
-            else:
-                yield entry
+        return f"about {np.mean(sizes) * len(members):,.0f} MB"
+    return f"{sum(sizes):,.1f} MB"

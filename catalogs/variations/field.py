@@ -62,10 +62,6 @@ class FieldVariation(Variation):
         """As they are; no network is asked at the base."""
         return super().normalize(None) if values is None else np.array(values, dtype=np.float64)
 
-    def mismatches(self, appearances: Sequence[Appearance]) -> list[str]:
-        """None: any appearance may stand for a field."""
-        return []
-
     @classmethod
     def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
         variation = field_variation(base.name, **{"appearances": (), **table})
@@ -77,7 +73,7 @@ class FieldVariation(Variation):
         return Family(variation, ())
 
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
-        return True
+        return True  # any appearance may stand for a field
 
 
 def field_variation(base: str, *, appearances: Sequence[str]) -> FieldVariation:

@@ -53,7 +53,7 @@ def add_member(catalog: Catalog, name: str, reynolds: float, *, split: str = "tr
         for a, appearance in enumerate(catalog.appearance_names):
             for view in range(len(catalog.plan.cameras)):
                 writer.write_image(appearance, view, picture(1000 * seed + 100 * a + view))
-        writer.write_summary(summary(seed))
+        writer.write_summaries({"": summary(seed)})
 
 
 @pytest.fixture

@@ -91,7 +91,7 @@ def test_the_only_field_needs_no_name(tmp_path: Path) -> None:
     with made.begin_member("first", {"Re": 120.0, "Pr": 1.0}) as writer:
         for appearance, view in writer.missing():
             writer.write_image(appearance, view, picture(view))
-        writer.write_summary(summary(1))
+        writer.write_summaries({"": summary(1)})
     (member,) = made.members
     assert member.summary("speed") is not None
     assert member.summary() is not None

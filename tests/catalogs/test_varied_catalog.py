@@ -42,7 +42,7 @@ def add_some(
     with catalog.begin_member(name, {"Re": reynolds, "Pr": 1.0}, split=split, appearances=appearances) as writer:
         for number, (appearance, view) in enumerate(writer.missing()):
             writer.write_image(appearance, view, picture(number))
-        writer.write_summary(summary())
+        writer.write_summaries({"": summary()})
 
 
 @pytest.fixture

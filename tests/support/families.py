@@ -83,5 +83,5 @@ def family_catalog(
                 for view, camera in enumerate(cameras):
                     writer.write_image(appearance, view, seen_by(camera))
             if summary is not None:
-                writer.write_summary(summary)
+                writer.write_summaries({"": summary})
     return Catalog.open(path)

@@ -27,17 +27,19 @@ def catalog_with_points(path: Path, shown: object) -> Catalog:
         points = np.random.default_rng(0).normal([x, 0.0, 0.0], 0.01, (50, 3)).astype(np.float32)
         with catalog.begin_member(split, {"p": p}, split=split) as writer:
             writer.write_image("drawn", 0, np.zeros((8, 8, 4), np.uint8))
-            writer.write_summary(
-                FieldSummary(
-                    minimum=0.0,
-                    maximum=1.0,
-                    clipped_fraction=0.0,
-                    histogram=np.zeros(256, np.int64),
-                    bin_edges=np.linspace(0.0, 1.0, 257),
-                    points=points,
-                    point_values=np.ones(50, np.float32),
-                    point_opacities=np.ones(50, np.float32),
-                )
+            writer.write_summaries(
+                {
+                    "": FieldSummary(
+                        minimum=0.0,
+                        maximum=1.0,
+                        clipped_fraction=0.0,
+                        histogram=np.zeros(256, np.int64),
+                        bin_edges=np.linspace(0.0, 1.0, 257),
+                        points=points,
+                        point_values=np.ones(50, np.float32),
+                        point_opacities=np.ones(50, np.float32),
+                    )
+                }
             )
     return catalog
 
