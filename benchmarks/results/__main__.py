@@ -7,10 +7,9 @@ Seconds.  What is missing is listed on the page with the command that makes it, 
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
-from benchmarks.page import DOCS, PROJECT
+from benchmarks.page import DOCS, PROJECT, command_line
 from benchmarks.results.gaps import gaps_of
 from benchmarks.results.page import write
 from benchmarks.results.scenes import read_scenes
@@ -18,9 +17,7 @@ from benchmarks.results.scenes import read_scenes
 
 def main() -> None:
     """Write docs/results.md and its pictures."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.results", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line("results", __doc__)
     parser.add_argument("--records", type=Path, default=DOCS / "records", help="folder of the scenes' records")
     parser.add_argument(
         "--runs", type=Path, default=PROJECT / "runs", help="folder of the pictures of the scenes' reports"

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from benchmarks.results.parts import BASE, Part, parts_of
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.studies import kinds_of
+from surrogate.evaluation.cases import PARAMETERS
 
 
 class Gap(NamedTuple):
@@ -20,13 +21,13 @@ class Gap(NamedTuple):
 
 def gaps_of(scene: SceneResults) -> list[Gap]:
     """All that is missing of a scene."""
-    name = scene.name
-    if scene.report is None and scene.repeats is None and not scene.studies:
-        return [Gap(name, "everything", f"make results SCENES={name}")]
-    return [Gap(name, what, command) for what, command in _missing(scene)]
+    return [Gap(scene.name, what, command) for what, command in _missing(scene)]
 
 
 def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
+    if scene.report is None and scene.repeats is None and not scene.studies:
+        yield "everything", f"make results SCENES={scene.name}"
+        return
     if scene.report is None:
         yield "the report", f"make results SCENES={scene.name}"
     without = [part.what for part in parts_of([scene]) if part.ceiling is None and _can_have_ceiling(part)]
@@ -46,5 +47,5 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
 def _can_have_ceiling(part: Part) -> bool:
     """Whether a member has views that train and others that test, under a setting that tests where it is about one."""
     if part.kind == BASE:
-        return part.has("unseen_views", "seen_parameters") or part.has("unseen_views", "unseen_parameters")
-    return part.has("unseen_settings", "unseen_parameters")
+        return any(part.images("unseen_views", column) for column in PARAMETERS)
+    return part.images("unseen_settings", "unseen_parameters") > 0

@@ -7,14 +7,13 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from benchmarks.results.ablations import study_section
-from benchmarks.results.cost import cost_table
 from benchmarks.results.gaps import Gap, gaps_of
 from benchmarks.results.parts import parts_of
-from benchmarks.results.quality import QualityTable, quality_tables
+from benchmarks.results.quality import quality_tables
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import report_sources, study_sources
 from catalogs import durable
-from surrogate.evaluation.tables import document, table
+from surrogate.evaluation.tables import NOTHING, document, number, plain_spread, table, table_of
 from surrogate.report.report import RECORD
 from surrogate.storage.records import read_json
 from surrogate.studies.ablation.plot import plot
@@ -30,18 +29,44 @@ INTRODUCTION = (
     "same images.  *Trivial predictors* mix stored pictures at the very same view: ones that the surrogate is not given and that "
     "need not exist; those of settings are on the images that they can predict."
 )
+COST_COLUMNS = (  # times are of the scene's own seed
+    ("scene", lambda scene: f"`{scene.name}`"),
+    ("Gaussians", lambda scene: _size(scene, "gaussians", scene.report["gaussians"], 0)),
+    ("model (MB)", lambda scene: _size(scene, "megabytes", scene.report["model_megabytes"], 2)),
+    ("making the data set (s)", lambda scene: number(scene.report["seconds"]["dataset"], 0)),
+    ("training (s)", lambda scene: _size(scene, "seconds", scene.report["seconds"]["train"], 0)),
+    ("a picture (ms)", lambda scene: number(scene.report["milliseconds"]["view_change"])),
+    ("a parameter change (ms)", lambda scene: number(scene.report["milliseconds"]["parameter_change"])),
+    (
+        "a change of the isovalue, transfer function or field (ms)",
+        lambda scene: (
+            ", ".join(number(v["milliseconds"]["visualization_change"]) for v in scene.report["variations"]) or NOTHING
+        ),
+    ),
+    ("seeds", lambda scene: str(len(scene.repeats["seeds"])) if scene.repeats else "1"),
+)
 
 
 def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
     """The page; `pictures` are the names of those that lie beside it."""
+    known = [scene for scene in scenes if scene.report is not None]
     return document(
         "# Results",
         INTRODUCTION,
         _earlier([scene.name for scene in scenes if scene.earlier]),
-        *(block for quality in quality_tables(parts_of(scenes)) for block in _quality(quality, scenes)),
+        *(
+            block
+            for one in quality_tables(parts_of(scenes))
+            for block in (
+                f"## {one.title}",
+                one.text,
+                one.table,
+                report_sources(s for s in scenes if s.name in one.scenes),
+            )
+        ),
         "## How large, how fast",
         "Times are medians, one picture at a time.",
-        cost_table(scenes),
+        table_of(known, *COST_COLUMNS) if known else "No scene has a report yet.",
         report_sources(scenes),
         *_pictures(scenes, pictures),
         "## What each choice of training is worth",
@@ -58,21 +83,11 @@ def pictures_of(scenes: Sequence[SceneResults], output: Path) -> dict[str, bytes
     found: dict[str, bytes | None] = {}
     for scene in scenes:
         folder = scene.run / "report"
-        same = (
-            scene.report is not None
-            and (read_json(folder / RECORD) or {}).get("fingerprint") == scene.report["fingerprint"]
-        )
-        for sheet in _sheets(scene):
-            found[_picture(scene, sheet)] = (
-                (folder / sheet).read_bytes() if same and (folder / sheet).is_file() else None
-            )
-        found |= {_picture(scene, f"{study.kind.folder}.png"): plot(study.rows) for study in scene.studies}
-    kept = {
-        name: (output / name).read_bytes()
-        for name, content in found.items()
-        if content is None and (output / name).is_file()
-    }
-    return {name: content for name, content in found.items() if content is not None} | kept
+        same = scene.report and (read_json(folder / RECORD) or {}).get("fingerprint") == scene.report["fingerprint"]
+        new = {_picture(scene, sheet): _content(folder / sheet) if same else None for sheet in _sheets(scene)}
+        new |= {_picture(scene, f"{study.kind.folder}.png"): plot(study.rows) for study in scene.studies}
+        found |= {name: content or _content(output / name) for name, content in new.items()}
+    return {name: content for name, content in found.items() if content is not None}
 
 
 def write(output: Path, scenes: Sequence[SceneResults]) -> Path:
@@ -88,6 +103,10 @@ def write(output: Path, scenes: Sequence[SceneResults]) -> Path:
     return output / PAGE
 
 
+def _content(path: Path) -> bytes | None:
+    return path.read_bytes() if path.is_file() else None
+
+
 def _picture(scene: SceneResults, name: str) -> str:
     return f"results_{scene.name}_{name}"
 
@@ -97,9 +116,9 @@ def _pictures_on(path: Path) -> set[str]:
     return set(PICTURE_LINK.findall(path.read_text(encoding="utf-8", errors="replace"))) if path.is_file() else set()
 
 
-def _quality(quality: QualityTable, scenes: Sequence[SceneResults]) -> list[str]:
-    sources = report_sources([scene for scene in scenes if scene.name in quality.scenes])
-    return [f"## {quality.title}", quality.text, quality.table, sources]
+def _size(scene: SceneResults, name: str, alone: float, digits: int) -> str:
+    """Over seeds where there are several, else that of the report."""
+    return plain_spread(scene.repeats[name], digits) if scene.repeats else f"{alone:,.{digits}f}"
 
 
 def _sheets(scene: SceneResults) -> list[str]:

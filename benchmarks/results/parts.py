@@ -33,9 +33,9 @@ class Part:
     spreads: Mapping[str, Any] | None
     ceiling: Mapping[str, Any] | None
 
-    def has(self, row: str, column: str) -> bool:
-        """Whether the data set has such images."""
-        return bool(self.record["images"][row][column])
+    def images(self, row: str, column: str) -> int:
+        """How many such images the data set has."""
+        return int(self.record["images"][row][column] or 0)
 
     def figure(self, metric: str, row: str, column: str) -> str:
         """A mean, with the standard deviation over seeds where that is known."""
@@ -49,14 +49,16 @@ class Part:
 
     def best_trivial(self, row: str, column: str) -> str:
         """The best trivial predictor on the same images: its PSNR in dB, and its name."""
-        known = [
-            (value, entry["name"])
-            for entry in self.record["trivial_predictors"]
-            if (value := self._of(entry, row, column)) is not None
-        ]
-        if not known:
+        if self.kind != BASE and row != "unseen_settings":
             return NOTHING
-        value, name = max(known)
+        entries = self.record["trivial_predictors"]
+        means = [entry["psnr"].get(row, {}) if self.kind == BASE else entry["psnr"] for entry in entries]
+        value, name = max(
+            ((of[column], e["name"]) for of, e in zip(means, entries, strict=True) if of.get(column) is not None),
+            default=(None, ""),
+        )
+        if value is None:
+            return NOTHING
         return f"{number(value)} ({name.split(' (')[0]})"
 
     def beside_ceiling(self) -> str:
@@ -64,14 +66,6 @@ class Part:
         if self.ceiling is None:
             return NOTHING
         return f"{number(self.ceiling['psnr'])} ({number(self.ceiling['surrogate']['psnr'])})"
-
-    def _of(self, entry: Mapping[str, Any], row: str, column: str) -> float | None:
-        """A predictor's PSNR; those of settings are about unseen ones, by column alone."""
-        if self.kind == BASE:
-            value = entry["psnr"].get(row, {}).get(column)
-        else:
-            value = entry["psnr"].get(column) if row == "unseen_settings" else None
-        return None if value is None else float(value)
 
 
 def parts_of(scenes: Iterable[SceneResults]) -> list[Part]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from benchmarks.results.parts import BASE, Part
 from catalogs.variations import KINDS
 from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
 from surrogate.evaluation.tables import HEADINGS, NOTHING, table_of
 
-FOREGROUND, SSIM = "PSNR of the foreground (dB)", "SSIM"
 CEILING, TRIVIAL = "ceiling (surrogate there), dB", "best trivial predictor, dB"
-UNSEEN = "unseen_views", "unseen_parameters"
+Cell = tuple[str, str]  # row and column
 
 
-@dataclass(frozen=True, eq=False)
-class QualityTable:
+class QualityTable(NamedTuple):
     """A section of the page: its title, what it shows, its table, and the scenes in it; none without any."""
 
     title: str
@@ -25,97 +23,109 @@ class QualityTable:
     scenes: Sequence[str]
 
 
-Column = tuple[str, Callable[[Part], str]]
-
-
 def quality_tables(parts: Sequence[Part]) -> list[QualityTable]:
-    """All tables about how good pictures are."""
-    return [novel_views(parts), unseen_parameters(parts), *unseen_settings(parts), everything_unseen(parts)]
-
-
-def novel_views(parts: Sequence[Part]) -> QualityTable:
-    """Seen parameters from seen and from unseen views."""
-    at = "unseen_views", "seen_parameters"
-    return _made(
-        "Novel views",
-        "Training members, from the views that training saw and from the others.  Trivial predictors mix stored pictures of other "
-        "members, so there are none here.",
-        [part for part in parts if part.kind == BASE and part.has(*at)],
-        ("seen views, PSNR (dB)", lambda part: part.figure("psnr", "seen_views", "seen_parameters")),
-        ("**unseen views**, PSNR (dB)", lambda part: part.figure("psnr", *at)),
-        *_details(at),
-        (CEILING, Part.beside_ceiling),
-        *_counts(at),
-    )
-
-
-def unseen_parameters(parts: Sequence[Part]) -> QualityTable:
-    """Seen and unseen simulation parameters from seen views."""
-    at = "seen_views", "unseen_parameters"
-    return _made(
-        "Unseen simulation parameters",
-        "Test members, from views that training saw of others; ceilings are measured at unseen views only.",
-        [part for part in parts if part.kind == BASE and part.has(*at)],
-        ("seen parameters, PSNR (dB)", lambda part: part.figure("psnr", "seen_views", "seen_parameters")),
-        ("**unseen parameters**, PSNR (dB)", lambda part: part.figure("psnr", *at)),
-        *_details(at),
-        (TRIVIAL, lambda part: part.best_trivial(*at)),
-        *_counts(at),
-    )
-
-
-def unseen_settings(parts: Sequence[Part]) -> list[QualityTable]:
-    """Seen and unseen isovalues, and transfer functions, of training members at unseen views; a table for each kind."""
-    at = "unseen_settings", "seen_parameters"
+    """Novel views, unseen simulation parameters, unseen settings of each kind, and all of them at once."""
+    seen = "seen_views", "seen_parameters"
     return [
-        _made(
-            f"Unseen {form.plural}",
-            f"Training members at unseen views, under {form.plural} that training showed and under others.  Trivial predictors "
-            "have stored pictures of the same member and view.",
-            [part for part in parts if part.kind == form.kind and part.has(*at)],
-            (f"seen {form.plural}, PSNR (dB)", lambda part: part.figure("psnr", "seen_settings", "seen_parameters")),
-            (f"**unseen {form.plural}**, PSNR (dB)", lambda part: part.figure("psnr", *at)),
-            *_details(at),
-            (CEILING, Part.beside_ceiling),
-            (TRIVIAL, lambda part: part.best_trivial(*at)),
-            *_counts(at),
-        )
-        for form in KINDS.values()
-        if any(part.kind == form.kind and part.has(*at) for part in parts) or form.continuous
+        _seen_and_unseen(
+            "Novel views",
+            "Training members, from the views that training saw and from the others.  Trivial predictors mix stored pictures of "
+            "other members, so there are none here.",
+            parts,
+            (BASE, "views"),
+            (seen, ("unseen_views", "seen_parameters")),
+            without=TRIVIAL,
+        ),
+        _seen_and_unseen(
+            "Unseen simulation parameters",
+            "Test members, from views that training saw of others; ceilings are measured at unseen views only.",
+            parts,
+            (BASE, "parameters"),
+            (seen, ("seen_views", "unseen_parameters")),
+            without=CEILING,
+        ),
+        *(
+            _seen_and_unseen(
+                f"Unseen {kind.plural}",
+                f"Training members at unseen views, under {kind.plural} that training showed and under others.  Trivial "
+                "predictors have stored pictures of the same member and view.",
+                parts,
+                (kind.kind, kind.plural),
+                (("seen_settings", "seen_parameters"), ("unseen_settings", "seen_parameters")),
+            )
+            for kind in KINDS.values()
+            if kind.continuous
+        ),
+        _everything_unseen(parts),
     ]
 
 
-def everything_unseen(parts: Sequence[Part]) -> QualityTable:
+def _seen_and_unseen(
+    title: str, text: str, parts: Sequence[Part], of: tuple[str, str], cells: tuple[Cell, Cell], without: str = ""
+) -> QualityTable:
+    """Parts of a kind that have images of the second of two cells, whose names are of what is seen in the first alone."""
+    (kind, names), (seen, unseen) = of, cells
+    return _made(
+        title,
+        text,
+        [part for part in parts if part.kind == kind and part.images(*unseen)],
+        lambda _: unseen,
+        (f"seen {names}, PSNR (dB)", lambda part: part.figure("psnr", *seen)),
+        (f"**unseen {names}**, PSNR (dB)", lambda part: part.figure("psnr", *unseen)),
+        without=without,
+    )
+
+
+def _everything_unseen(parts: Sequence[Part]) -> QualityTable:
     """Unseen views and parameters at once, and unseen settings where there are any."""
-    shown = [part for part in parts if part.has(*_joint(part))]
+    shown = [part for part in parts if part.images(*_joint(part))]
     perceptual = [m for m in PERCEPTUAL_METRICS if any(part.figure(m, *_joint(part)) != NOTHING for part in shown)]
     return _made(
         "Unseen views and unseen parameters at once",
         "Test members at test views; under isovalues and transfer functions that are unseen too, or fields, which training "
-        "shows all of.  "
-        f"{_perceptual_text(perceptual)}",
+        f"shows all of.  {_perceptual_text(perceptual)}",
         shown,
+        _joint,
         ("what", lambda part: part.what),
         ("PSNR (dB)", lambda part: part.figure("psnr", *_joint(part))),
-        (FOREGROUND, lambda part: part.figure("psnr_foreground", *_joint(part))),
-        (SSIM, lambda part: part.figure("ssim", *_joint(part))),
-        *(
-            (HEADINGS[metric], lambda part, m=metric: part.figure(m, *_joint(part)))  # type: ignore[misc]
-            for metric in perceptual
-        ),
-        (CEILING, Part.beside_ceiling),
-        (TRIVIAL, lambda part: part.best_trivial(*_joint(part))),
-        ("seeds", Part.seeds),
-        ("images", lambda part: _images(part, *_joint(part))),
+        perceptual=perceptual,
     )
 
 
-def _joint(part: Part) -> tuple[str, str]:
+def _made(
+    title: str,
+    text: str,
+    parts: Sequence[Part],
+    at: Callable[[Part], Cell],
+    *first: tuple[str, Callable[[Part], str]],
+    perceptual: Sequence[str] = (),
+    without: str = "",
+) -> QualityTable:
+    """A table with a row for each part, about the cell `at` which it is looked at."""
+
+    def figure(metric: str) -> Callable[[Part], str]:
+        return lambda part: part.figure(metric, *at(part))
+
+    columns = (
+        ("scene", lambda part: f"`{part.scene}`"),
+        *first,
+        *((HEADINGS[metric], figure(metric)) for metric in ("psnr_foreground", "ssim", *perceptual)),
+        (CEILING, Part.beside_ceiling),
+        (TRIVIAL, lambda part: part.best_trivial(*at(part))),
+        ("seeds", Part.seeds),
+        ("images", lambda part: str(part.images(*at(part)))),
+    )
+    shown = table_of(parts, *(column for column in columns if column[0] != without))
+    nothing = "No scene has a report of such images yet."
+    return QualityTable(title, text, shown if parts else nothing, list(dict.fromkeys(part.scene for part in parts)))
+
+
+def _joint(part: Part) -> Cell:
     """The cell of a part in which most is unseen."""
     if part.kind == BASE:
-        return UNSEEN
+        return "unseen_views", "unseen_parameters"
     unseen = "unseen_settings", "unseen_parameters"
-    return unseen if part.has(*unseen) else ("seen_settings", "unseen_parameters")
+    return unseen if part.images(*unseen) else ("seen_settings", "unseen_parameters")
 
 
 def _perceptual_text(metrics: Sequence[str]) -> str:
@@ -125,24 +135,3 @@ def _perceptual_text(metrics: Sequence[str]) -> str:
     return "  ".join(
         [*texts, *([f"{', '.join(missing)}: missing, for the reasons that reports give."] if missing else [])]
     )
-
-
-def _details(at: tuple[str, str]) -> list[Column]:
-    return [
-        (FOREGROUND, lambda part: part.figure("psnr_foreground", *at)),
-        (SSIM, lambda part: part.figure("ssim", *at)),
-    ]
-
-
-def _counts(at: tuple[str, str]) -> list[Column]:
-    return [("seeds", Part.seeds), ("images", lambda part: _images(part, *at))]
-
-
-def _images(part: Part, row: str, column: str) -> str:
-    return str(part.record["images"][row][column])
-
-
-def _made(title: str, text: str, parts: Sequence[Part], *columns: Column) -> QualityTable:
-    shown = table_of(parts, ("scene", lambda part: f"`{part.scene}`"), *columns)
-    nothing = "No scene has a report of such images yet."
-    return QualityTable(title, text, shown if parts else nothing, list(dict.fromkeys(part.scene for part in parts)))

@@ -16,7 +16,7 @@ from surrogate.report.records import load_report
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Record
 from surrogate.studies.ceiling import load_ceilings
-from surrogate.studies.repeats.records import Scores, load_scores
+from surrogate.studies.repeats.records import load_scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
 APPEARANCES = {"volume": "volume rendering", "isosurface": "isosurface", "imported": "pictures made elsewhere"}
@@ -79,7 +79,8 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     if report is None and not scores and published is not None:
         figures = {name: published.values[name] for name in ("report", "ceilings", "repeats")}
         return SceneResults(*of_scene, **figures, studies=studies, earlier=True)
-    mark = _base(scores) if report is None else report.key["mark"]
+    [(base_of_most, _)] = Counter(one.base for one in scores).most_common(1) or [("", 0)]
+    mark = base_of_most if report is None else report.key["mark"]
     seeds = [one for one in scores if one.base == mark]
     ceilings = [entry for entry in load_ceilings(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark]
     made_by = {one.provenance.code for one in seeds} | ({report.provenance.code} if report else set())
@@ -91,8 +92,3 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         studies,
         earlier=not made_by <= {code()} or any(study.earlier for study in studies),
     )
-
-
-def _base(scores: Sequence[Scores]) -> str:
-    """The fingerprint that most seeds are of; "" without any."""
-    return max(counts, key=counts.__getitem__) if (counts := Counter(one.base for one in scores)) else ""

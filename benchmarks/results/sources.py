@@ -3,38 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.studies import StudyResults
 
 
-@dataclass(frozen=True)
-class Made:
-    """From which commits, on which machines and with which seeds something was made, in words; equal ones share a line."""
-
-    commits: str
-    machines: str
-    seeds: str
-
-    @classmethod
-    def of(cls, records: Iterable[Mapping[str, Any]], seeds: Iterable[int]) -> Made:
-        """From records with a "commit" and a "machine"."""
-        records, seeds = list(records), list(seeds)
-        return cls(
-            ", ".join(dict.fromkeys(f"`{record['commit']}`" for record in records)),
-            "; ".join(dict.fromkeys(_machine(record["machine"] or {}) for record in records)),
-            f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
-        )
-
-    def __str__(self) -> str:
-        return f"commit {self.commits}, {self.machines}, {self.seeds}"
-
-
-def report_sources(scenes: Sequence[SceneResults]) -> str:
+def report_sources(scenes: Iterable[SceneResults]) -> str:
     """Of tables that are made of reports, ceilings and seeds; "" without any."""
-    commands: dict[Made, list[str]] = {}
+    commands: dict[str, list[str]] = {}  # by what made their numbers, in words
     for scene in scenes:
         for command, made in _of_scene(scene):
             commands.setdefault(made, []).append(f"`{command}`")
@@ -49,23 +27,30 @@ def study_sources(scene: str, study: StudyResults) -> str:
     results = study.results
     seeds = sorted({int(result.settings["seed"]) for result in results})
     command = f"{study.kind.command(scene)} --seconds {study.budget:g} --seeds {len(seeds)}"
-    made = Made.of((asdict(result.provenance) for result in results), seeds)
+    made = _made([asdict(result.provenance) for result in results], seeds)
     return f"<sub>`{command}`: {made}.</sub>"
 
 
-def _of_scene(scene: SceneResults) -> list[tuple[str, Made]]:
-    """The commands that made a scene's numbers."""
+def _of_scene(scene: SceneResults) -> list[tuple[str, str]]:
+    """The commands that made a scene's numbers, each with its `_made`."""
     if scene.report is None:
         return []
-    found = [(f"surrogate evaluate scenes/{scene.name}.toml", Made.of([scene.report], [scene.report["seed"]]))]
+    found = [(f"surrogate evaluate scenes/{scene.name}.toml", _made([scene.report], [scene.report["seed"]]))]
     if scene.repeats is not None:
         seeds, machines, commits = (scene.repeats[name] for name in ("seeds", "machines", "commits"))
-        made = Made.of(({"machine": machine, "commit": commit} for machine in machines for commit in commits), seeds)
+        made = _made([{"machine": machine, "commit": commit} for machine in machines for commit in commits], seeds)
         found.append((f"surrogate repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
     if scene.ceilings:
         seeds = sorted({int(entry["seed"]) for entry in scene.ceilings})
-        found.append((f"surrogate ceiling scenes/{scene.name}.toml", Made.of(scene.ceilings, seeds)))
+        found.append((f"surrogate ceiling scenes/{scene.name}.toml", _made(scene.ceilings, seeds)))
     return found
+
+
+def _made(records: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> str:
+    """From which commits, on which machines and with which seeds; a record has a "commit" and a "machine"."""
+    commits = ", ".join(dict.fromkeys(f"`{record['commit']}`" for record in records))
+    machines = "; ".join(dict.fromkeys(_machine(record["machine"] or {}) for record in records))
+    return f"commit {commits}, {machines}, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}"
 
 
 def _machine(machine: Mapping[str, Any]) -> str:

@@ -27,11 +27,11 @@ class StudyKind:
 
     def command(self, scene: str) -> str:
         """The command that makes such a study of a scene."""
-        return " ".join(filter(None, ["surrogate ablate", f"scenes/{scene}.toml", self.option]))
+        return f"surrogate ablate scenes/{scene}.toml{self.option}"
 
 
 BASE = StudyKind(BASE_FOLDER, "the base appearance", VARIANTS)
-VISUALIZATION = StudyKind(VISUALIZATION_FOLDER, "F_vis alone", VISUALIZATION_VARIANTS, "--visualization")
+VISUALIZATION = StudyKind(VISUALIZATION_FOLDER, "F_vis alone", VISUALIZATION_VARIANTS, " --visualization")
 KINDS = (BASE, VISUALIZATION)
 
 
