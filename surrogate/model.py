@@ -23,6 +23,7 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.splatting import AUTO
 from surrogate.storage import models
 from surrogate.storage.encoding import Encoding
+from surrogate.storage.names import joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,8 +259,7 @@ class Surrogate:
             "training": dict(self.training),
             "visualizations": [v.record() for v in self.visualizations],
         }
-        tensors = {f"{part}.{name}": tensor for part, of in parts.items() for name, tensor in of.items()}
-        return models.StoredModel(tensors, record, self.encodings)
+        return models.StoredModel(joined(parts), record, self.encodings)
 
     def _following(self) -> str:
         variations = [v.variation for v in self.visualizations]

@@ -24,20 +24,22 @@ inline size_t numbers_of(const std::vector<size_t>& shape) {
     return std::max<size_t>(count, 1);
 }
 
-inline Output owned_array(void* data, const std::vector<size_t>& shape) {
+template <class Array>
+Array owned_array(void* data, const std::vector<size_t>& shape) {
     if (!data) throw std::bad_alloc();
     nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
-    return Output(static_cast<float*>(data), shape.size(), shape.data(), owner);
+    return Array(data, shape.size(), shape.data(), owner);
 }
 
 // Of zeros.
 inline Output new_array(const std::vector<size_t>& shape) {
-    return owned_array(std::calloc(numbers_of(shape), sizeof(float)), shape);
+    return owned_array<Output>(std::calloc(numbers_of(shape), sizeof(float)), shape);
 }
 
 // Of whatever was there before, for a kernel that writes every number.
-inline Output unset_array(const std::vector<size_t>& shape) {
-    return owned_array(std::malloc(numbers_of(shape) * sizeof(float)), shape);
+template <class Array = Output>
+Array unset_array(const std::vector<size_t>& shape) {
+    return owned_array<Array>(std::malloc(numbers_of(shape) * sizeof(typename Array::Scalar)), shape);
 }
 
 inline void require(bool holds, const std::string& what) {
@@ -59,8 +61,5 @@ inline void require_shape(const Input& array, const char* name, const std::vecto
     }
     require(fits, std::string(name) + " must have shape [" + wanted + "], got " + shape_of(array));
 }
-
-// Adds add_bilinear, bilinear_gradients, transfer, transfer_gradient and extinction_table to the module.
-void bind_deformations(nb::module_& m);
 
 }  // namespace gs

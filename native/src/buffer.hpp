@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <memory>
 #include <new>
 #include <type_traits>
 
@@ -14,40 +15,28 @@ class Buffer {
     static_assert(std::is_trivially_copyable<T>::value, "plain values only");
 
 public:
-    Buffer() = default;
-    Buffer(const Buffer&) = delete;
-    Buffer& operator=(const Buffer&) = delete;
-    Buffer(Buffer&& other) noexcept : data_(other.data_), capacity_(other.capacity_) {
-        other.data_ = nullptr;
-        other.capacity_ = 0;
-    }
-    ~Buffer() { std::free(data_); }
-
-    T* data() const { return data_; }
-    T& operator[](size_t k) const { return data_[k]; }
-    size_t capacity() const { return capacity_; }
+    T* data() const { return data_.get(); }
+    T& operator[](size_t k) const { return data_.get()[k]; }
+    size_t capacity() const { return data_ ? capacity_ : 0; }
 
     // Room for `count` values, whose contents are lost if it was too small before.
     T* resize(size_t count) {
-        if (count > capacity_ || !data_) {
-            std::free(data_);
-            data_ = nullptr;
-            capacity_ = 0;
-            data_ = allocate(count);
+        if (count > capacity() || !data_) {
+            data_.reset();
+            data_.reset(allocate(count));
             capacity_ = count;
         }
-        return data_;
+        return data();
     }
 
     // Room for `count` values, of which the first `kept` stay.
     T* grow(size_t count, size_t kept) {
-        if (count <= capacity_) return data_;
+        if (count <= capacity()) return data();
         T* data = allocate(count);
-        for (size_t k = 0; k < kept; ++k) data[k] = data_[k];
-        std::free(data_);
-        data_ = data;
+        for (size_t k = 0; k < kept; ++k) data[k] = (*this)[k];
+        data_.reset(data);
         capacity_ = count;
-        return data_;
+        return data;
     }
 
 private:
@@ -58,7 +47,10 @@ private:
         return static_cast<T*>(data);
     }
 
-    T* data_ = nullptr;
+    struct Free {
+        void operator()(T* data) const { std::free(data); }
+    };
+    std::unique_ptr<T, Free> data_;
     size_t capacity_ = 0;
 };
 

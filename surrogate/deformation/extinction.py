@@ -29,9 +29,8 @@ def extinction_table_reference(function: TransferFunction, values: NDArray[np.fl
     extinctions = -np.log1p(-np.minimum(function.opacities(fine), MOST_OPAQUE))  # [B - 1, S]
     columns = np.concatenate([extinctions[..., None], extinctions[..., None] * function.colors(fine)], axis=2)
     lengths = np.diff(values)[:, None]  # [B - 1, 1]
-    rising = (
-        lengths * np.einsum("s,bsc->bc", inside, columns) / SAMPLES
-    )  # [B - 1, 4], to the upper value of each interval
+    # [B - 1, 4] each: to the upper and to the lower value of each interval
+    rising = lengths * np.einsum("s,bsc->bc", inside, columns) / SAMPLES
     falling = lengths * np.einsum("s,bsc->bc", 1.0 - inside, columns) / SAMPLES
     total = np.pad(rising, ((1, 0), (0, 0))) + np.pad(falling, ((0, 1), (0, 0)))  # [B, 4]
     weight = np.pad(lengths, ((1, 0), (0, 0))) / 2.0 + np.pad(lengths, ((0, 1), (0, 0))) / 2.0  # [B, 1]

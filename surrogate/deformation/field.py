@@ -40,18 +40,14 @@ RATE = (
 
 
 class _Layer(NamedTuple):
-    """A linear map; `fan_in` is what its initial size follows from: its columns, unless it is a part of a wider one."""
+    """A linear map, which may be one of several `parts` side by side that are added: its initial size follows from all columns."""
 
     rows: int
     columns: int
-    fan_in: int
+    parts: int = 1
     biased: bool = True
     normalized: bool = False  # followed by a LayerNorm
     zero: bool = False  # at first
-
-    @classmethod
-    def whole(cls, rows: int, columns: int, **options: bool) -> _Layer:
-        return cls(rows, columns, columns, **options)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         shapes: dict[str, tuple[int, ...]] = {"weights": (self.rows, self.columns)}
@@ -59,8 +55,8 @@ class _Layer(NamedTuple):
         return shapes | dict.fromkeys(vectors, (self.rows,))
 
     def initial(self, random: Generator) -> dict[str, Tensor]:
-        """Uniform within 1 / sqrt(fan_in), as in `torch.nn.Linear` (He et al. 2015 with a = sqrt 5)."""
-        bound = 0.0 if self.zero else 1.0 / math.sqrt(max(self.fan_in, 1))
+        """Uniform within 1 / sqrt(columns), as in `torch.nn.Linear` (He et al. 2015 with a = sqrt 5)."""
+        bound = 0.0 if self.zero else 1.0 / math.sqrt(max(self.parts * self.columns, 1))
         constants = {"gains": 1.0, "shifts": 0.0}
         return {
             name: torch.full(shape, constants[name])
@@ -139,19 +135,19 @@ class Architecture:
         if not self.heads:
             return {}
         layers = {
-            "position": _Layer.whole(feature, 3 * (1 + 2 * self.position_frequencies), normalized=True),
-            "parameters_in": _Layer.whole(feature, self.parameters * (1 + 2 * self.parameter_frequencies)),
-            "parameters_out": _Layer.whole(feature, feature),
-            "adapter_position": _Layer(feature, feature, 2 * feature),
-            "adapter_parameters": _Layer(feature, feature, 2 * feature, biased=False),
-            "adapter_out": _Layer.whole(feature, feature),
+            "position": _Layer(feature, 3 * (1 + 2 * self.position_frequencies), normalized=True),
+            "parameters_in": _Layer(feature, self.parameters * (1 + 2 * self.parameter_frequencies)),
+            "parameters_out": _Layer(feature, feature),
+            "adapter_position": _Layer(feature, feature, parts=2),
+            "adapter_parameters": _Layer(feature, feature, parts=2, biased=False),
+            "adapter_out": _Layer(feature, feature),
         }
         if backbone:
-            layers["backbone_in"] = _Layer.whole(backbone, feature, normalized=True)
-            layers["backbone_out"] = _Layer.whole(backbone, backbone, normalized=True)
+            layers["backbone_in"] = _Layer(backbone, feature, normalized=True)
+            layers["backbone_out"] = _Layer(backbone, backbone, normalized=True)
         for name in self.heads:
-            layers[f"{name}_in"] = _Layer.whole(self.head_width, backbone or feature)
-            layers[f"{name}_out"] = _Layer.whole(self.columns(name), self.head_width, zero=True)
+            layers[f"{name}_in"] = _Layer(self.head_width, backbone or feature)
+            layers[f"{name}_out"] = _Layer(self.columns(name), self.head_width, zero=True)
         return layers
 
 

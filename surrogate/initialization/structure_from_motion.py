@@ -133,15 +133,12 @@ def _match(pycolmap: Any, reconstruction: Any, folder: Path, pairs: Sequence[tup
         path, folder, image_names=[_name(v) for v in range(len(reconstruction.images))], device=cpu
     )
     pair_list.write_text("\n".join(f"{_name(i)} {_name(j)}" for i, j in pairs))
-    geometry = pycolmap.TwoViewGeometryOptions(
-        min_num_inliers=1
-    )  # the cameras are known: few matches tell as surely as many
+    # The cameras are known: few matches tell as surely as many, and verification by itself would only guess the cameras.
+    geometry = pycolmap.TwoViewGeometryOptions(min_num_inliers=1)
     geometry.ransac.max_error = EPIPOLAR_ERROR
     pycolmap.match_image_pairs(
         path,
-        matching_options=pycolmap.FeatureMatchingOptions(
-            skip_geometric_verification=True
-        ),  # which would guess the cameras
+        matching_options=pycolmap.FeatureMatchingOptions(skip_geometric_verification=True),
         pairing_options=pycolmap.ImportedPairingOptions(match_list_path=pair_list),
         verification_options=geometry,
         device=cpu,
