@@ -17,7 +17,7 @@ from benchmarks.splatting.twin import decibels
 from benchmarks.timing import Measured, timed
 from surrogate.evaluation.metrics import composite, psnr
 from surrogate.gaussians import Gaussians
-from surrogate.training.compression import importance
+from surrogate.training.compression.choices import importance
 from surrogate.training.data import ImageRow, load_examples, training_rows
 
 PARTS = (1.0, 0.5, 0.25, 0.12)

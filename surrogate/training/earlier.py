@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import torch
 
 from surrogate.deformation.visualization import Visualization
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.storage.names import part_of
-from surrogate.training.fitted import Fitted
 from surrogate.training.loop import LoopMemory
 from surrogate.training.source import Source
-from surrogate.training.state import TrainingState
-from surrogate.training.steps import NEEDS, Decide, Optimize, Step
+from surrogate.training.state import Fitted, TrainingState
+from surrogate.training.steps import COMPRESSION, Decide, Optimize, Step
 from surrogate.training.visualizations import new_visualization
 
 
@@ -32,8 +32,8 @@ def state_of(checkpoint: Checkpoint, first: Fitted, source: Source, plan: Sequen
     ]
     place, variations = len(shown), source.variations
     optimizing = [i for i, step in enumerate(plan) if isinstance(step, Optimize)]
-    if record["stage"] == NEEDS:
-        deciding = [i for i, step in enumerate(plan) if isinstance(step, Decide) and step.stage == NEEDS]
+    if record["stage"] == "needs":
+        deciding = [i for i, step in enumerate(plan) if isinstance(step, Decide) and step.stage == COMPRESSION]
         done = (deciding[0] if deciding else len(plan)) + record["needs"]
     elif record["stage"] in ("canonical", "deformation"):
         again = record["stage"] == "deformation"
@@ -42,7 +42,7 @@ def state_of(checkpoint: Checkpoint, first: Fitted, source: Source, plan: Sequen
         done = optimizing[place - len(variations)]
         degree = varying["color_degree"] or 0
         shown.append(new_visualization(*fitted, variations[place], source, degree))
-    told = {name: tuple(record[name]) for name in ("losses", "curve", "choices")}
+    told: dict[str, Any] = {name: tuple(record[name]) for name in ("losses", "curve", "choices")}
     state = TrainingState(fitted, done, None, tuple(shown), **told, seconds=record["seconds"])
     step = plan[done] if done < len(plan) else None
     if not isinstance(step, Optimize):

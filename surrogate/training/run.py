@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import torch
+
 from catalogs.catalog import Catalog
 from surrogate.model import Surrogate
 from surrogate.provenance import code, commit
@@ -22,14 +24,11 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training import earlier
 from surrogate.training.data import TrainingData
-from surrogate.training.fitted import Fitted
-from surrogate.training.interruption import Interruption
-from surrogate.training.progress import ProgressReport
-from surrogate.training.session import Session
+from surrogate.training.session import Interruption, ProgressReport, Session
 from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation
-from surrogate.training.state import TrainingState
-from surrogate.training.steps import Step, in_fewest_bits, plan
+from surrogate.training.state import Fitted, TrainingState
+from surrogate.training.steps import Step, plan
 from surrogate.training.visualizations import kind_of
 
 
@@ -83,7 +82,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
         for step in steps[state.done :]:
             state = step(state, session)
             state = replace(state, done=state.done + 1)
-        state, encodings = in_fewest_bits(state, source, data, session)
+    state = state.to(torch.device("cpu"))
     catalog = source.catalog.plan
     return Surrogate(
         gaussians=state.fitted.gaussians,
@@ -103,7 +102,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
             "curve": list(state.curve),
             "choices": list(state.choices),
         },
-        encodings=encodings,
+        encodings=state.encodings,
         visualizations=state.visualizations,
     )
 

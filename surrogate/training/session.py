@@ -1,22 +1,102 @@
-"""What surrounds the steps of a training: its clock, its progress line and its checkpoints."""
+"""What surrounds the steps of a training: its clock, what it tells, its checkpoints, and requests to stop it."""
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType, TracebackType
 from typing import Any
 
 import numpy as np
 
-from catalogs.progress import Rate
+from catalogs.progress import Rate, joined, per_second, time_left
 from surrogate.settings import TrainingSettings
-from surrogate.training.interruption import Interruption
-from surrogate.training.progress import ProgressReport, TrainingProgress
 from surrogate.training.state import TrainingState
 
 REPORT_SECONDS = 0.5
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """Where training stands.
+
+    Attributes
+    ----------
+    stage : "loading", "canonical", "colour degree", "deformation" or "compression".
+    step, steps : done and planned, over all stages; of the choices that are made at the end in "compression".
+    rate : steps per second, lately; 0 before it is known.
+    loss : running mean of the training loss.
+    psnr : the last validation PSNR in dB; None before the first.
+    seconds_left : at this rate; None before it is known.
+    """
+
+    stage: str
+    step: int
+    steps: int
+    rate: float = 0.0
+    loss: float | None = None
+    psnr: float | None = None
+    seconds_left: float | None = None
+
+    def __str__(self) -> str:
+        return joined(
+            f"{self.stage:<11} {self.step:>6} / {self.steps}",
+            per_second(self.rate, "steps"),
+            "" if self.loss is None else f"loss {self.loss:.4f}",
+            "" if self.psnr is None else f"validation {self.psnr:.2f} dB",
+            time_left(self.seconds_left),
+        )
+
+
+ProgressReport = Callable[[TrainingProgress], None]
+
+
+class Interruption:
+    """Ctrl-C and SIGTERM as a request to stop, which training follows where it is safe.
+
+    Within its `with` block the first SIGINT or SIGTERM only sets `requested`; a second one acts at once.
+
+    Outside the main thread, where Python delivers no signals, it changes nothing.
+    """
+
+    def __init__(self) -> None:
+        self.received: signal.Signals | None = None
+        self._previous: dict[signal.Signals, object] = {}
+
+    @property
+    def requested(self) -> bool:
+        return self.received is not None
+
+    def __enter__(self) -> Interruption:
+        if threading.current_thread() is threading.main_thread():
+            self._previous = {number: signal.signal(number, self._note) for number in SIGNALS}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._restore()
+
+    def act(self) -> None:
+        """Do what the signal asked for: raise KeyboardInterrupt, or SystemExit with 128 + SIGTERM."""
+        if self.received is signal.SIGINT:
+            raise KeyboardInterrupt
+        if self.received is signal.SIGTERM:
+            raise SystemExit(128 + signal.SIGTERM)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.received = signal.Signals(number)
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._previous = {}
 
 
 class Session:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
 
 from catalogs.variations import Variation
-from surrogate.storage.encoding import Encoding
-from surrogate.training.compression import Choice
+from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.choices import Choose, choices
 from surrogate.training.compression.color_degree import (
     ASKED_AFTER,
@@ -34,7 +34,7 @@ from surrogate.training.stages import Stage, canonical_stage, simulation_stage
 from surrogate.training.state import TrainingState
 from surrogate.training.visualizations import new_visualization, visualization_stage
 
-NEEDS = "needs"
+COMPRESSION = "compression"
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Decide:
     `stage`, `step` and `steps` are shown as progress; `steps` None means those of all stages.
     """
 
-    choose: Callable[[TrainingState], tuple[TrainingState, Choice | None]]
+    choose: Callable[[TrainingState], TrainingState]
     stage: str
     step: int
     steps: int | None = None
@@ -87,8 +87,7 @@ class Decide:
     def __call__(self, state: TrainingState, session: Session) -> TrainingState:
         session.report(self.stage, self.step, curve=state.curve, steps=self.steps)
         session.save(state)
-        state, choice = self.choose(state)
-        return state if choice is None else replace(state, choices=(*state.choices, choice.to_json()))
+        return self.choose(state)
 
 
 Step = Optimize | Decide
@@ -105,18 +104,18 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
     def simulation(state: TrainingState) -> Stage:
         return simulation_stage(*state.fitted, settings)
 
-    def color_degree(state: TrainingState) -> tuple[TrainingState, Choice]:
+    def color_degree(state: TrainingState) -> TrainingState:
         degree, choice = choose_color_degree(state.fitted, evaluator())
         gaussians = state.fitted.gaussians.with_color_degree(degree)
         loop = None if state.loop is None else state.loop.with_color_columns(gaussians.colors.shape[1])
-        return replace(state, fitted=state.fitted._replace(gaussians=gaussians), loop=loop), choice
+        return _decided(state, choice, fitted=state.fitted._replace(gaussians=gaussians), loop=loop)
 
-    def deciding(choose: Choose) -> Callable[[TrainingState], tuple[TrainingState, Choice]]:
-        def chosen(state: TrainingState) -> tuple[TrainingState, Choice]:
-            fitted, choice = choose(state.fitted, evaluator())
-            return replace(state, fitted=fitted), choice
+    def decide(choose: Choose, state: TrainingState) -> TrainingState:
+        fitted, choice = choose(state.fitted, evaluator())
+        return _decided(state, choice, fitted=fitted)
 
-        return chosen
+    def precision(state: TrainingState) -> TrainingState:
+        return _in_fewest_bits(state, source, data.background, evaluator())
 
     before, steps = lengths.canonical, list[Step]()
     steps.append(Optimize(canonical, lambda: data, 0, lengths.canonical))
@@ -125,13 +124,15 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
         steps.append(Optimize(simulation, lambda: data, before, first))
         steps.append(Decide(color_degree, NAME, before + first))
     steps.append(Optimize(simulation, lambda: data, before, lengths.deformation))
-    if settings.compression.enabled and data.validation:
-        made = choices(bool(source.variations))
-        steps += [Decide(deciding(choose), NEEDS, i, len(made) + 1) for i, choose in enumerate(made)]
+    made = choices(bool(source.variations)) if settings.compression.enabled and data.validation else ()
+    for i, choose in enumerate(made):
+        steps.append(Decide(functools.partial(decide, choose), COMPRESSION, i, len(made) + 1))
     images = functools.lru_cache(maxsize=1)(lambda number: source.data(source.variations[number]))
     for number, variation in enumerate(source.variations):
         before = lengths.canonical + lengths.deformation + number * lengths.visualization
         steps += _of_variation(source, variation, functools.partial(images, number), before)
+    if made:
+        steps.append(Decide(precision, COMPRESSION, len(made), len(made) + 1))
     return steps
 
 
@@ -139,11 +140,11 @@ def _of_variation(source: Source, variation: Variation, images: Callable[[], Tra
     """Stage 3 for one variation of the appearance."""
     settings = source.settings
 
-    def color_degree(state: TrainingState) -> tuple[TrainingState, Choice | None]:
+    def color_degree(state: TrainingState) -> TrainingState:
         evaluator = Evaluator(settings, replace(images(), validation=source.decision_images(variation)))
         degree, choice = choose_visualized_color_degree(state.fitted, variation, source, evaluator)
         visualization = new_visualization(*state.fitted, variation, source, degree)
-        return replace(state, visualizations=(*state.visualizations, visualization)), choice
+        return _decided(state, choice, visualizations=(*state.visualizations, visualization))
 
     def stage(state: TrainingState) -> Stage:
         return visualization_stage(*state.fitted, state.visualizations[-1], settings)
@@ -154,24 +155,25 @@ def _of_variation(source: Source, variation: Variation, images: Callable[[], Tra
     ]
 
 
-def in_fewest_bits(
-    state: TrainingState, source: Source, data: TrainingData, session: Session
-) -> tuple[TrainingState, dict[str, Encoding]]:
-    """The last choices: the model as it will be read again, in main memory, and the encodings of its tensors by name."""
-    state, encodings = state.to(torch.device("cpu")), dict[str, Encoding]()
-    if not (source.settings.compression.enabled and data.validation):
-        return state, encodings
-    made = len(choices(bool(source.variations)))
-    session.report(NEEDS, made, curve=state.curve, steps=made + 1)
-    session.save(state)
-    evaluator = Evaluator(source.settings, replace(data, validation=source.decision_images()))
+def _in_fewest_bits(
+    state: TrainingState, source: Source, background: tuple[float, float, float] | None, evaluator: Evaluator
+) -> TrainingState:
+    """The model as it will be read again, in main memory."""
+    state = state.to(torch.device("cpu"))
     fitted, encodings, choice = choose_precision(state.fitted, evaluator)
-    found, shown = [choice.to_json()], list(state.visualizations)
+    found, shown = [choice], list(state.visualizations)
     for i, visualization in enumerate(shown):
         images = source.decision_images(visualization.variation)
         if images:
-            evaluator = Evaluator(source.settings, TrainingData([], images, data.background))
+            evaluator = Evaluator(source.settings, TrainingData([], images, background))
             shown[i], own, choice = precision_of_visualization(visualization, fitted, evaluator)
             encodings |= {f"visualization{i}.{name}": encoding for name, encoding in own.items()}
-            found.append(choice.to_json())
-    return replace(state, fitted=fitted, visualizations=tuple(shown), choices=(*state.choices, *found)), encodings
+            found.append(choice)
+    return _decided(state, *found, fitted=fitted, visualizations=tuple(shown), encodings=encodings)
+
+
+def _decided(state: TrainingState, *choices: Choice | None, **changes: Any) -> TrainingState:
+    """The state after `choices`, None where nothing was asked, with the `changes` that they led to."""
+    return replace(
+        state, choices=(*state.choices, *(choice.to_json() for choice in choices if choice is not None)), **changes
+    )

@@ -14,7 +14,7 @@ import pytest
 
 from catalogs.catalog import Catalog
 from surrogate import TrainingSettings, train
-from surrogate.training.progress import TrainingProgress
+from surrogate.training.session import TrainingProgress
 
 PROJECT = Path(__file__).resolve().parents[2]
 # Forked before any thread exists, so that each of the many short lives does not import torch anew.

@@ -11,7 +11,7 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.training.fitted import Fitted
+from surrogate.training.state import Fitted
 from surrogate.training.visualizations import FROZEN_BY_TRANSFER_FUNCTIONS
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEPS
 

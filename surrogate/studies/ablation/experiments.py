@@ -26,8 +26,8 @@ from surrogate.studies.ablation.timing import ROUGHLY, StepTimes, measure_step_t
 from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
 from surrogate.training.data import ImageRow, TrainingData, validation_rows
 from surrogate.training.loop import StageRun
-from surrogate.training.progress import ProgressReport, TrainingProgress
 from surrogate.training.run import train
+from surrogate.training.session import ProgressReport, TrainingProgress
 from surrogate.training.source import DECISION_IMAGES, Source
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
 

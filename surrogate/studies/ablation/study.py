@@ -22,7 +22,7 @@ from surrogate.studies.ablation.records import DECIDING, Records, Result
 from surrogate.studies.ablation.timing import StepTimes, clock, scheduled, with_steps
 from surrogate.studies.ablation.variants import Variant, selected
 from surrogate.studies.progress import StudyProgress, StudyWatch
-from surrogate.training.progress import TrainingProgress
+from surrogate.training.session import TrainingProgress
 
 PROBE = 0.1  # of the budget, spent on measuring the speed first
 LONGEST = 10.0  # budgets, that a fit may take whose steps are given

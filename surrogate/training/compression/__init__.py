@@ -3,8 +3,3 @@
 The colour degree is chosen during stage 2, what may be left out after it, and the precision at the end.  Every choice is made on
 validation images, never on test ones, and says what it measured (`Choice`).
 """
-
-from surrogate.training.compression.choice import Choice, Measured, Option
-from surrogate.training.compression.importance import importance
-
-__all__ = ["Choice", "Measured", "Option", "importance"]

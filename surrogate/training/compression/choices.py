@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import torch
+from torch import Tensor
 
-from surrogate.gaussians import NAMES
+from surrogate.gaussians import NAMES, Gaussians
+from surrogate.rasterizer import Rasterizer
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
-from surrogate.training.compression.importance import importance
-from surrogate.training.fitted import Fitted
+from surrogate.training.data import Example
+from surrogate.training.state import Fitted
 
 HOPELESS = 1.0  # dB: an attribute that costs more at once is not tried with fine-tuning
 MODES_TRIES, MODES_SHRINK = 2, 0.7  # fine-tunings, and which part of the modes each is tried with
@@ -32,6 +35,33 @@ def choices(varied: bool) -> tuple[Choose, ...]:
     return always if varied else (*always, choose_gaussians)
 
 
+class Search:
+    """A choice in progress: what was tried, and the `current` model, the smallest so far that costs no more than the tolerance."""
+
+    def __init__(self, fitted: Fitted, evaluator: Evaluator, name: str) -> None:
+        """Begin with a model, which `name` describes among the options."""
+        self.current, self.before = fitted, evaluator.measure(fitted)
+        self.enough = self.before.psnr - evaluator.tolerance
+        self.options = [Option(name, self.before.psnr)]
+        self._evaluator = evaluator
+
+    def accepts(self, trial: Fitted, name: str, turn: int) -> bool:
+        """Whether a model is good enough, fine-tuned if need be; if so, it becomes the current one."""
+        psnr = self._evaluator.psnr(trial)
+        if psnr < self.enough:
+            trial, name = self._evaluator.fine_tuned(trial, turn), f"{name}, after a recovery"
+            psnr = self._evaluator.psnr(trial)
+        self.options.append(Option(name, psnr))
+        if psnr >= self.enough:
+            self.current = trial
+        return psnr >= self.enough
+
+    def made(self, name: str, kept: str) -> tuple[Fitted, Choice]:
+        """What the choice called `name` ends with, `kept` in words."""
+        after = self._evaluator.measure(self.current)
+        return self.current, Choice(name, kept, self.options, self.before, after)
+
+
 def choose_fine_tuning(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
     """Whether the model as stage 2 left it is fine-tuned, as all that loses something will be."""
     before = evaluator.measure(fitted)
@@ -45,72 +75,50 @@ def choose_fine_tuning(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Ch
 
 
 def choose_attributes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
-    """Hold still whatever is not worth moving: one attribute after the other, the least missed first.
-
-    One is held still where the model, fine-tuned if need be, is worse by no more than the tolerance than with all.
-    """
-    before = evaluator.measure(fitted)
-    options, current, enough = [Option("all", before.psnr)], fitted, before.psnr - evaluator.tolerance
+    """Hold still every attribute that is not worth moving, one after the other, the least missed first."""
+    search = Search(fitted, evaluator, "all")
     alone = {name: evaluator.psnr(fitted.without(name)) for name in NAMES if fitted.deformation.moves(name)}
     for turn, name in enumerate(sorted(alone, key=lambda n: -alone[n])):
         said = f"without {SAID.get(name, name)}"
-        if before.psnr - alone[name] > max(HOPELESS, evaluator.tolerance):
-            options.append(Option(said, alone[name]))
-            continue
-        trial, psnr, how = evaluator.good_enough(current.without(name), enough, turn)
-        options.append(Option(f"{said}{how}", psnr))
-        if psnr < enough:
+        if search.before.psnr - alone[name] > max(HOPELESS, evaluator.tolerance):
+            search.options.append(Option(said, alone[name]))
+        elif not search.accepts(search.current.without(name), said, turn):
             break
-        current = trial
-    moving = ", ".join(SAID.get(name, name) for name in NAMES if current.deformation.moves(name))
-    return current, Choice("attributes that deform", moving or "none", options, before, evaluator.measure(current))
+    moving = ", ".join(SAID.get(name, name) for name in NAMES if search.current.deformation.moves(name))
+    return search.made("attributes that deform", moving or "none")
 
 
 def choose_modes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
     """As few modes of deformation as will do, the most effective ones first; fewer still where fine-tuning makes up for them."""
-    before, full = evaluator.measure(fitted), fitted.deformation.latent_size
-    options, enough = [Option(str(full), before.psnr)], before.psnr - evaluator.tolerance
+    full = fitted.deformation.latent_size
+    search = Search(fitted, evaluator, str(full))
     places = list({tuple(e.parameters.tolist()): e.parameters for e in evaluator.data.examples}.values())  # [P] each
 
     def cut(size: int) -> Fitted:
         return Fitted(fitted.gaussians, fitted.deformation.reduced(size, places))
 
-    count = least(1, full, lambda size: evaluator.psnr(cut(size)) >= enough)
-    current = cut(count) if count < full else fitted
+    count = least(1, full, lambda size: evaluator.psnr(cut(size)) >= search.enough)
     if count < full:
-        options.append(Option(str(count), evaluator.psnr(current)))
+        search.accepts(cut(count), str(count), 0)
     for turn in range(MODES_TRIES):
         fewer = min(count - 1, round(MODES_SHRINK * count))
-        if fewer < 1:
+        if fewer < 1 or not search.accepts(cut(fewer), str(fewer), turn):
             break
-        trial, psnr, how = evaluator.good_enough(cut(fewer), enough, turn)
-        options.append(Option(f"{fewer}{how}", psnr))
-        if psnr < enough:
-            break
-        current, count = trial, fewer
-    return current, Choice("modes of deformation", str(count), options, before, evaluator.measure(current))
+        count = fewer
+    return search.made("modes of deformation", str(count))
 
 
 def choose_gaussians(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
-    """Remove the least important Gaussians, in rounds, as long as fine-tuning makes up for them.
-
-    A round is kept where the model, fine-tuned if need be, is worse than the first by no more than the tolerance.
-    """
-    before = evaluator.measure(fitted)
-    options, current = [Option(f"{len(fitted.gaussians):,}", before.psnr)], fitted
-    enough = before.psnr - evaluator.tolerance
+    """Remove the least important Gaussians, in rounds, as long as fine-tuning makes up for them."""
+    search = Search(fitted, evaluator, f"{len(fitted.gaussians):,}")
     for allowance in ALLOWANCES:
         for _ in range(ROUNDS):
-            trial = _pruned(current, evaluator, before.psnr - allowance * evaluator.tolerance)
-            removed = len(current.gaussians) - len(trial.gaussians)
-            if removed < max(1.0, WORTHWHILE * len(current.gaussians)):
+            current = search.current
+            trial = _pruned(current, evaluator, search.before.psnr - allowance * evaluator.tolerance)
+            few = len(current.gaussians) - len(trial.gaussians) < max(1.0, WORTHWHILE * len(current.gaussians))
+            if few or not search.accepts(trial, f"{len(trial.gaussians):,}", len(search.options)):
                 break
-            trial, psnr, how = evaluator.good_enough(trial, enough, len(options))
-            options.append(Option(f"{len(trial.gaussians):,}{how}", psnr))
-            if psnr < enough:
-                break
-            current = trial
-    return current, Choice("Gaussians", f"{len(current.gaussians):,}", options, before, evaluator.measure(current))
+    return search.made("Gaussians", f"{len(search.current.gaussians):,}")
 
 
 def _pruned(fitted: Fitted, evaluator: Evaluator, enough: float) -> Fitted:
@@ -137,3 +145,21 @@ def least(low: int, high: int, will_do: Callable[[int], bool]) -> int:
         else:
             low = middle + 1
     return high
+
+
+def importance(
+    gaussians_at: Callable[[Tensor], Gaussians], examples: Iterable[Example], rasterizer: Rasterizer
+) -> Tensor:
+    """The sum of each Gaussian's weights T alpha over all pixels of the examples' views, (N,); their images are not read.
+
+    A picture is linear in the colours with those weights, so they are the gradient of its sum by one channel.
+    """
+    total = torch.zeros(0)
+    for example in examples:
+        with torch.no_grad():
+            deformed = gaussians_at(example.parameters)
+        colors = deformed.means.new_zeros(len(deformed), 3, requires_grad=True)
+        drawn = rasterizer.draw(replace(deformed, colors=colors), example.camera)
+        (by_colors,) = torch.autograd.grad(drawn.color[..., 0].sum(), colors)
+        total = by_colors[:, 0] if not len(total) else total + by_colors[:, 0]
+    return total

@@ -13,10 +13,10 @@ from catalogs.variations import Variation
 from surrogate.gaussians import Gaussians
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
-from surrogate.training.fitted import Fitted
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage
+from surrogate.training.state import Fitted
 from surrogate.training.visualizations import new_visualization, visualization_stage
 
 NAME, NAME_OF_F_VIS = "colour degree", "colour degree of F_vis"

@@ -16,9 +16,9 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.choice import Measured
 from surrogate.training.data import Example, TrainingData
-from surrogate.training.fitted import Fitted
 from surrogate.training.loop import StageRun, mean_psnr
 from surrogate.training.stages import simulation_stage
+from surrogate.training.state import Fitted
 
 TIMED = 8  # pictures
 RECOVERY_DECAY = 0.3  # of the rates in a fine-tuning, which begins with those of stage 2's end
@@ -57,14 +57,6 @@ class Evaluator:
             fitted.megabytes if megabytes is None else megabytes,
             statistics.median(self._milliseconds(fitted, example) for example in some),
         )
-
-    def good_enough(self, fitted: Fitted, enough: float, turn: int) -> tuple[Fitted, float, str]:
-        """A model as it is if it reaches `enough` dB, else fine-tuned; its mean PSNR, and what to say of it."""
-        psnr = self.psnr(fitted)
-        if psnr >= enough:
-            return fitted, psnr, ""
-        fitted = self.fine_tuned(fitted, turn)
-        return fitted, self.psnr(fitted), ", after a recovery"
 
     def fine_tuned(self, fitted: Fitted, turn: int) -> Fitted:
         """A copy after a few more steps at the low rates of stage 2's end; `turn` decides on which images."""

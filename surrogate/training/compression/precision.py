@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -11,7 +13,9 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.storage.encoding import FORMATS, Encoding, encode
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
-from surrogate.training.fitted import Fitted
+from surrogate.training.state import Fitted
+
+Model = TypeVar("Model")
 
 NAME = "precision"
 FEWEST_ROWS = 8  # with which 8 bits, and two float32 numbers per column, take no more bytes than half precision
@@ -24,16 +28,16 @@ def choose_precision(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, dict
     """
     fitted = fitted.to(torch.device("cpu"))  # where models are stored and read
     before = evaluator.measure(fitted)
-    stored, chosen, tried = _in_fewest_bits(
-        fitted.tensors(),
-        lambda tensors: evaluator.psnr(Fitted.load(tensors, fitted.record())),
-        before.psnr - evaluator.tolerance,
+
+    def load(tensors: Mapping[str, Tensor]) -> Fitted:
+        return Fitted.load(tensors, fitted.record())
+
+    current, chosen, choice = _in_fewest_bits(
+        NAME, fitted.tensors(), load, evaluator.psnr, before.psnr, evaluator.tolerance
     )
-    current = Fitted.load(stored, fitted.record())
     megabytes = current.megabytes - 1e-6 * sum(e.saved_bytes for e in chosen.values())
-    after = evaluator.measure(current, megabytes=megabytes)
-    options = [Option("all in float32", before.psnr), *tried, Option("as kept", after.psnr)]
-    return current, chosen, Choice(NAME, _said(_by_size(stored), chosen), options, before, after)
+    after = evaluator.measure(current, choice.options[-1].psnr, megabytes)
+    return current, chosen, replace(choice, before=before, after=after)
 
 
 def precision_of_visualization(
@@ -44,32 +48,34 @@ def precision_of_visualization(
     def psnr(trial: Visualization) -> float:
         return evaluator.psnr_of(lambda parameters: trial.gaussians_at(*fitted, parameters))
 
-    def loaded(tensors: Mapping[str, Tensor]) -> Visualization:
+    def load(tensors: Mapping[str, Tensor]) -> Visualization:
         return Visualization.load(tensors, visualization.record())
 
-    before = psnr(visualization)
-    stored, chosen, tried = _in_fewest_bits(
-        visualization.stored(), lambda tensors: psnr(loaded(tensors)), before - evaluator.tolerance
-    )
-    current = loaded(stored)
-    options = [Option("all in float32", before), *tried, Option("as kept", psnr(current))]
-    return current, chosen, Choice(f"{NAME}, {visualization.variation.name}", _said(_by_size(stored), chosen), options)
+    name = f"{NAME}, {visualization.variation.name}"
+    return _in_fewest_bits(name, visualization.stored(), load, psnr, psnr(visualization), evaluator.tolerance)
 
 
 def _in_fewest_bits(
-    tensors: Mapping[str, Tensor], psnr_of: Callable[[Mapping[str, Tensor]], float], enough: float
-) -> tuple[dict[str, Tensor], dict[str, Encoding], list[Option]]:
-    """The tensors as they will be read again, their encodings, and what failed: the largest first, all so far reach `enough` dB."""
-    kept, chosen, failed = dict(tensors), dict[str, Encoding](), []
-    for name in _by_size(tensors):
-        for encoding in _encodings(tensors[name]):
-            trial = kept | {name: encoding.decoded()}
-            psnr = psnr_of(trial)
-            if psnr >= enough:
-                kept, chosen[name] = trial, encoding
+    name: str,
+    tensors: Mapping[str, Tensor],
+    load: Callable[[Mapping[str, Tensor]], Model],
+    psnr_of: Callable[[Model], float],
+    before: float,
+    tolerance: float,
+) -> tuple[Model, dict[str, Encoding], Choice]:
+    kept, chosen, options = dict(tensors), dict[str, Encoding](), [Option("all in float32", before)]
+    largest_first = sorted(tensors, key=lambda name: (-tensors[name].numel(), name))
+    for tensor in largest_first:
+        for encoding in _encodings(tensors[tensor]):
+            trial = kept | {tensor: encoding.decoded()}
+            psnr = psnr_of(load(trial))
+            if psnr >= before - tolerance:
+                kept, chosen[tensor] = trial, encoding
                 break
-            failed.append(Option(f"{name} in {encoding.form}", psnr))
-    return kept, chosen, failed
+            options.append(Option(f"{tensor} in {encoding.form}", psnr))
+    model = load(kept)
+    options.append(Option("as kept", psnr_of(model)))
+    return model, chosen, Choice(name, _said(largest_first, chosen), options)
 
 
 def _encodings(tensor: Tensor) -> list[Encoding]:
@@ -80,10 +86,6 @@ def _encodings(tensor: Tensor) -> list[Encoding]:
     found = [encode(tensor, form) for form in FORMATS]
     kept = [e for e in found if e.saved_bytes > 0 and torch.isfinite(e.decoded()).all()]
     return sorted(kept, key=lambda e: -e.saved_bytes) if len(tensor) < FEWEST_ROWS else kept
-
-
-def _by_size(tensors: Mapping[str, Tensor]) -> list[str]:
-    return sorted(tensors, key=lambda name: (-tensors[name].numel(), name))
 
 
 def _said(names: Sequence[str], chosen: Mapping[str, Encoding]) -> str:

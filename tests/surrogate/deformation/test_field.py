@@ -17,9 +17,9 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.compression.choice import Measured
 from surrogate.training.compression.choices import choose_modes
 from surrogate.training.compression.evaluator import Evaluator
-from surrogate.training.fitted import Fitted
 from surrogate.training.optimizer import Adam
 from surrogate.training.stages import simulation_stage
+from surrogate.training.state import Fitted
 
 APPEARANCE = ("opacity_logits", "colors")
 COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "colors": 3}

@@ -15,7 +15,7 @@ from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES, Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.storage.encoding import encode
-from surrogate.training.fitted import Fitted
+from surrogate.training.state import Fitted
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS
 from tests.support.visualizations import SMALL, base, of_isovalue, shaken, surrogate, visualization

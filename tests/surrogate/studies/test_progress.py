@@ -3,7 +3,7 @@ import time
 import pytest
 
 from surrogate.studies.progress import StudyProgress, StudyWatch
-from surrogate.training.progress import TrainingProgress
+from surrogate.training.session import TrainingProgress
 
 
 @pytest.fixture
@@ -30,8 +30,8 @@ def test_the_time_left_counts_those_that_follow(now: list[float]) -> None:
     watch.tell("training", 37.5)
     assert str(seen[-1]) == "seed 8 (2 / 3)  training  3:18 in all"
     watch.begin("seed 9", 0)
-    watch.tell(TrainingProgress("needs", 1, 5), 3.0)
-    assert str(seen[-1]) == "seed 9 (3 / 3)  needs            1 / 5"
+    watch.tell(TrainingProgress("compression", 1, 5), 3.0)
+    assert str(seen[-1]) == "seed 9 (3 / 3)  compression      1 / 5"
 
 
 def test_those_that_follow_take_as_long_as_those_before_on_average(now: list[float]) -> None:

@@ -13,7 +13,7 @@ from catalogs.catalog import Catalog
 from surrogate import TrainingSettings, train
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.storage.names import part_of
-from surrogate.training.progress import TrainingProgress
+from surrogate.training.session import TrainingProgress
 from surrogate.training.state import TrainingState
 from tests.support.field_blobs import field_catalog
 from tests.support.interruptions import interrupt, outcome
@@ -35,7 +35,7 @@ MOMENTS: dict[str, Callable[[TrainingProgress], bool]] = {
     "stage 1": lambda p: p.step == 4,
     "before the colour degree": lambda p: p.step == 7,
     "stage 2": lambda p: p.step == 10,
-    "a choice": lambda p: p.stage == "needs" and p.step == 1,
+    "a choice": lambda p: p.stage == "compression" and p.step == 1,
     "first variation": lambda p: p.stage == "isovalue" and p.step == 19,
     "second variation": lambda p: p.stage == "transfer_function" and p.step == 27,
 }

@@ -10,8 +10,8 @@ import pytest
 from catalogs.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.splatting import cpu, cuda
-from surrogate.training.compression import Choice
-from surrogate.training.progress import TrainingProgress
+from surrogate.training.compression.choice import Choice
+from surrogate.training.session import TrainingProgress
 from tests.support.blobs import Blobs
 from tests.support.interruptions import PROJECT, files, interrupt, kill_again_and_again, outcome
 
@@ -70,10 +70,16 @@ def test_progress_says_where_training_stands(make_catalog, tmp_path: Path, monke
     seen: list[TrainingProgress] = []
     catalog = make_catalog(members=(("train", 0.0), ("train", 1.0), ("validation", 0.5)))
     train(QUICK, catalog, tmp_path / "surrogate", progress=seen.append)
-    steps = [progress.step for progress in seen if progress.stage != "needs"]
+    steps = [progress.step for progress in seen if progress.stage != "compression"]
     assert steps == sorted(steps)
-    assert [(p.step, p.steps) for p in seen if p.stage == "needs"] == [(done, 5) for done in range(5)]
-    assert {progress.stage for progress in seen} == {"loading", "canonical", "colour degree", "deformation", "needs"}
+    assert [(p.step, p.steps) for p in seen if p.stage == "compression"] == [(done, 5) for done in range(5)]
+    assert {progress.stage for progress in seen} == {
+        "loading",
+        "canonical",
+        "colour degree",
+        "deformation",
+        "compression",
+    }
     last = [progress for progress in seen if progress.stage == "deformation"][-1]
     assert last.step == last.steps == 40
     assert last.rate > 0

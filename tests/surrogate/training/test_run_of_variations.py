@@ -16,9 +16,9 @@ import torch
 from catalogs.catalog import Catalog
 from catalogs.variations import Setting, Variation, displaced
 from surrogate import Surrogate, TrainingSettings, train
-from surrogate.training.compression import Choice
+from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.precision import precision_of_visualization
-from surrogate.training.progress import TrainingProgress
+from surrogate.training.session import TrainingProgress
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEPS, appearance_of, field_catalog
 from tests.support.interruptions import files, interrupt, kill_again_and_again, outcome
@@ -40,8 +40,8 @@ QUICK = TrainingSettings(
 # Interruptions: at a step of all stages, or before a choice about the model.
 MOMENTS: dict[str, Callable[[TrainingProgress], bool]] = {
     "stage 2": lambda p: p.step >= 10,
-    "needs": lambda p: p.stage == "needs" and p.step == 1,
-    "last need": lambda p: p.stage == "needs" and p.step == 2,
+    "compression": lambda p: p.stage == "compression" and p.step == 1,
+    "end of compression": lambda p: p.stage == "compression" and p.step == 2,
     "first degree": lambda p: p.stage == "colour degree of F_vis",
     "first variation": lambda p: p.stage == "isovalue" and p.step >= 17,
     "between variations": lambda p: p.stage == "isovalue" and p.step == 24,

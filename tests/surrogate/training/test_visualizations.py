@@ -14,9 +14,9 @@ from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesD
 from surrogate.gaussians import NAMES
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
-from surrogate.training.fitted import Fitted
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
+from surrogate.training.state import Fitted
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, appearance_of, field_catalog

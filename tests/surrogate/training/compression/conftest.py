@@ -13,7 +13,7 @@ from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import Example, TrainingData
-from surrogate.training.fitted import Fitted
+from surrogate.training.state import Fitted
 from tests.support.blobs import Blobs
 from tests.support.comparing import stored_picture
 

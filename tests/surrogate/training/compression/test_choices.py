@@ -12,12 +12,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surrogate.gaussians import NAMES
-from surrogate.rasterizer import Rasterizer
+from surrogate.rasterizer import Rasterizer, primitives
+from surrogate.splatting import Primitives, reference
 from surrogate.storage.encoding import FORMATS, encode
-from surrogate.training.compression.choices import choices, choose_attributes, choose_gaussians, choose_modes, least
+from surrogate.training.compression.choices import (
+    choices,
+    choose_attributes,
+    choose_gaussians,
+    choose_modes,
+    importance,
+    least,
+)
 from surrogate.training.compression.color_degree import choose_color_degree
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.precision import choose_precision
+from surrogate.training.data import Example
+from tests.support.blobs import Blobs
 from tests.support.comparing import same
 from tests.surrogate.training.compression.conftest import TRUE_MODES, MakeKnown
 
@@ -174,3 +184,32 @@ def test_the_least_that_will_do_is_found_in_few_questions(low: int, size: int, p
     assert least(low, high, will_do) == wanted
     assert len(asked) <= size.bit_length()
     assert high not in asked
+
+
+def test_importance_is_the_sum_of_transmittance_and_alpha() -> None:
+    blobs, rasterizer = Blobs(), Rasterizer()
+    gaussians, cameras = blobs.gaussians(0.3), blobs.cameras()[:3]
+    examples = [Example(camera, torch.tensor([p]), None) for camera, p in zip(cameras, (0.0, 0.3, 0.9), strict=True)]  # type: ignore[arg-type]
+    found = importance(lambda p: blobs.gaussians(float(p)), examples, rasterizer)
+    expected = torch.zeros(len(gaussians), dtype=torch.float64)
+    for example in examples:
+        wide = blobs.gaussians(float(example.parameters))
+        inputs = Primitives(*(t.double() for t in primitives(wide, example.camera)))
+        splats = reference.project(inputs, example.camera, rasterizer.constants)
+        pixels = reference.pixel_centers(example.camera).double()
+        alphas = reference.alphas_at(pixels, splats, rasterizer.constants)
+        matrix = torch.tensor(example.camera.world_to_camera)
+        order = (inputs.means @ matrix[2, :3]).argsort()
+        expected[order] += (reference.transmittances(alphas) * alphas).sum(0)
+    torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=1e-3)
+
+
+def test_what_is_hidden_or_out_of_sight_has_no_importance() -> None:
+    blobs = Blobs()
+    gaussians = blobs.gaussians(0.5)
+    gaussians.means[0] = torch.tensor([50.0, 50.0, 50.0])
+    gaussians.opacity_logits[1] = -20.0
+    example = Example(blobs.cameras()[0], torch.tensor([0.5]), None)  # type: ignore[arg-type]
+    found = importance(lambda _: gaussians, [example], Rasterizer())
+    assert found[:2].tolist() == [0.0, 0.0]
+    assert (found[2:] > 0).any()

@@ -12,8 +12,8 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.compression.color_degree import NAME_OF_F_VIS, choose_visualized_color_degree
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import TrainingData
-from surrogate.training.fitted import Fitted
 from surrogate.training.source import Source
+from surrogate.training.state import Fitted
 from tests.support.comparing import stored_picture
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
 

@@ -13,7 +13,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.compression.precision import precision_of_visualization
 from surrogate.training.data import TrainingData
-from surrogate.training.fitted import Fitted
+from surrogate.training.state import Fitted
 from tests.support.comparing import same, stored_picture
 from tests.support.field_blobs import BLOBS
 from tests.support.visualizations import base, of_isovalue, visualization

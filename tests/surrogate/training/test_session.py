@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from surrogate.training.interruption import Interruption
+from surrogate.training.session import Interruption
 
 
 @pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
