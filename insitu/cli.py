@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,9 @@ import click
 
 from catalogs.progress import ProgressLine
 
+PATH = click.Path(path_type=Path)
+NAMED_FILE = click.Path(dir_okay=False, path_type=Path)  # whose absence is told in our own words
+FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 NAN = click.option(
     "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
 )
@@ -27,10 +29,8 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("scene", type=click.Path(dir_okay=False, path_type=Path))
-@click.option(
-    "--runs", default="runs", show_default=True, type=click.Path(path_type=Path), help="Folder of all results."
-)
+@click.argument("scene", type=NAMED_FILE)
+@click.option("--runs", default="runs", show_default=True, type=PATH, help="Folder of all results.")
 @WORKERS
 @SHARD
 def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> None:
@@ -39,7 +39,7 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> 
         from catalogs.scene import Scene
         from insitu.dataset import make_dataset
 
-        result = make_dataset(Scene.load(scene), runs, workers=workers, shard=_shard(shard), progress=line)
+        result = make_dataset(Scene.load(scene), runs, **_how_to_run(line, workers, shard))
         _fail_on(result.failures)
     if result.made:
         click.echo(f"{result.catalog}: {result.members} members, {result.made} new, {result.seconds:.0f} s in all")
@@ -48,16 +48,10 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> 
 
 
 @main.command()
-@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--catalog", required=True, type=click.Path(path_type=Path), help="The .cdb folder to write.")
-@click.option(
-    "--scene", type=click.Path(dir_okay=False, path_type=Path), help="Take appearances and views from this scene."
-)
-@click.option(
-    "--appearance",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="TOML file of [[appearance]] tables, as `insitu probe` prints them.",
-)
+@click.argument("file", type=FILE)
+@click.option("--catalog", required=True, type=PATH, help="The .cdb folder to write.")
+@click.option("--scene", type=NAMED_FILE, help="Take appearances and views from this scene.")
+@click.option("--appearance", type=FILE, help="TOML file of [[appearance]] tables, as `insitu probe` prints them.")
 @click.option(
     "--dataset",
     "datasets",
@@ -114,16 +108,14 @@ def ensemble(
             size = size or (None if known else 256)
             views = None if size is None else ViewPlan(width=size, height=size)
             options = PlanOptions(stored.space, given, views, target_decibels=target_decibels)
-        result = run_ensemble(
-            catalog, members, stored, options, workers=workers, shard=_shard(shard), nan=nan, progress=line
-        )
+        result = run_ensemble(catalog, members, stored, options, nan=nan, **_how_to_run(line, workers, shard))
         line.close()
         click.echo(str(result))
         _fail_on(dict(result.failures))
 
 
 @main.command()
-@click.argument("sources", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("sources", nargs=-1, required=True, type=FILE)
 @click.option("--members", "count", default=5, show_default=True, help="Pilot members of an ensemble to look at.")
 @click.option("--alpha", default=0.5, show_default=True, help="Mean alpha that the foreground should have.")
 @click.option(
@@ -134,7 +126,7 @@ def ensemble(
 )
 @click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
 @NAN
-@click.option("--preview", type=click.Path(path_type=Path), help="Write a picture of the suggestion (PNG).")
+@click.option("--preview", type=PATH, help="Write a picture of the suggestion (PNG).")
 def probe(
     sources: tuple[Path, ...],
     count: int,
@@ -161,7 +153,12 @@ def probe(
             stored = _stored(first, arrays, ())
             fields = _pilots(stored, stored.members(), count, nan)
         else:
-            fields = _read_fields(sources, arrays, spacing, nan)
+            from insitu.readers.files import read_field
+
+            fields = {
+                array or "": {p.name: read_field(p, array=array, spacing=spacing or None, nan=nan) for p in sources}
+                for array in arrays or (None,)
+            }
         for name, (found, suggestion) in _suggested(fields, alpha).items():
             if len(fields) > 1:
                 click.echo(f"field {name}")
@@ -170,19 +167,6 @@ def probe(
             click.echo(suggestion.toml())
             if preview is not None:
                 _preview(preview, fields[name], suggestion.appearance, name if len(fields) > 1 else "")
-
-
-def _read_fields(
-    paths: tuple[Path, ...], arrays: tuple[str, ...], spacing: tuple[float, float, float] | None, nan: str
-) -> dict[str, dict[str, Any]]:
-    """Grids by array, then by file; of the only array where none is named."""
-    from insitu.readers.files import read_field
-
-    named: tuple[str | None, ...] = arrays or (None,)
-    return {
-        array or "": {p.name: read_field(p, array=array, spacing=spacing or None, nan=nan) for p in paths}
-        for array in named
-    }
 
 
 def _preview(path: Path, grids: dict[str, Any], appearance: Any, field: str) -> None:
@@ -245,13 +229,13 @@ def _suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[st
     return suggested
 
 
-def _shard(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    index, sign, count = text.partition("/")
+def _how_to_run(line: ProgressLine, workers: int | None, shard: str | None) -> dict[str, Any]:
+    """Arguments of `run_ensemble`; `line` tells progress and warnings."""
+    index, sign, count = ("1/1" if shard is None else shard).partition("/")
     if not sign or not index.isdigit() or not count.isdigit():
-        raise ValueError(f"--shard takes I/N, such as 1/4, got {text!r}")
-    return int(index), int(count)
+        raise ValueError(f"--shard takes I/N, such as 1/4, got {shard!r}")
+    part = int(index), int(count)
+    return {"workers": workers, "shard": part, "progress": line, "warn": lambda note: line.say(f"Warning: {note}")}
 
 
 def _fail_on(failures: dict[str, str]) -> None:
@@ -262,29 +246,19 @@ def _fail_on(failures: dict[str, str]) -> None:
 
 @contextmanager
 def _command() -> Iterator[ProgressLine]:
-    """Run a command with a progress line; mistakes that a user can mend, and warnings, are told in one plain line each."""
+    """Run a command with a progress line; mistakes that a user can mend are told in one plain line.
+
+    SIGTERM, as batch systems send it, ends the work like Ctrl-C.
+    """
+    in_main = threading.current_thread() is threading.main_thread()  # signals are its alone
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
     try:
-        with ProgressLine() as line, warnings.catch_warnings(), _termination_interrupts():
-            warnings.showwarning = lambda message, *_, **__: line.say(f"Warning: {message}")
+        with ProgressLine() as line:
             yield line
     except (ValueError, OSError, RuntimeError) as error:
         raise click.ClickException(str(error)) from error
     except KeyboardInterrupt:
         raise click.ClickException("interrupted; the same command goes on from here") from None
-
-
-@contextmanager
-def _termination_interrupts() -> Iterator[None]:
-    """Let SIGTERM, as batch systems send it, end the work like Ctrl-C."""
-
-    def interrupt(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
     finally:
-        signal.signal(signal.SIGTERM, previous)
+        if in_main:
+            signal.signal(signal.SIGTERM, previous)

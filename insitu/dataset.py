@@ -7,6 +7,7 @@ import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from catalogs import durable
 from catalogs.catalog import Catalog
@@ -41,8 +42,9 @@ def make_dataset(
     workers: int | None = None,
     shard: tuple[int, int] | None = None,
     progress: Callable[[object], None] = lambda state: None,
+    warn: Callable[[Warning], None] | None = None,
 ) -> DatasetResult:
-    """Make what is missing of the scene's catalog; goes on where it was interrupted.
+    """Make what is missing of the scene's catalog; goes on where it was interrupted.  The arguments are `run_ensemble`'s.
 
     Raises ValueError or CatalogError, before anything is written, where the catalog was made from another scene file or the
     scene can't be had; FileNotFoundError where its data are absent.
@@ -58,45 +60,26 @@ def make_dataset(
         if scene.source["kind"] == "nerf":
             made, failures = _import(scene, folder, show)
         else:
-            made, failures = _render(scene, folder, workers, shard, show)
+            made, failures = _render(scene, folder, workers=workers, shard=shard, progress=show, warn=warn)
     finally:
         stopwatch.record()
     members = len(Catalog.open(folder / CATALOG).members)
     return DatasetResult(folder / CATALOG, members, made, stopwatch.seconds, failures)
 
 
-def _render(
-    scene: Scene,
-    folder: Path,
-    workers: int | None,
-    shard: tuple[int, int] | None,
-    progress: Callable[[object], None],
-) -> tuple[int, dict[str, str]]:
+def _render(scene: Scene, folder: Path, **how: Any) -> tuple[int, dict[str, str]]:
+    """How many members were rendered, and why others were not; `how` goes to `run_ensemble`."""
     ensemble = ensemble_of(scene)
-    _check_fields(scene, ensemble.fields)
+    try:  # before any simulation runs
+        check_names(ensemble.fields, scene.appearances, scene.appearances)
+    except ValueError as error:
+        raise ValueError(f"scene {scene.path}: {error}") from None
     members = scene.assigned(ensemble.members)
     provenance = {"scene": scene.name, "source": dict(ensemble.source.identity)}
     options = PlanOptions.of_scene(scene, ensemble.space, provenance)
     _check_unchanged(scene, folder / CATALOG, options, members)
-    result = run_ensemble(
-        folder / CATALOG,
-        members,
-        ensemble.source,
-        options,
-        workers=workers,
-        shard=shard,
-        cache=folder / PILOTS,
-        progress=progress,
-    )
+    result = run_ensemble(folder / CATALOG, members, ensemble.source, options, cache=folder / PILOTS, **how)
     return len(result.rendered), dict(result.failures)
-
-
-def _check_fields(scene: Scene, fields: Sequence[str]) -> None:
-    """Raise ValueError, before any simulation runs, where the scene's appearances show other fields than its source has."""
-    try:
-        check_names(fields, scene.appearances, scene.appearances)
-    except ValueError as error:
-        raise ValueError(f"scene {scene.path}: {error}") from None
 
 
 def _check_unchanged(scene: Scene, path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> None:
@@ -148,10 +131,12 @@ class _Stopwatch:
     """Adds this run's seconds to those in `dataset.json`, every 10 s, so that a killed run counts too."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._started = folder, clock.perf_counter()
-        self._before = _recorded_seconds(folder / RECORD)
-        self._recorded = self._started
-        self._working = False
+        self._folder, self._working = folder, False
+        self._started = self._recorded = clock.perf_counter()
+        try:
+            self._before = float(json.loads((folder / RECORD).read_text(encoding="utf-8"))["seconds"])
+        except (OSError, ValueError, KeyError, TypeError):
+            self._before = 0.0
 
     @property
     def seconds(self) -> float:
@@ -169,10 +154,3 @@ class _Stopwatch:
         if self._working and ((self._folder / CATALOG).is_dir() or (self._folder / PILOTS).is_dir()):
             durable.replace(self._folder / RECORD, json.dumps({"seconds": round(self.seconds, 3)}).encode())
             self._recorded = clock.perf_counter()
-
-
-def _recorded_seconds(path: Path) -> float:
-    try:
-        return float(json.loads(path.read_text(encoding="utf-8"))["seconds"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return 0.0

@@ -82,6 +82,7 @@ def run_ensemble(
     nan: str = "refuse",
     cache: Path | None = None,
     progress: Callable[[EnsembleProgress], None] | None = None,
+    warn: Callable[[Warning], None] | None = None,
 ) -> EnsembleResult:
     """Render every member that the catalog lacks.
 
@@ -101,6 +102,7 @@ def run_ensemble(
     nan : as in `render_member`.
     cache : folder for the fields of expensive pilots until they are rendered.
     progress : called a few times a second.
+    warn : called with each warning about a member, which otherwise is given at the caller's line.
 
     A member that fails is reported in the result; the others go on, unless the disk is full.  KeyboardInterrupt stops
     the workers, leaves no partial member behind and is raised on; the same call then goes on where it stopped.
@@ -110,16 +112,18 @@ def run_ensemble(
     started = clock.perf_counter()
     path = Path(catalog)
     mine = _shard(members, shard)
-    present = _present(path, options, members)
-    todo = [m for m in mine if present is None or m.name not in present]
-    skipped = tuple(m.name for m in mine if present is not None and m.name in present)
+    made = _agreeing_catalog(path, options, members)
+    present = set() if made is None else {m.name for m in made.members}
+    todo = [m for m in mine if m.name not in present]
+    skipped = tuple(m.name for m in mine if m.name in present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
     with single_threaded(), WorkerPool(count, executor) as pool:
-        run = _Run(path, source, nan, cache if source.expensive else None, pool, progress or (lambda state: None))
-        if present is None:
+        kept = cache if source.expensive else None
+        run = _Run(path, source, nan, kept, pool, progress or (lambda state: None), warn or warn_caller)
+        if made is None:
             space, _ = check_complete(options)
             run.plan(pilot_members(members, space), options, len(todo))
         rendered, failures = run.render(todo)
@@ -156,6 +160,7 @@ class _Run:
     cache: Path | None
     pool: WorkerPool
     show: Callable[[EnsembleProgress], None]
+    warn: Callable[[Warning], None]
 
     def plan(self, pilots: Sequence[PlannedMember], options: PlanOptions, members: int) -> None:
         """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
@@ -166,7 +171,7 @@ class _Run:
         def done(name: str, pilot: Pilot) -> None:
             tracker.idle(name)
             found[name] = pilot
-            _warn(name, pilot.notes)
+            self._tell(name, pilot.notes)
 
         tasks = {m.name: partial(_measure, self.source, m, self.nan, self.cache, options) for m in pilots}
         self.pool.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
@@ -189,7 +194,7 @@ class _Run:
             if field_seconds is not None:
                 tracker.timed(field_seconds, member.seconds)
             rendered.append(member)
-            _warn(name, member.warnings)
+            self._tell(name, member.warnings)
             if self.cache is not None:
                 drop_field(self.cache, name)
 
@@ -206,11 +211,10 @@ class _Run:
             tracker.report(report)
         self.show(tracker.snapshot())
 
-
-def _warn(name: str, notes: Iterable[str]) -> None:
-    """Warn in this process of what a member's worker noted."""
-    for note in notes:
-        warn_caller(UserWarning(f"{name}: {note}"))
+    def _tell(self, name: str, notes: Iterable[str]) -> None:
+        """Warn in this process of what a member's worker noted."""
+        for note in notes:
+            self.warn(UserWarning(f"{name}: {note}"))
 
 
 def _measure(source: FieldSource, member: PlannedMember, nan: str, cache: Path | None, options: PlanOptions) -> Pilot:
@@ -250,10 +254,9 @@ def _render(
 def _field(source: FieldSource, member: PlannedMember, cache: Path | None) -> tuple[Any, float | None]:
     """The member's field, and the seconds it took; None where the pilot run has stored it."""
     started = clock.perf_counter()
-    if cache is not None:
-        field = load_field(cache, member.name, _identity(source, member))
-        if field is not None:
-            return field, None
+    field = None if cache is None else load_field(cache, member.name, _identity(source, member))
+    if field is not None:
+        return field, None
     send(Report(member.name, "simulate" if source.expensive else "read", 0.0))
     field = source.field(member, lambda fraction: send(Report(member.name, "simulate", fraction)))
     return field, clock.perf_counter() - started
@@ -267,15 +270,13 @@ def _is_hopeless(error: BaseException) -> bool:
     return isinstance(error, OSError) and error.errno in STOPPING
 
 
-def _present(path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> set[str] | None:
-    """Names of the members that the catalog holds, None without one; raises ValueError where it is not this ensemble's."""
+def _agreeing_catalog(path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> Catalog | None:
+    """The catalog at `path`, if there is one; raises ValueError where it is not this ensemble's."""
     catalog = agreeing_catalog(path, options)
-    if catalog is None:
-        return None
-    differences = misplaced(catalog, members)
+    differences = [] if catalog is None else misplaced(catalog, members)
     if differences:
         raise ValueError(f"catalog {path} holds members of another ensemble: {'; '.join(differences[:5])}")
-    return {m.name for m in catalog.members}
+    return catalog
 
 
 def _shard(members: Sequence[PlannedMember], shard: tuple[int, int] | None) -> list[PlannedMember]:

@@ -203,6 +203,13 @@ def test_out_of_bounds_is_said_here_not_in_the_worker(tmp_path: Path, log: Path)
     assert len(result.rendered) == 3
 
 
+def test_warnings_may_be_taken_by_the_caller(tmp_path: Path, log: Path) -> None:
+    members = [*planned(2), PlannedMember("far", {"w": 1.5}, "test")]
+    told: list[Warning] = []
+    run_ensemble(tmp_path / "a.cdb", members, Source(str(log)), OPTIONS, executor=AtOnce(), warn=told.append)
+    assert [str(note).split(" lies")[0] for note in told] == ["far: parameter w = 1.5"]
+
+
 def test_progress_counts_members_and_images(tmp_path: Path, log: Path) -> None:
     states = []
     run_ensemble(tmp_path / "a.cdb", planned(), Source(str(log)), OPTIONS, workers=2, progress=states.append)
