@@ -5,23 +5,15 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-_HOMES = {
-    "Camera": "cameras",
-    "icosphere": "cameras",
-    "orbit": "cameras",
-    "TransferFunction": "appearance",
-    "VolumeRendering": "appearance",
-    "Isosurface": "appearance",
-    "ImportedImages": "appearance",
-    "Parameter": "parameters",
-    "ParameterSpace": "parameters",
-    "Scene": "scene",
-    "Catalog": "catalog",
-    "CatalogPlan": "catalog",
-    "CatalogError": "catalog",
-    "Member": "catalog",
-    "FieldSummary": "summary",
+_NAMES = {
+    "cameras": ("Camera", "icosphere", "orbit"),
+    "appearance": ("TransferFunction", "VolumeRendering", "Isosurface", "ImportedImages"),
+    "parameters": ("Parameter", "ParameterSpace"),
+    "scene": ("Scene",),
+    "catalog": ("Catalog", "CatalogPlan", "CatalogError", "Member"),
+    "summary": ("FieldSummary",),
 }
+_HOMES = {name: home for home, names in _NAMES.items() for name in names}
 
 __all__ = list(_HOMES)
 

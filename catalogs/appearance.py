@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Color = tuple[float, float, float]
-
 
 @dataclass(frozen=True)
 class TransferFunction:
@@ -53,15 +51,12 @@ class TransferFunction:
 
     def colors(self, values: ArrayLike) -> NDArray[np.float64]:
         """Straight RGB (..., 3) at field `values` (...)."""
-        points = np.array(self.color_points)  # [P, 4]
-        return np.stack(
-            [np.interp(np.asarray(values, dtype=np.float64), points[:, 0], points[:, c]) for c in (1, 2, 3)], axis=-1
-        )
+        places, *channels = np.array(self.color_points).T  # [P], 3 of [P]
+        return np.stack([np.interp(np.asarray(values, dtype=np.float64), places, c) for c in channels], axis=-1)
 
     def opacities(self, values: ArrayLike) -> NDArray[np.float64]:
         """Opacity per `opacity_unit_distance` (...) at field `values` (...)."""
-        points = np.array(self.opacity_points)  # [P, 2]
-        return np.interp(np.asarray(values, dtype=np.float64), points[:, 0], points[:, 1])
+        return np.interp(np.asarray(values, dtype=np.float64), *np.array(self.opacity_points).T)
 
 
 @dataclass(frozen=True)
@@ -89,7 +84,7 @@ class Isosurface:
 
     name: str
     isovalue: float
-    color: Color = (0.85, 0.85, 0.85)
+    color: tuple[float, float, float] = (0.85, 0.85, 0.85)
     ambient: float = 0.15
     diffuse: float = 0.75
     specular: float = 0.2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -20,17 +22,14 @@ def main() -> None:
 @click.option("--repair", is_flag=True, help="First rebuild the table from the stored members.")
 def check(path: Path, repair: bool) -> None:
     """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong."""
-    from catalogs.catalog import Catalog, CatalogError
+    from catalogs.catalog import Catalog
     from catalogs.check import check as run
     from catalogs.progress import ProgressLine
 
-    try:
+    with _plain_errors(), ProgressLine() as line:
         if repair:
             Catalog.open(path).rebuild_table()
-        with ProgressLine() as line:
-            findings = run(path, progress=partial(line.count, "checking"))
-    except (CatalogError, OSError) as error:
-        raise click.ClickException(str(error)) from error
+        findings = run(path, progress=partial(line.count, "checking"))
     for finding in findings:
         click.echo(str(finding))
     if findings:
@@ -42,13 +41,10 @@ def check(path: Path, repair: bool) -> None:
 @CATALOG
 def show(path: Path) -> None:
     """Say what is in PATH, as a table."""
-    from catalogs.catalog import CatalogError
     from catalogs.show import describe
 
-    try:
+    with _plain_errors():
         click.echo(describe(path))
-    except (CatalogError, ValueError, OSError) as error:
-        raise click.ClickException(str(error)) from error
 
 
 @main.group(name="import")
@@ -74,25 +70,21 @@ def nerf(
     directory: Path, catalog: Path, bounds: str, background: str, names: str | None, validation_members: int, seed: int
 ) -> None:
     """Import the D-NeRF / Blender data set in DIRECTORY (transforms_*.json with `params` per frame)."""
-    from catalogs.catalog import CatalogError
     from catalogs.exchange import import_nerf
     from catalogs.progress import ProgressLine
 
-    try:
+    with _plain_errors(), ProgressLine() as line:
         box = _numbers("--bounds", bounds, 6)
-        with ProgressLine() as line:
-            made = import_nerf(
-                directory,
-                catalog,
-                bounds=(box[:3], box[3:]),
-                background=None if background == "none" else _numbers("--background", background, 3),
-                names=names.split(",") if names else None,
-                validation_members=validation_members,
-                seed=seed,
-                progress=partial(line.count, "importing"),
-            )
-    except (CatalogError, ValueError, OSError) as error:
-        raise click.ClickException(str(error)) from error
+        made = import_nerf(
+            directory,
+            catalog,
+            bounds=(box[:3], box[3:]),
+            background=None if background == "none" else _numbers("--background", background, 3),
+            names=names.split(",") if names else None,
+            validation_members=validation_members,
+            seed=seed,
+            progress=partial(line.count, "importing"),
+        )
     click.echo(repr(made))
 
 
@@ -106,11 +98,17 @@ def nerf(
 def browse(path: Path, host: str, port: int, show_page: bool) -> None:
     """Write a static page into PATH and serve it until Ctrl-C, to this machine only unless --host says otherwise."""
     from catalogs.browse import serve
-    from catalogs.catalog import CatalogError
 
-    try:
+    with _plain_errors():
         serve(path, host=host, port=port, open_page=show_page, announce=click.echo)
-    except (CatalogError, ValueError, OSError) as error:
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """Tell in one line, without a traceback, what a user can mend."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
 
 

@@ -17,7 +17,7 @@ from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
 from catalogs.summary import FieldSummary, load_summaries
 from catalogs.variations import Setting
-from catalogs.words import shortened
+from catalogs.words import member_line, shortened
 
 RECORD = "member.json"
 ROWS = "rows.csv"
@@ -62,10 +62,7 @@ class Member:
         object.__setattr__(self, "provenance", json_values(self.provenance, f"the provenance of member {self.name}"))
 
     def __repr__(self) -> str:
-        values = "".join(f" {name}={value:g}" for name, value in self.parameters.items())
-        return (
-            f"<Member {self.name} ({self.split}):{values}; {len(self.cameras)} views of {shortened(self.appearances)}>"
-        )
+        return member_line(self, f"{len(self.cameras)} views of {shortened(self.appearances)}")
 
     def summary(self, field: str = "") -> FieldSummary | None:
         """The summary of a field, by default of the first; None where there is none.

@@ -121,8 +121,7 @@ class CatalogPlan:
             values[ISOVALUE] = float(surface.isovalue)
         for variation in (v for v in self.variations if v.continuous):
             setting = variation.setting(appearance)
-            if setting is not None:
-                values |= dict(zip(variation.space.names, setting.values, strict=True))
+            values |= variation.asked(setting) if setting else {}
         return values
 
     @property

@@ -21,7 +21,7 @@ from catalogs.appearance import Appearance, VolumeRendering, appearance_from_jso
 from catalogs.cameras import Camera, orbit, view_splits
 from catalogs.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.variations import Family, Variation, variation_kind
-from catalogs.words import shortened
+from catalogs.words import member_line, shortened
 
 SOURCES = ("simulation", "hdf5", "nerf")
 DATA_FOLDER = "GS_SURROGATE_DATA"
@@ -38,9 +38,7 @@ class PlannedMember:
     appearances: tuple[str, ...] | None = None  # by name; None: all
 
     def __repr__(self) -> str:
-        values = "".join(f" {name}={value:g}" for name, value in self.parameters.items())
-        shown = "all" if self.appearances is None else shortened(self.appearances)
-        return f"<PlannedMember {self.name} ({self.split}):{values}; appearances: {shown}>"
+        return member_line(self, f"appearances: {'all' if self.appearances is None else shortened(self.appearances)}")
 
 
 @dataclass(frozen=True)
@@ -214,7 +212,10 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         if plan:
             raise ValueError(f"members come from the source's file: only seed and validation apply, got {sorted(plan)}")
     appearances = tuple(appearance_from_json(record) for record in tables.get("appearance", ()))
-    families = [_family(record, appearances) for record in _records(tables, "variation")]
+    variations = tables.get("variation", [])
+    if not isinstance(variations, list) or not all(isinstance(record, dict) for record in variations):
+        raise ValueError(f"variation must be tables with double brackets, [[variation]], got {variations!r}")
+    families = [_family(record, appearances) for record in variations]
     appearances += tuple(a for family, _ in families for a in family.appearances)
     if not appearances and source["kind"] != "nerf":
         raise ValueError("at least one [[appearance]] must say how the field is shown")
@@ -257,14 +258,6 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
     except (TypeError, ValueError) as error:
         raise ValueError(f"variation of {base.name}: {error}") from None
     return family, VariedMembers(family.variation, float(share), compared)
-
-
-def _records(tables: Mapping[str, Any], name: str) -> Sequence[Mapping[str, Any]]:
-    """The tables `[[name]]`; raises ValueError for a single one, `[name]`."""
-    records = tables.get(name, [])
-    if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
-        raise ValueError(f"{name} must be tables with double brackets, [[{name}]], got {records!r}")
-    return records
 
 
 def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple[PlannedMember, ...]:

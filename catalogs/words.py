@@ -23,6 +23,12 @@ def counted(splits: Iterable[str]) -> str:
     return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
 
 
+def member_line(member: Any, shown: str) -> str:
+    """A member's name, split and parameters, and what is `shown` of it, on one line: its `__repr__`."""
+    values = "".join(f" {name}={value:g}" for name, value in member.parameters.items())
+    return f"<{type(member).__name__} {member.name} ({member.split}):{values}; {shown}>"
+
+
 def one_line(record: Any) -> str:
     """A dataclass or named tuple with shapes in place of arrays and tensors, in at most `WIDTH` characters: its `__repr__`."""
     names = getattr(record, "_fields", None) or [field.name for field in fields(record)]

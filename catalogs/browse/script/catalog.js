@@ -43,17 +43,25 @@ function gap(a, b) {
   return missing === 0 ? a - b : missing === 1 ? 1 : 0;
 }
 
+// Which of the items has the least of a measure that is below `least`; -1 for none.
+function lowest(items, measure, least = Infinity) {
+  let best = -1;
+  for (const item of items) {
+    const far = measure(item);
+    if (far < least) { least = far; best = item; }
+  }
+  return best;
+}
+
 // Of the members or appearances `numbers` that nearest to the wanted values of all dimensions of its kind; -1 for none.
 function nearest(kind, numbers, wanted, handled, allowed = () => true) {
   const compared = dimensions.flatMap((d, i) => d.of === kind
     ? [{ column: d.column, at: wanted[i] / (d.high - d.low), scale: 1 / (d.high - d.low), weight: i === handled ? HANDLED : 1 }] : []);
-  let best = -1, least = Infinity;
-  for (const number of numbers) {
+  return lowest(numbers, number => {
     let far = 0;
     for (const { column, at, scale, weight } of compared) far += weight * gap(column[number] * scale, at) ** 2;
-    if (far < least && allowed(number)) { least = far; best = number; }
-  }
-  return best;
+    return allowed(number) ? far : Infinity;
+  });
 }
 
 const candidatesOf = (kind, cell) => kind === "member" ? everyMember : appearancesOf(cell.member);
@@ -86,10 +94,5 @@ const rows = (() => {
 
 // Two pictures may be taken from one place with the camera rolled: `up` decides between those only.
 function nearestView(points, direction, up) {
-  let best = 0, most = -Infinity;
-  points.forEach((point, i) => {
-    const closeness = dot(point, direction) + 1e-3 * dot(upOf(point), up);
-    if (closeness > most) { most = closeness; best = i; }
-  });
-  return best;
+  return lowest(points.keys(), i => -dot(points[i], direction) - 1e-3 * dot(upOf(points[i]), up));
 }

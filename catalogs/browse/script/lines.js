@@ -176,12 +176,7 @@ function nearestLine(x, y) {
   let i = plot.x.findLastIndex(at => at <= x);
   if (axes.length > 1) i = Math.max(0, Math.min(axes.length - 2, i));
   const k = Math.min(i + 1, axes.length - 1), part = k === i ? 0 : Math.max(0, Math.min(1, (x - plot.x[i]) / (plot.x[k] - plot.x[i])));
-  let best = -1, least = REACH;
-  for (const row of selection.rows) {
-    const far = Math.abs(lineY(Math.max(0, i), row) * (1 - part) + lineY(k, row) * part - y);
-    if (far < least) { least = far; best = row; }
-  }
-  return best;
+  return lowest(selection.rows, row => Math.abs(lineY(Math.max(0, i), row) * (1 - part) + lineY(k, row) * part - y), REACH);
 }
 
 function rowTitle(row) {

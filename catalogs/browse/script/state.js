@@ -62,14 +62,10 @@ function chooseMode(mode, active = 0) {
 // What to compare with, to begin with: the member that is farthest off, or else another appearance.
 function opposite(cell) {
   const own = dimensions.filter(d => d.of === "member");
-  let best = cell.member, most = 0;
-  for (const m of everyMember) {
-    let far = 0;
-    for (const d of own) far += ((d.column[m] - valueOf(d, cell)) / (d.high - d.low)) ** 2;
-    if (far > most && appearancesOf(m).includes(cell.appearance)) { most = far; best = m; }
-  }
+  const farthest = lowest(everyMember, m => appearancesOf(m).includes(cell.appearance)
+    ? -own.reduce((far, d) => far + ((d.column[m] - valueOf(d, cell)) / (d.high - d.low)) ** 2, 0) : 0, 0);
   const other = appearancesOf(cell.member).find(a => a !== cell.appearance);
-  return best === cell.member && other !== undefined ? { ...cell, appearance: other } : { ...cell, member: best };
+  return farthest >= 0 ? { ...cell, member: farthest } : { ...cell, appearance: other ?? cell.appearance };
 }
 
 // ---- the address: #member=...&appearance=...&view=...

@@ -87,12 +87,8 @@ function drawGlobe() {
 }
 
 function chooseOnGlobe(event) {
-  let best = state.view, least = Infinity;
-  globePoints().forEach(({ x, y, depth }, i) => {
-    const far = Math.hypot(x - event.offsetX, y - event.offsetY);
-    if (depth > 0 && far < least) { least = far; best = i; }
-  });
-  chooseView(best);
+  const points = globePoints();
+  chooseView(lowest(points.keys(), i => points[i].depth > 0 ? Math.hypot(points[i].x - event.offsetX, points[i].y - event.offsetY) : Infinity));
 }
 
 function showView() {
