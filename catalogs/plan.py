@@ -121,7 +121,7 @@ class CatalogPlan:
             values[ISOVALUE] = float(surface.isovalue)
         for variation in (v for v in self.variations if v.continuous):
             setting = variation.setting(appearance)
-            values |= variation.asked(setting) if setting else {}
+            values |= dict(zip(variation.space.names, setting.values, strict=True)) if setting else {}
         return values
 
     @property

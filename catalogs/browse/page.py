@@ -41,12 +41,7 @@ def write_page(path: Path) -> Path:
 
     Raises CatalogError where there is no catalog or its pictures are none that browsers show, OSError where the folder refuses.
     """
-    return keep_page(path, page_of(Catalog.open(path)))
-
-
-def keep_page(path: Path, page: str) -> Path:
-    """Write a page that was made already into the catalog at `path` and return its path; raises OSError."""
-    durable.replace(path / PAGE, page.encode())
+    durable.replace(path / PAGE, page_of(Catalog.open(path)).encode())
     return path / PAGE
 
 

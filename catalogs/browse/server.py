@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import parse_qs, unquote, urlsplit
 
+from catalogs import durable
 from catalogs.browse.access import LOCAL, Access
-from catalogs.browse.page import PAGE, keep_page, page_of
+from catalogs.browse.page import PAGE, page_of
 from catalogs.catalog import Catalog
 
 TYPES = {
@@ -147,10 +148,10 @@ def serve(
 
     Raises CatalogError where there is no catalog, OSError where the host is unknown or the port is taken.
     """
-    page = page_of(Catalog.open(folder))
-    with CatalogServer(folder, page.encode(), port, host=host) as server:
+    page = page_of(Catalog.open(folder)).encode()
+    with CatalogServer(folder, page, port, host=host) as server:
         try:
-            keep_page(folder, page)
+            durable.replace(folder / PAGE, page)
         except OSError as error:
             announce(f"the page is not kept beside the pictures: {error}")
         announce(f"{folder} at {server.address} (Ctrl-C stops)")

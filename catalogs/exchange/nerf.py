@@ -83,35 +83,31 @@ def import_nerf(
     Raises ExchangeError, before anything is written, where a file, a frame, a matrix or a picture is not as it should be;
     CatalogError where `catalog_path` holds another import.
     """
-    frames = read_frames(Path(directory))
+    directory = Path(directory)
+    frames = read_frames(directory)
     _check_alpha(frames, background)
     space = _space(frames, space, names)
     members = plan_members(frames, space, validation_members, seed)
-    told = {"validation_members": validation_members, "seed": seed, **(provenance or {})}
-    catalog = Catalog.create(catalog_path, _plan(Path(directory), space, bounds, background, told))
-    _write_members(catalog, members, progress)
-    return catalog
-
-
-def _plan(
-    directory: Path,
-    space: ParameterSpace,
-    bounds: Sequence[Sequence[float]],
-    background: Sequence[float] | None,
-    provenance: Mapping[str, Any],
-) -> CatalogPlan:
-    name = directory.resolve().name
     files = [directory / file for file in FILES.values() if (directory / file).is_file()]
-    digests = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
-    return CatalogPlan(
+    told = {
+        "source": directory.resolve().name,
+        "sha256": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+        "validation_members": validation_members,
+        "seed": seed,
+        **(provenance or {}),
+    }
+    plan = CatalogPlan(
         space=space,
-        appearances=(ImportedImages(APPEARANCE, f"pictures of {name}"),),
+        appearances=(ImportedImages(APPEARANCE, f"pictures of {told['source']}"),),
         cameras=(),
         view_splits=(),
         bounds=bounds,  # type: ignore[arg-type]
         background=background,  # type: ignore[arg-type]
-        provenance={"source": name, "sha256": digests, **provenance},
+        provenance=told,
     )
+    catalog = Catalog.create(catalog_path, plan)
+    _write_members(catalog, members, progress)
+    return catalog
 
 
 def _write_members(catalog: Catalog, members: Sequence[ImportedMember], progress: Progress) -> None:

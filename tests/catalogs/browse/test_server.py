@@ -248,13 +248,13 @@ def test_a_folder_that_refuses_the_page_is_served_all_the_same(
 ) -> None:
     said: list[str] = []
 
-    def refuse(path: Path, page: str) -> Path:
+    def refuse(path: Path, data: bytes) -> None:
         raise PermissionError(f"{path} is read-only")
 
     def stop(self: CatalogServer) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("catalogs.browse.server.keep_page", refuse)
+    monkeypatch.setattr("catalogs.durable.replace", refuse)
     monkeypatch.setattr(CatalogServer, "serve_forever", stop)
     serve(catalog.path, announce=said.append)
     assert "read-only" in said[0]
