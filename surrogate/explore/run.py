@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from catalogs.cameras import Camera, orbit
 from catalogs.catalog import Catalog, Member
 from surrogate.model import Surrogate
@@ -61,6 +64,12 @@ class Run:
             or orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
         )
 
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """The centre of the catalog's box, (3,) world coordinates; without a catalog of the whole volume."""
+        whole = self.surrogate.normalization.center
+        return whole if self.catalog is None else np.mean(self.catalog.plan.bounds, axis=0)
+
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Run:
         """The run in the folder `path`, such as `runs/tgv-dvr`, or that of a surrogate alone.
@@ -68,13 +77,8 @@ class Run:
         Raises FileNotFoundError where there is no surrogate, ValueError for a damaged one, CatalogError for a damaged catalog.
         """
         folder = Path(path)
-        if Surrogate.exists(folder) and not Surrogate.exists(folder / "surrogate"):
-            return cls(folder.resolve().name, Surrogate.load(folder), folder)
-        model, catalog = folder / "surrogate", folder / "catalog.cdb"
-        return cls(
-            folder.resolve().name,
-            Surrogate.load(model),
-            model,
-            Catalog.open(catalog) if catalog.is_dir() else None,
-            folder,
-        )
+        title, model, catalog = folder.resolve().name, folder / "surrogate", folder / "catalog.cdb"
+        if Surrogate.exists(folder) and not Surrogate.exists(model):
+            return cls(title, Surrogate.load(folder), folder)
+        found = Catalog.open(catalog) if catalog.is_dir() else None
+        return cls(title, Surrogate.load(model), model, found, folder)

@@ -48,10 +48,11 @@ def difference_of(first: NDArray[np.float32], second: NDArray[np.float32]) -> Di
     squared = float(np.vdot(apart, apart)) / apart.size
     np.abs(apart, out=apart)
     errors = np.maximum(np.maximum(apart[..., 0], apart[..., 1]), apart[..., 2])  # [H, W]
-    high = _range(errors)
+    place = int(SHOWN * (errors.size - 1))
+    reached = float(np.partition(errors, place, axis=None)[place])
+    high = next((high for high in RANGES if high >= reached), RANGES[-1])
     places = np.minimum(errors * np.float32(ENTRIES / high), ENTRIES - 1).astype(np.uint8)
-    picture = color_table().take(places, axis=0)
-    return Difference(picture=picture, high=high, psnr=decibels(squared), maximum=float(errors.max()))
+    return Difference(color_table().take(places, axis=0), high, decibels(squared), float(errors.max()))
 
 
 @functools.cache
@@ -62,9 +63,3 @@ def color_table() -> NDArray[np.float32]:
     table = colormaps[COLOR_MAP](np.arange(ENTRIES))[:, :3].astype(np.float32)  # by entry, whatever their number
     table.setflags(write=False)
     return table
-
-
-def _range(errors: NDArray[np.float32]) -> float:
-    place = int(SHOWN * (errors.size - 1))
-    reached = float(np.partition(errors, place, axis=None)[place])
-    return next((high for high in RANGES if high >= reached), RANGES[-1])

@@ -28,18 +28,15 @@ NOT_FINITE = "a picture must be finite: it holds NaN or infinite pixels"
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
-def encode(
-    picture: NDArray[Any], kind: Kind, *, quality: int = JPEG_QUALITY, record: Mapping[str, Any] | None = None
-) -> bytes:
+def encode(picture: NDArray[Any], kind: Kind, *, record: Mapping[str, Any] | None = None) -> bytes:
     """A picture as the bytes of a file.
 
     Parameters
     ----------
     picture : (H, W, 3), or (H, W, 4) with premultiplied alpha; float32 in [0, 1], or uint8.
-    kind : "jpeg"; "png", 8 bits and straight alpha; or "exr", float32 and premultiplied as that format means alpha: every bit
-        of a float picture is kept.
-    quality : of JPEG, 1 to 95.  Colours keep their full resolution: with half of it pictures of saturated fields lose 4 dB, and
-        are worse than full ones of equal size.
+    kind : "jpeg", whose colours keep their full resolution: with half of it pictures of saturated fields lose 4 dB, and are worse
+        than full ones of equal size; "png", 8 bits and straight alpha; or "exr", float32 and premultiplied as that format means
+        alpha: every bit of a float picture is kept.
     record : JSON values that PNG and EXR keep and `record_of` reads, such as those of `record_for`.
 
     Raises ValueError for other shapes, dtypes or kinds, NaN (in EXR infinity too), and for a JPEG with alpha or a record, which
@@ -53,7 +50,7 @@ def encode(
         raise ValueError(f"a picture must be of float32 or uint8, got {picture.dtype}")
     texts = {} if record is None else {KEY: json.dumps(record)}
     if kind == "jpeg":
-        return _jpeg(picture, quality, texts)
+        return _jpeg(picture, texts)
     if kind == "png":
         pixels = _bytes(picture)
         return encode_png(straighten(pixels) if pixels.shape[2] == 4 else pixels, texts)
@@ -97,16 +94,14 @@ def record_of(source: str | PathLike[str] | bytes) -> dict[str, Any]:
     return record
 
 
-def _jpeg(picture: NDArray[Any], quality: int, texts: Mapping[str, str]) -> bytes:
+def _jpeg(picture: NDArray[Any], texts: Mapping[str, str]) -> bytes:
     from PIL import Image
 
     if picture.shape[2] != 3 or texts:
         wanted = "keeps no record" if texts else "has no alpha: render with a background and give three channels"
         raise ValueError(f"a JPEG {wanted}; PNG and EXR do")
-    if not 1 <= quality <= 95:
-        raise ValueError(f"the quality of a JPEG lies in 1 to 95, got {quality}")
     stream = io.BytesIO()
-    Image.fromarray(_bytes(picture)).save(stream, "JPEG", quality=quality, subsampling="4:4:4")
+    Image.fromarray(_bytes(picture)).save(stream, "JPEG", quality=JPEG_QUALITY, subsampling="4:4:4")
     return stream.getvalue()
 
 

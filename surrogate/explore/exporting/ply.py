@@ -40,18 +40,27 @@ def ply_bytes(deformed: DeformedGaussians) -> bytes:
     - some accept only all 45 f_rest of degree 3, the reference's own viewer among them, unless told the degree.
     """
     table = _table(deformed)
-    return _header(table.dtype, len(table), deformed.parameters).encode("ascii") + table.tobytes()
+    header = (
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment gs-surrogate {json.dumps(dict(deformed.parameters))}",  # ASCII, and one line whatever the names hold
+        f"element vertex {len(table)}",
+        *(f"property float {name}" for name in table.dtype.names or ()),
+        "end_header",
+    )
+    return "".join(f"{line}\n" for line in header).encode("ascii") + table.tobytes()
 
 
 def _table(deformed: DeformedGaussians) -> NDArray[Any]:
     """One structured row per Gaussian, (N,)."""
     gaussians = deformed.gaussians
     quats = _array(gaussians.quats)  # [N, 4]
-    constant, rest = _harmonics(_array(gaussians.colors))  # [N, 3], [N, 0 or 9]
+    coefficients = _array(gaussians.colors).reshape(len(deformed), -1, CHANNELS)  # [N, K, 3]
+    rest = coefficients[:, 1:].transpose(0, 2, 1).reshape(len(deformed), -1)  # [N, 3 (K - 1)], channel by channel
     columns = {
         ("x", "y", "z"): deformed.means,
         ("nx", "ny", "nz"): np.zeros((len(deformed), 3)),
-        _numbered("f_dc", CHANNELS): constant,
+        _numbered("f_dc", CHANNELS): (coefficients[:, 0] - 0.5) / SH_C0,
         _numbered("f_rest", rest.shape[1]): rest,
         ("opacity",): _array(gaussians.opacity_logits)[:, None],
         _numbered("scale", 3): _array(gaussians.log_scales) + math.log(deformed.normalization.extent),
@@ -62,26 +71,6 @@ def _table(deformed: DeformedGaussians) -> NDArray[Any]:
         for name, column in zip(names, values.T, strict=True):
             table[name] = column
     return table
-
-
-def _harmonics(colors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coefficients as the reference has them: the constant ones (N, 3), and the others channel by channel (N, 3 (K - 1))."""
-    coefficients = colors.reshape(len(colors), -1, CHANNELS)  # [N, K, 3]
-    rest = coefficients[:, 1:].transpose(0, 2, 1)  # [N, 3, K - 1]
-    return (coefficients[:, 0] - 0.5) / SH_C0, rest.reshape(len(colors), rest.shape[1] * rest.shape[2])
-
-
-def _header(columns: np.dtype[Any], count: int, parameters: Any) -> str:
-    names = columns.names or ()
-    lines = (
-        "ply",
-        "format binary_little_endian 1.0",
-        f"comment gs-surrogate {json.dumps(dict(parameters))}",  # ASCII, and one line whatever the names hold
-        f"element vertex {count}",
-        *(f"property float {name}" for name in names),
-        "end_header",
-    )
-    return "".join(f"{line}\n" for line in lines)
 
 
 def _numbered(name: str, count: int) -> tuple[str, ...]:

@@ -27,31 +27,25 @@ def snippet(
     `folder` is that of the surrogate, and stands in the program as an absolute path.  Without a `background` (straight RGB in
     [0, 1]) the picture is transparent.  Raises ValueError where the surrogate can't show the setting's colours.
     """
-    imports = [
-        "from pathlib import Path",
-        "",
-        "from catalogs.cameras import Camera",
-        "from catalogs.images import write_image",
-    ]
-    lines = []
-    if setting.color_map:
-        imports.insert(2, "from catalogs.appearance import TransferFunction")
-        lines = _function_lines(setting, surrogate)
-        asked = f"under({', '.join(['function', *_arguments(setting.parameters)])})"
-    else:
-        asked = f"at({', '.join(_arguments(setting.values))})"
+    function = _function_lines(setting, surrogate) if setting.color_map else []
+    asked = ["function", *_arguments(setting.parameters)] if function else _arguments(setting.values)
+    picture = f"surrogate.{'under' if function else 'at'}({', '.join(asked)})"
     behind = "" if background is None else f", background={tuple(float(part) for part in background)!r}"
     program = [
-        *imports,
+        "from pathlib import Path",
+        "",
+        *(["from catalogs.appearance import TransferFunction"] if function else []),
+        "from catalogs.cameras import Camera",
+        "from catalogs.images import write_image",
         "from surrogate import Surrogate",
-        *(["from surrogate.explore.color_maps import color_points"] if setting.color_map else []),
+        *(["from surrogate.explore.color_maps import color_points"] if function else []),
         "",
         f"surrogate = Surrogate.load({str(Path(folder).resolve())!r})",
         "camera = Camera.from_json(",
         indent(pformat(camera.to_json(), width=120, sort_dicts=False), "    "),
         ")",
-        *lines,
-        f"picture = surrogate.{asked}.render(camera{behind})  # [{camera.height}, {camera.width}, 4], premultiplied RGBA",
+        *function,
+        f"picture = {picture}.render(camera{behind})  # [{camera.height}, {camera.width}, 4], premultiplied RGBA",
         'write_image(Path("picture.png"), picture)',
     ]
     return "".join(f"{line}\n" for line in program)
@@ -59,13 +53,9 @@ def snippet(
 
 def _arguments(values: Mapping[str, float | str]) -> list[str]:
     """Keyword arguments; those that are no names in Python as a mapping behind the others."""
-    plain, odd = [], {}
-    for name, value in values.items():
-        exact = value if isinstance(value, str) else float(value)
-        if name.isidentifier() and not keyword.iskeyword(name):
-            plain.append(f"{name}={exact!r}")
-        else:
-            odd[name] = exact
+    exact = {name: value if isinstance(value, str) else float(value) for name, value in values.items()}
+    odd = {name: value for name, value in exact.items() if not name.isidentifier() or keyword.iskeyword(name)}
+    plain = [f"{name}={value!r}" for name, value in exact.items() if name not in odd]
     return [*plain, f"**{odd!r}"] if odd else plain
 
 

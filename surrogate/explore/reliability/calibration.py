@@ -24,23 +24,14 @@ NEAREST = 4  # measurements whose median is expected
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Table:
-    """The measurements of one family, R rows.
+    """The measurements of one family, R rows."""
 
-    Attributes
-    ----------
-    places : (R, P + V), as in `Place`.
-    view_psnr : (R, K) dB, as measured at up to K views; NaN for views that a row does not have.
-    members, appearances : names, (R,) each.
-    unseen : (R,) whether the row is of a validation member.
-    base : the name of the base appearance.
-    """
-
-    places: NDArray[np.float64]
-    view_psnr: NDArray[np.float64]
-    members: NDArray[np.str_]
-    appearances: NDArray[np.str_]
-    unseen: NDArray[np.bool_]
-    base: str
+    places: NDArray[np.float64]  # [R, P + V], as in `Place`
+    view_psnr: NDArray[np.float64]  # [R, K], dB at up to K views; NaN for views that a row does not have
+    members: NDArray[np.str_]  # [R], names
+    appearances: NDArray[np.str_]  # [R], names
+    unseen: NDArray[np.bool_]  # [R], whether of a validation member
+    base: str  # the name of the base appearance
 
     @cached_property
     def psnr(self) -> NDArray[np.float64]:
@@ -99,8 +90,8 @@ def generalization_gap(table: Table, nearest: int = NEAREST) -> float | None:
 def adjusted(table: Table, otherwise: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:
     """PSNR (R,) as if every member were one that training never saw; `otherwise` is the gap where the table has none itself."""
     own = generalization_gap(table, nearest)
-    gap = otherwise if own is None else own
-    return np.where(table.unseen, table.psnr, table.psnr - (gap or 0.0))
+    gap = (otherwise or 0.0) if own is None else own
+    return np.where(table.unseen, table.psnr, table.psnr - gap)
 
 
 def leave_one_out(table: Table, gap: float | None, nearest: int = NEAREST) -> NDArray[np.float64]:

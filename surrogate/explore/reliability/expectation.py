@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -37,24 +37,24 @@ class Expected:
 
     Attributes
     ----------
-    psnr : dB; None where nothing alike was measured, or for colours that no picture shows.
-    error : dB, the leave-one-out error of such expectations for single pictures; None where too little was measured.
-    neighbours : how many measurements it is the median of.
-    seen_views : whether these are of views that training learnt from, so that others may be worse.
     training_distance : to the nearest training member, in simulation parameters; None without a catalog.
     training_spacing : the median distance of training members to their nearest neighbours; None for fewer than two.
     outside : names of the parameters that lie out of bounds.
     recolored : whether colours are shown that no picture was trained in.
+    psnr : dB; None where nothing alike was measured, or for colours that no picture shows.
+    error : dB, the leave-one-out error of such expectations for single pictures; None where too little was measured.
+    neighbours : how many measurements it is the median of.
+    seen_views : whether these are of views that training learnt from, so that others may be worse.
     """
 
-    psnr: float | None
-    error: float | None
-    neighbours: int
-    seen_views: bool
     training_distance: float | None
     training_spacing: float | None
     outside: tuple[str, ...] = ()
     recolored: bool = False
+    psnr: float | None = None
+    error: float | None = None
+    neighbours: int = 0
+    seen_views: bool = False
 
     @property
     def far(self) -> bool:
@@ -146,24 +146,16 @@ class Expectation:
         """
         place = place_of(setting, surrogate)
         family = None if setting.color_map else self.families.get(place.family)
-        found = None if family is None else predicted(family.places, family.psnr, place.values)
-        return Expected(
-            psnr=found,
-            error=None if family is None else family.error,
-            neighbours=0 if family is None else min(NEAREST, len(family.psnr)),
-            seen_views=family is not None and family.seen_views,
-            training_distance=self._training_distance(place.values[: len(surrogate.space)]),
-            training_spacing=self.training_spacing,
-            outside=place.outside,
-            recolored=bool(setting.color_map),
-        )
+        distance = float(self._tree.query(place.values[: len(surrogate.space)])[0]) if len(self.training) else None
+        found = Expected(distance, self.training_spacing, place.outside, recolored=bool(setting.color_map))
+        if family is None:
+            return found
+        psnr, neighbours = predicted(family.places, family.psnr, place.values), min(NEAREST, len(family.psnr))
+        return replace(found, psnr=psnr, error=family.error, neighbours=neighbours, seen_views=family.seen_views)
 
     @cached_property
     def _tree(self) -> KDTree:
         return KDTree(self.training)
-
-    def _training_distance(self, place: NDArray[np.float64]) -> float | None:
-        return float(self._tree.query(place)[0]) if len(self.training) else None
 
 
 @one_torch_thread()

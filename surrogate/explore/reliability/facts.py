@@ -22,16 +22,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction, VolumeRendering, field_of
+from catalogs.appearance import Appearance, VolumeRendering, field_of
 from catalogs.cameras import OBLIQUE, Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import Parameter
+from catalogs.summary import FieldSummary
 from catalogs.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
@@ -58,17 +60,15 @@ def facts(run: Run) -> Json:
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
         "variations": [
-            found
-            for v in surrogate.visualizations
-            if (found := _variation(surrogate, v.variation, catalog)) is not None
+            found for v in surrogate.visualizations if (found := _variation(surrogate, v.variation, catalog))
         ],
-        "histogram": None if catalog is None else _histogram(_base_field(surrogate, catalog), members),
+        "histogram": _histogram(_base_field(surrogate, catalog), members),
         "camera": _first_orbit(run),
         "members": [
             {"name": m.name, "split": m.split, "values": [m.parameters[name] for name in surrogate.space.names]}
             for m in (members[i] for i in spread(len(members), MOST_MEMBERS))
         ],
-        "background": None if surrogate.background is None else _hexadecimal(surrogate.background),
+        "background": surrogate.background and _hexadecimal(surrogate.background),
         "size": None if catalog is None else [run.cameras[0].width, run.cameras[0].height],
         "truth": bool(members),
         "model": {
@@ -77,42 +77,47 @@ def facts(run: Run) -> Json:
             "seconds": surrogate.training.get("seconds"),
         },
     }
-    clean: Json = _clean(found)
-    return clean
+    return dict(_clean(found))
 
 
-def _base_field(surrogate: Surrogate, catalog: Catalog) -> str:
+def _base_field(surrogate: Surrogate, catalog: Catalog | None) -> str:
     """The name of the field that the base appearance shows; "" for the only one, and for images made elsewhere."""
-    return next((field_of(a) for a in catalog.plan.appearances if a.name == base_name(surrogate)), "")
+    found = _appearance(base_name(surrogate), catalog)
+    return "" if found is None else field_of(found)
+
+
+def _appearance(name: str, catalog: Catalog | None) -> Appearance | None:
+    return next((a for a in (catalog.plan.appearances if catalog else ()) if a.name == name), None)
 
 
 # ---- parameters and variations
 
 
 def _parameter(parameter: Parameter, members: Sequence[Member]) -> Json:
-    values = {split: [m.parameters[parameter.name] for m in members if m.split == split] for split in MARKED}
-    return {**asdict(parameter), **{split: _ticks(found) for split, found in values.items()}}
+    return asdict(parameter) | _marks([(m.split, m.parameters[parameter.name]) for m in members])
 
 
-def _ticks(values: Sequence[float]) -> list[float]:
-    unique = sorted(set(values))
-    return [unique[i] for i in spread(len(unique), MOST_TICKS)]
+def _marks(values: Sequence[tuple[str, float]]) -> Json:
+    """The values of training and of validation, given with their splits: each once, sorted, some of very many."""
+    by_split = {split: sorted({value for of, value in values if of == split}) for split in MARKED}
+    return {split: [found[i] for i in spread(len(found), MOST_TICKS)] for split, found in by_split.items()}
 
 
 def _variation(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
     """A variation; None for transfer functions around a base that nobody knows any more."""
     if not variation.continuous:
-        return {"kind": variation.kind, "names": [variation.base, *(s.appearance for s in variation.settings)]}
+        return {"kind": variation.kind, "names": [variation.base, *variation.parameter_names]}
     if variation.edits_base:
         return _functions(surrogate, variation, catalog)
     (parameter,) = variation.space.parameters
-    values = {split: _ticks([s.values[0] for s in variation.settings if s.split == split]) for split in MARKED}
-    return {"kind": variation.kind, "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **values}
+    marks = _marks([(s.split, s.values[0]) for s in variation.settings])
+    return {"kind": variation.kind, "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **marks}
 
 
 def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
     recolorable = base_function(surrogate)
-    base = recolorable or _stored_function(variation.base, catalog)
+    stored = _appearance(variation.base, catalog)
+    base = recolorable or (stored.transfer_function if isinstance(stored, VolumeRendering) else None)
     if base is None:
         return None
     low, high = base.opacity_points[0][0], base.opacity_points[-1][0]
@@ -128,12 +133,6 @@ def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | No
     }
 
 
-def _stored_function(appearance: str, catalog: Catalog | None) -> TransferFunction | None:
-    shown = () if catalog is None else catalog.plan.appearances
-    found = next((a for a in shown if a.name == appearance), None)
-    return found.transfer_function if isinstance(found, VolumeRendering) else None
-
-
 def _gradient(points: Sequence[tuple[float, float, float, float]], low: float, high: float) -> str:
     """CSS colour stops of colour points (value, red, green, blue), 0 % at the value `low` and 100 % at `high`."""
     stops = []
@@ -145,18 +144,12 @@ def _gradient(points: Sequence[tuple[float, float, float, float]], low: float, h
 
 def _histogram(field: str, members: Sequence[Member]) -> Json | None:
     """Of the field over members' summaries, of very many evenly chosen ones; damaged summaries are left out."""
-    found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    found: list[tuple[NDArray[Any], NDArray[np.float64]]] = []  # counts [B] and edges [B + 1]
     for member in (members[i] for i in spread(len(members), MOST_SUMMARIES)):
-        try:
+        with suppress(ValueError):
             summary = member.summary(field)
-        except ValueError:
-            continue
-        if summary is None:
-            continue
-        counts, edges = np.asarray(summary.histogram, np.float64), np.asarray(summary.bin_edges, np.float64)
-        proper = np.isfinite(edges).all() and (np.diff(edges) > 0).all() and np.isfinite(counts).all()
-        if proper and len(counts) and (counts >= 0).all():
-            found.append((counts, edges))
+            if summary is not None and _proper(summary):
+                found.append((summary.histogram, summary.bin_edges))
     if not found:
         return None
     low, high = min(float(edges[0]) for _, edges in found), max(float(edges[-1]) for _, edges in found)
@@ -167,16 +160,20 @@ def _histogram(field: str, members: Sequence[Member]) -> Json | None:
     return {"edges": places.tolist(), "heights": heights.tolist()}
 
 
+def _proper(summary: FieldSummary) -> bool:
+    counts, edges = summary.histogram, summary.bin_edges
+    finite = np.isfinite(edges).all() and np.isfinite(counts).all()
+    return bool(finite and len(counts) and (counts >= 0).all() and (np.diff(edges) > 0).all())
+
+
 # ---- cameras
 
 
 def _first_orbit(run: Run) -> Json:
     """What the page starts with: the stored view that is nearest to `OBLIQUE`."""
     if run.catalog is None:
-        whole = run.surrogate.normalization
-        return orbit_of(first_camera(whole), whole.center)
-    first = max(run.cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE)))
-    return orbit_of(first, np.mean(np.array(run.catalog.plan.bounds), axis=0))
+        return orbit_of(first_camera(run.surrogate.normalization), run.middle)
+    return orbit_of(max(run.cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE))), run.middle)
 
 
 def orbit_of(camera: Camera, middle: NDArray[np.float64]) -> Json:

@@ -21,7 +21,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.images import ImageError
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
-from surrogate.explore.reliability.places import appearances_of
+from surrogate.explore.reliability.places import appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import DeformedGaussians, Surrogate
@@ -111,24 +111,23 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
     Of training members only validation views are taken.  Of many cases some are chosen evenly.
     """
     shown = appearances_of(surrogate, ("train", "validation"))
-    base, *others = shown
+    base = base_name(surrogate)
     validation = [case for m in members if m.split == "validation" for case in _cases(m, shown)]
     learnt = [m for m in members if m.split == "train" and "validation" in m.view_splits]
-    at_base = [case for m in learnt for case in _cases(m, {base: {}})]
-    at_settings = _in_turn([case for m in learnt for case in _cases(m, {name: shown[name] for name in others})])
+    training = [case for m in learnt for case in _cases(m, shown)]
+    at_base = [case for case in training if case.appearance == base]
     return [
         *(validation[i] for i in spread(len(validation), MOST_VALIDATION)),
         *(at_base[i] for i in spread(len(at_base), MOST_TRAINING)),
-        *at_settings[:MOST_VARIED],
+        *_in_turn([case for case in training if case.appearance != base])[:MOST_VARIED],
     ]
 
 
 def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> list[Case]:
     """The member in each of the appearances that it was rendered in, at validation views; at training views without any."""
-    by_split = {split: [i for i, s in enumerate(member.view_splits) if s == split] for split in ("validation", "train")}
-    known = by_split["validation"] or by_split["train"]
+    seen = "validation" not in member.view_splits
+    known = [i for i, split in enumerate(member.view_splits) if split == ("train" if seen else "validation")]
     views = tuple(known[i] for i in spread(len(known), VIEWS))
-    seen = not by_split["validation"]
     return [Case(member, a, varied, views, seen) for a, varied in shown.items() if a in member.appearances and views]
 
 

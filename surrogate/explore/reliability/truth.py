@@ -60,8 +60,7 @@ class Truth:
         if run.catalog is None:
             return None
         variations = tuple(v.variation for v in run.surrogate.visualizations)
-        middle = np.mean(np.array(run.catalog.plan.bounds), axis=0)  # [3]
-        return cls(run.catalog, run.members, variations, appearances_of(run.surrogate), middle)
+        return cls(run.catalog, run.members, variations, appearances_of(run.surrogate), run.middle)
 
     @property
     def base(self) -> str:
@@ -125,15 +124,12 @@ class Truth:
         """
         variation, values = variation_of(setting.visualization, self.variations)
         if variation is None or not variation.continuous:
-            name = self._appearance_at(setting)
-            return name if name in self.catalog.appearance_names else None
-        wanted = variation.normalize(values)  # [V]
-        distances = {
-            name: float(np.linalg.norm(variation.normalize(known) - wanted))
-            for name, known in self._settings(variation).items()
-            if name in self.catalog.appearance_names
-        }
-        return min(distances, key=distances.__getitem__, default=None)
+            names = {self._appearance_at(setting): 0.0}
+        else:
+            wanted, known = variation.normalize(values), self._settings(variation)  # [V]
+            names = {name: float(np.linalg.norm(variation.normalize(v) - wanted)) for name, v in known.items()}
+        stored = (name for name in names if name in self.catalog.appearance_names)
+        return min(stored, key=names.__getitem__, default=None)
 
     @property
     def _space(self) -> ParameterSpace:
