@@ -56,7 +56,7 @@ class Session:
     One that is smaller is rendered where it is, with a warning unless `bounds` were given, since spacing or origin may
     have been forgotten.
 
-    Use it as a context manager.  Parameters are those of `render_member` and of `insitu.planning.PlanOptions`; besides,
+    Use it as a context manager.  Parameters are those of the function `render_member`; besides,
     `progress` is called with the number of images drawn of a member, and `warn` with each warning, which otherwise is given
     at the caller's line.
 
@@ -243,12 +243,15 @@ def render_member(
     name : the member's name in the catalog, by default from its parameters.
     split : "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
-    target_decibels, sample_distance : how exact volume rendering must be (50 dB), or its step in world units.
+    target_decibels, sample_distance : how exact volume rendering must be, as PSNR against a converged reference (50 dB), or the
+        step of its rays in world units, one for all or by appearance.
     time : the simulation's time, recorded.
     bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
     variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
         (`catalogs.variations.isovalue_family`, `transfer_function_family`), or are to be learnt beside a base (`field_variation`).
-    image_format, provenance, progress, warn : as in `Session`.
+    image_format : "png" (8 bits, the default) or "exr" (float32).
+    provenance : further JSON values to record in a new catalog.
+    progress, warn : as in `Session`.
 
     Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
     to the transfer function's range, and the texture), once each further field, and one image at a time.  All of it is freed again

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -39,17 +40,7 @@ BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has 
 class PlanOptions:
     """What a caller wants fixed for the ensemble; None leaves it to the catalog or, in a new one, to a default.
 
-    Attributes
-    ----------
-    space : the parameters and their bounds.
-    appearances : how its fields are shown.
-    views : the viewpoints and the frame; the 252 of the icosphere at 256 x 256 by default.
-    bounds : world box (low, high) that every member fits in; the first member's by default.
-    target_decibels : PSNR that volume rendering must reach against a converged reference, 50 by default.
-    sample_distance : step of the rays in world units instead, one for all or by appearance.
-    image_format : "png" (8 bits) or "exr" (float32).
-    provenance : further JSON values to record in a new catalog.
-    variations : which appearances sample visualization parameters.
+    The attributes are arguments of `insitu.render_member`, which describes them.
     """
 
     space: ParameterSpace | None = None
@@ -255,8 +246,6 @@ def given_distances(distance: float | Mapping[str, float], appearances: Sequence
 def _software() -> dict[str, str]:
     found = {}
     for package in ("gs-surrogate", "vtk", "numpy"):
-        try:
+        with suppress(PackageNotFoundError):
             found[package] = version(package)
-        except PackageNotFoundError:
-            continue
     return found

@@ -89,11 +89,8 @@ def _without_holes(surface: Any, holes: NDArray[np.bool_], placement: Placement)
     middles = points[triangles].mean(axis=1, dtype=np.float64)  # [T, 3]
     cells = ((middles - placement.low) / placement.spacing).astype(np.int64)  # [T, 3] as x, y, z
     cells = np.clip(cells, 0, np.array(holes.shape[::-1]) - 2)
-    touching = np.zeros(tuple(n - 1 for n in holes.shape), dtype=bool)
-    for corner in range(8):
-        z, y, x = (slice(corner >> k & 1, (corner >> k & 1) + touching.shape[a]) for a, k in ((0, 2), (1, 1), (2, 0)))
-        touching |= holes[z, y, x]
-    kept = triangles[~touching[cells[:, 2], cells[:, 1], cells[:, 0]]]
+    corners = np.lib.stride_tricks.sliding_window_view(holes, (2, 2, 2))  # [nz - 1, ny - 1, nx - 1, 2, 2, 2]
+    kept = triangles[~corners[tuple(cells[:, ::-1].T)].any(axis=(1, 2, 3))]
     polygons = vtkCellArray()
     polygons.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(kept, dtype=np.int64).reshape(-1), deep=True))
     left = vtkPolyData()

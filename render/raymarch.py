@@ -7,6 +7,8 @@ is cut into equal steps between where it enters and leaves the box.  Nothing is 
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,13 +75,11 @@ def trilinear(grid: Grid, points: NDArray[np.float64]) -> tuple[NDArray[np.float
     values = grid.values.reshape(-1)
     total = np.zeros(first.shape)
     hidden = np.zeros(first.shape, dtype=bool)
-    for dz, wz in ((0, 1 - fz), (1, fz)):
-        for dy, wy in ((0, 1 - fy), (1, fy)):
-            for dx, wx in ((0, 1 - fx), (1, fx)):
-                at = first + (dz * ny + dy) * nx + dx
-                total += wz * wy * wx * values[at]
-                if grid.holes is not None:
-                    hidden |= grid.holes.reshape(-1)[at]
+    for (dz, wz), (dy, wy), (dx, wx) in product(*(((0, 1 - f), (1, f)) for f in (fz, fy, fx))):
+        at = first + (dz * ny + dy) * nx + dx
+        total += wz * wy * wx * values[at]
+        if grid.holes is not None:
+            hidden |= grid.holes.reshape(-1)[at]
     return total, hidden
 
 

@@ -44,13 +44,10 @@ def replacements(transfer: TransferFunction, scale: float, *, shaded: bool, hole
     opacity = [((v - low) / (high - low), (o,)) for v, o in transfer.opacity_points]
     color = [((p[0] - low) / (high - low), p[1:]) for p in transfer.color_points]
     functions = _piecewise("float opacityAt", opacity) + _piecewise("vec3 colorAt", color)
+    unused = ("ComputeColor::Dec", "ComputeGradient::Dec", "ComputeGradientOpacity1D::Dec", "ComputeLighting::Dec")
     return {
         "//VTK::ComputeOpacity::Dec": functions + (LIGHTING if shaded else ""),
-        "//VTK::ComputeColor::Dec": "",
-        "//VTK::ComputeGradient::Dec": "",
-        "//VTK::ComputeGradientOpacity1D::Dec": "",
-        "//VTK::ComputeLighting::Dec": "",
-        "//VTK::Shading::Init": "",
+        **{f"//VTK::{part}": "" for part in (*unused, "Shading::Init")},
         "//VTK::Terminate::Init": EQUAL_STEPS,
         "//VTK::Terminate::Impl": (
             f"if (++g_currentT >= g_terminatePointMax || g_fragColor.a > {_number(OPAQUE)}) break;\n"

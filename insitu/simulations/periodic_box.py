@@ -159,13 +159,10 @@ class PeriodicBox:
     @cached_property
     def _wavenumbers(self) -> tuple[NDArray[Any], ...]:
         """(kx, ky[, kz]), each of a shape that multiplies a component's modes."""
-        n, found = self.resolution, []
-        for direction in range(self.dimension):
-            k = np.fft.rfftfreq(n, 1.0 / n) if direction == 0 else np.fft.fftfreq(n, 1.0 / n)
-            shape = [1] * self.dimension
-            shape[-1 - direction] = k.size
-            found.append(k.reshape(shape).astype(self.dtype))
-        return tuple(found)
+        n = self.resolution
+        whole, half = (k(n, 1.0 / n).astype(self.dtype) for k in (np.fft.fftfreq, np.fft.rfftfreq))
+        axes = [whole] * (self.dimension - 1) + [half]  # ([kz,] ky, kx >= 0)
+        return tuple(np.meshgrid(*axes, indexing="ij", sparse=True)[::-1])
 
     @cached_property
     def _squared_wavenumber(self) -> NDArray[Any]:
@@ -173,7 +170,4 @@ class PeriodicBox:
 
     @cached_property
     def _kept(self) -> NDArray[np.bool_]:
-        kept = np.ones_like(self._squared_wavenumber, dtype=bool)
-        for k in self._wavenumbers:
-            kept &= 3.0 * np.abs(k) < self.resolution
-        return kept
+        return np.all([3.0 * np.abs(k) < self.resolution for k in np.broadcast_arrays(*self._wavenumbers)], axis=0)
