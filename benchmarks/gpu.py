@@ -8,13 +8,15 @@ GPU is, and writes to runs/bench/.
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import torch
 
-from benchmarks.page import DOCS, PROJECT, command_line, fill, made_by, page_in, stopwatch, table
+from benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, table, write_parts
 from benchmarks.splatting.drawing import ERROR_HEADER, measure
 from benchmarks.splatting.twin import ask
 from benchmarks.splatting.workloads import FIXED, OTHERS, Workload
@@ -50,31 +52,29 @@ def main() -> None:
     official = device.type == "cuda" and not arguments.quick
     page, say = page_in(arguments.output or (DOCS if official else PROJECT / "runs" / "bench"), PAGE), stopwatch()
     seconds = 0.2 if arguments.quick else 2.0
+    parts = {"explore": explore, "draw": drawing, "train": training}
     with one_torch_thread():
-        for part, body in (
-            ("explore", explore(device, arguments.quick, seconds, say)),
-            ("draw", drawing(device, arguments.quick, seconds, say)),
-            ("train", training(device, arguments.quick, seconds, say)),
-        ):
-            fill(page, part, f"{body.rstrip()}\n\n<sub>{provenance(device)}</sub>")
+        measured_parts = {name: partial(part, device, arguments.quick, seconds, say) for name, part in parts.items()}
+        failed = write_parts(page, measured_parts, provenance(device), say)
     say(str(page))
+    sys.exit(bool(failed))
 
 
 def explore(device: torch.device, quick: bool, seconds: float, say: Callable[[str], None]) -> str:
     """What a change of the view and of the parameters take, as a user sees it: with the picture in main memory."""
     workload = _sized(LARGE, quick)
     gaussians, deformation = _model(workload, device)
-    camera, rasterizer, places = workload.camera(), Rasterizer(), [torch.tensor([0.01 * i]) for i in range(100)]
-    turn = iter(range(10**9))
+    camera, rasterizer = workload.camera(), Rasterizer()
+    places = itertools.cycle(torch.tensor([0.01 * i]) for i in range(100))
 
-    def look(seen: Gaussians) -> torch.Tensor:
-        with torch.no_grad():
-            return rasterizer.draw_over(seen, camera, (1.0, 1.0, 1.0)).cpu()
+    @torch.no_grad()
+    def look(at: Callable[[], Gaussians]) -> torch.Tensor:
+        return rasterizer.draw_over(at(), camera, (1.0, 1.0, 1.0)).cpu()
 
     say(f"exploring {workload.title}")
     calls = {
-        "a view change": lambda: look(gaussians),
-        "a parameter change": lambda: look(_at(deformation, gaussians, places[next(turn) % len(places)])),
+        "a view change": lambda: look(lambda: gaussians),
+        "a parameter change": lambda: look(lambda: deformation.deformed(gaussians, next(places))),
     }
     rows = []
     for name, call in calls.items():
@@ -133,11 +133,6 @@ def _model(workload: Workload, device: torch.device) -> tuple[Gaussians, Bilinea
     deformation = BilinearDeformation.create(gaussians, 1, SETTINGS)
     torch.nn.init.normal_(deformation.weights_out, std=1e-3, generator=torch.Generator().manual_seed(0))
     return gaussians.to(device), deformation.to(device)
-
-
-def _at(deformation: BilinearDeformation, gaussians: Gaussians, parameters: torch.Tensor) -> Gaussians:
-    with torch.no_grad():
-        return deformation.deformed(gaussians, parameters)
 
 
 if __name__ == "__main__":

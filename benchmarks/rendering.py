@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from benchmarks.splatting.figures import panels
+from benchmarks.timing import processor_seconds
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from catalogs.scene import Scene
@@ -137,13 +138,8 @@ def speed_against_error(appearance: VolumeRendering) -> Found:
 
 def processor_ms(draw: Draw, views: Sequence[Camera], repeats: int = 3) -> float:
     """Processor milliseconds per image, the best of a few rounds."""
-    rounds = []
-    for _ in range(repeats):
-        started = time.process_time()
-        for camera in views:
-            draw(camera)
-        rounds.append((time.process_time() - started) * 1e3 / len(views))
-    return min(rounds)
+    rounds = [processor_seconds(lambda: [draw(camera) for camera in views]) for _ in range(repeats)]
+    return min(rounds) * 1e3 / len(views)
 
 
 def throughput(processes: int) -> tuple[float, float]:
@@ -175,13 +171,9 @@ def _member_of_252(ready: Any, go: Any, done: Any) -> None:
 
 
 def isosurface_row(resolution: int) -> list[str]:
-    grid = member(resolution)
-    seconds = []
-    for _ in range(3):
-        started = time.process_time()
-        surface = Renderer(grid, Isosurface("cores", 5.0))
-        seconds.append(time.process_time() - started)
-    triangles = extract(grid, 5.0, Placement.of(grid)).GetNumberOfPolys()
+    grid, appearance = member(resolution), Isosurface("cores", 5.0)
+    seconds = [processor_seconds(lambda: Renderer(grid, appearance)) for _ in range(3)]
+    surface, triangles = Renderer(grid, appearance), extract(grid, 5.0, Placement.of(grid)).GetNumberOfPolys()
     views = [cameras(grid)[v] for v in VIEWS]
     row = [f"{resolution}³", f"{triangles:,}", f"{min(seconds) * 1e3:.0f}"]
     return [*row, f"{processor_ms(surface.render, views):.1f}"]

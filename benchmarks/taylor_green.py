@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from benchmarks.splatting.figures import panels
+from benchmarks.timing import processor_seconds
 from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import State
 from insitu.simulations.taylor_green import TaylorGreen
@@ -168,8 +169,9 @@ def states(resolution: int, reynolds: float) -> dict[float, State]:
     return found
 
 
-def convergence(errors_of: Callable[[float], Sequence[float]], names: Sequence[str], cfls: Sequence[float]) -> str:
-    found = [errors_of(cfl) for cfl in cfls]
+def convergence() -> str:
+    names, cfls = ("vortex: energy", "helical: energy", "helical: helicity"), (1.0, 0.5, 0.25, 0.125)
+    found = [invariants(cfl) for cfl in cfls]
     rows = []
     for i, (cfl, errors) in enumerate(zip(cfls, found, strict=True)):
         cells = [f"{cfl:g}"]
@@ -246,18 +248,14 @@ def twins() -> str:
         found = flow.velocity(flow.advance(flow.initial(), until=until))
         difference = np.abs(found - box.velocity(box.advance(start, until=until))).max()
         flow, box = replace(flow, dtype="float32", cfl=0.5), replace(box, dtype="float32", cfl=0.5)
-        plain = seconds(lambda box=box, flow=flow: box.advance(box.initial(flow.velocity(flow.initial())), until=5.0))
-        fast = seconds(lambda flow=flow: flow.advance(flow.initial(), until=5.0))
+        plain = processor_seconds(
+            lambda box=box, flow=flow: box.advance(box.initial(flow.velocity(flow.initial())), until=5.0)
+        )
+        fast = processor_seconds(lambda flow=flow: flow.advance(flow.initial(), until=5.0))
         rows.append(
             [f"{n}³", f"{difference:.0e} (t = {until:g})", f"{plain:.2f} s", f"{fast:.3f} s", f"{plain / fast:.0f}x"]
         )
     return table(["points", "largest difference of u", "plain", "symmetric", "ratio"], rows)
-
-
-def seconds(action: Callable[[], object]) -> float:
-    start = clock.process_time()
-    action()
-    return clock.process_time() - start
 
 
 def times(resolutions: Sequence[int]) -> str:
@@ -301,7 +299,7 @@ def main() -> None:
     parser.add_argument("--finest", action="store_true", help="also compare with a run on 384³ (six minutes more)")
     arguments = parser.parse_args()
     reference = load_reference()
-    parts = {name: partial(part, *section) for name, section in sections(reference, arguments.finest).items()}
+    parts = {name: partial(titled_part, *section) for name, section in sections(reference, arguments.finest).items()}
     command = "taylor_green" + " --finest" * arguments.finest
     folders = "insitu/simulations", "benchmarks/taylor_green.py"
     made = made_by(command, *folders, on=arguments.machine, environment="OMP_NUM_THREADS=1 ")
@@ -310,7 +308,7 @@ def main() -> None:
     sys.exit(bool(failed))
 
 
-def part(title: str, measure: Callable[[], str]) -> str:
+def titled_part(title: str, measure: Callable[[], str]) -> str:
     return titled(title, measure())
 
 
@@ -330,9 +328,7 @@ def sections(reference: NDArray[np.float64], with_finest: bool) -> dict[str, tup
         "steps": ("Error of Q by time step and precision (64³, Re 2500)", step_and_precision),
         "invariants": (
             "Inviscid invariants (float64; vortex at 32³ to t = 5, helical flow at 24³ to t = 2)",
-            lambda: convergence(
-                invariants, ["vortex: energy", "helical: energy", "helical: helicity"], (1.0, 0.5, 0.25, 0.125)
-            ),
+            convergence,
         ),
         "decay": (
             "Exact decaying two-dimensional vortex, ν = 0.01, t = 10: largest error of the velocity",

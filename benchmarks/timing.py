@@ -38,6 +38,13 @@ def timed(call: Callable[[], object]) -> float:
     return 1e3 * (time.perf_counter() - started)
 
 
+def processor_seconds(call: Callable[[], object]) -> float:
+    """Seconds of processor time of one call."""
+    started = time.process_time()
+    call()
+    return time.process_time() - started
+
+
 def measured(call: Callable[[], object], seconds: float, *, least: int = 3, most: int = 100) -> Measured:
     """The times of `least` to `most` calls, as many as fit into `seconds`; an untimed one goes before."""
     call()

@@ -8,7 +8,6 @@ pictures, renders it under functions that were never trained, and writes docs/tr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +15,13 @@ from numpy.typing import NDArray
 
 from benchmarks.page import DOCS, PROJECT, command_line, made_by, table, write_parts
 from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from catalogs.images import write_image
 from insitu.simulations import simulation
 from render import render_views
 from render.datasets import to_grid
 from surrogate import Surrogate
-from surrogate.evaluation.metrics import Score, composite, score
+from surrogate.evaluation.metrics import composite, score
 
 RUN = PROJECT / "runs" / "tgv-tf"
 OTHER_COLORS = (  # dark blue to green to yellow
@@ -72,21 +70,14 @@ def measured(step: int) -> tuple[str, NDArray[np.float32]]:
         pictures = [deformed.render(camera) for camera in cameras]
         found = [score(truth, picture, None) for truth, picture in zip(truths, pictures, strict=True)]
         without = [score(t, before.render(c), None) for t, c in zip(truths, cameras, strict=True)]
-        rows.append([name, f"{_mean(found):.2f}", f"{np.mean([s.ssim for s in found]):.3f}", f"{_mean(without):.2f}"])
+        psnr, base_psnr = (np.mean([s.psnr for s in scores]) for scores in (found, without))
+        rows.append([name, f"{psnr:.2f}", f"{np.mean([s.ssim for s in found]):.3f}", f"{base_psnr:.2f}"])
         pair = (truths[SHOWN % len(truths)], pictures[SHOWN % len(pictures)])
         columns.append(np.concatenate([composite(picture, (1.0, 1.0, 1.0)) for picture in pair]))
     header = ["transfer function", "PSNR, dB", "SSIM", "the base picture instead, dB"]
-    return f"{_described(cameras)}\n\n{table(header, rows)}", np.concatenate(columns, axis=1)
-
-
-def _described(cameras: Sequence[Camera]) -> str:
-    return (
-        f"{len(cameras)} test views of {cameras[0].width}x{cameras[0].height} of the test member Re = 1890, on white."
-    )
-
-
-def _mean(scores: Sequence[Score]) -> float:
-    return float(np.mean([s.psnr for s in scores]))
+    size = f"{cameras[0].width}x{cameras[0].height}"
+    described = f"{len(cameras)} test views of {size} of the test member Re = 1890, on white."
+    return f"{described}\n\n{table(header, rows)}", np.concatenate(columns, axis=1)
 
 
 def main() -> None:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from benchmarks.fidelity.variants import ACTIVATIONS, GAUSSIANS, STEPS, Variant, with_activation
 from benchmarks.page import commit
-from catalogs.cameras import Camera
 from catalogs.catalog import Catalog
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
@@ -126,7 +125,7 @@ def judge(
             truth = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
             camera = example.camera
             if halved:
-                truth, camera = _mean_of_four(truth), _half(camera)
+                truth, camera = _mean_of_four(truth), camera.resized(camera.width // 2, camera.height // 2)
             picture = rasterizer.draw_over(gaussians, camera, behind)[..., :3].clamp(0.0, 1.0)
             scores.append(psnr(truth, picture.numpy()))
     return float(np.mean(scores)) if scores else None
@@ -142,15 +141,6 @@ def _start(subject: Subject, settings: TrainingSettings, activation: str) -> Gau
 def _mean_of_four(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     height, width, channels = picture.shape
     return picture.reshape(height // 2, 2, width // 2, 2, channels).mean(axis=(1, 3))
-
-
-def _half(camera: Camera) -> Camera:
-    return Camera(
-        camera.world_to_camera,
-        *(0.5 * value for value in (camera.fx, camera.fy, camera.cx, camera.cy)),
-        camera.width // 2,
-        camera.height // 2,
-    )
 
 
 def provenance() -> dict[str, Any]:

@@ -10,13 +10,12 @@ import torch
 from torch import Tensor
 
 from benchmarks.page import table
-from benchmarks.splatting.figures import COLORS, MARKERS, panels
+from benchmarks.splatting.figures import panels, with_labels
 from benchmarks.splatting.setup import Setup, limited_to
 from benchmarks.splatting.trained import Trained, pictures
 from benchmarks.splatting.twin import decibels
 from benchmarks.timing import Measured, timed
 from surrogate.evaluation.metrics import composite, psnr
-from surrogate.gaussians import Gaussians
 from surrogate.training.compression.choices import importance
 from surrogate.training.data import ImageRow, load_examples, training_rows
 
@@ -35,26 +34,12 @@ def budgets(setup: Setup, trained: Trained) -> str:
     rows = trained.validation(JUDGED // few)
     found = {part: _drawn(trained, rows, weights, part) for part in PARTS}
     with panels(setup.output / FIGURE, height=3.6) as axes:
-        for k, name in enumerate(("the stored images", "the whole model")):
-            points = [
-                (taken.median, errors[k], part) for part, (taken, *errors) in found.items() if np.isfinite(errors[k])
-            ]
-            axes.plot(
-                [p[0] for p in points],
-                [p[1] for p in points],
-                MARKERS[k] + "-",
-                color=COLORS[k],
-                label=f"against {name}",
-            )
-            for milliseconds, error, part in points if k == 0 else ():
-                axes.annotate(
-                    f"{100 * part:.0f} %", (milliseconds, error), xytext=(6, -8), textcoords="offset points", fontsize=7
-                )
-        axes.set(
-            xlabel="ms per picture (one thread)",
-            ylabel="PSNR, dB",
-            title=f"{trained.name}: part of the Gaussians drawn",
-        )
+        for style, name in enumerate(("the stored images", "the whole model")):
+            said = {part: f"{100 * part:.0f} %" if style == 0 else "" for part in PARTS}
+            points = [(taken.median, errors[style], said[part]) for part, (taken, *errors) in found.items()]
+            with_labels(axes, [point for point in points if np.isfinite(point[1])], style, f"against {name}")
+        axes.set(xlabel="ms per picture (one thread)", ylabel="PSNR, dB")
+        axes.set_title(f"{trained.name}: part of the Gaussians drawn")
         axes.set_xlim(left=0)
         axes.margins(y=0.12)
         axes.legend()
@@ -66,7 +51,9 @@ def budgets(setup: Setup, trained: Trained) -> str:
         same = f"{whole:.1f}" if np.isfinite(whole) else "the same"
         cells.append([f"{100 * part:.0f} %", f"{len(kept):,}", share, str(taken), same, f"{truth:.2f}"])
     header = ["drawn", "Gaussians", "of all weight", "ms per picture", "PSNR against the whole model, dB"]
-    note = f"{trained.name}, {len(rows)} validation images of {_size(trained)}, one thread.\n\n"
+    camera = trained.catalog.members[0].cameras[0]
+    size = f"{camera.width} x {camera.height}"
+    note = f"{trained.name}, {len(rows)} validation images of {size}, one thread.\n\n"
     return note + table([*header, "PSNR against the stored images, dB"], cells)
 
 
@@ -89,15 +76,10 @@ def _drawn(trained: Trained, rows: Sequence[ImageRow], weights: Tensor, part: fl
     taken, to_truth, to_whole = [], [], []
     with limited_to(1):
         for row, whole, camera in pictures(trained.model, rows):
-            some = replace(whole, gaussians=Gaussians(*(t[kept] for t in whole.gaussians.tensors().values())))
+            some = replace(whole, gaussians=whole.gaussians.of(kept))
             taken.append(min(timed(lambda s=some, c=camera: s.render(c)) for _ in range(REPEATS)))
             picture = composite(some.render(camera), trained.background)
             difference = picture.astype(np.float64) - composite(whole.render(camera), trained.background)
             to_truth.append(psnr(trained.truth(row), picture))
             to_whole.append(float(np.mean(np.square(difference))))
     return Measured.of(taken), float(np.mean(to_truth)), decibels(float(np.mean(to_whole)))
-
-
-def _size(trained: Trained) -> str:
-    camera = trained.catalog.members[0].cameras[0]
-    return f"{camera.width} x {camera.height}"

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from benchmarks.page import table
 from benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
-from benchmarks.splatting.figures import COLORS, MARKERS, panels
+from benchmarks.splatting.figures import panels, with_labels
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.trained import Trained
 from benchmarks.splatting.twin import ask
@@ -23,13 +23,9 @@ def cutoffs(setup: Setup, trained: Trained) -> str:
     cases = {FIXED.title: FIXED.view(), f"model of {trained.name}": trained.view()}
     found = {name: _measured(name, view, setup) for name, view in cases.items()}
     with panels(setup.output / FIGURE, height=3.6) as axes:
-        for (name, by_floor), color, marker in zip(found.items(), COLORS, MARKERS, strict=False):
+        for style, (name, by_floor) in enumerate(found.items()):
             points = [(drawn.both.median, drawn.image.decibels, label) for label, (drawn, _) in by_floor.items()]
-            axes.plot(
-                [p[0] for p in points], [p[1] for p in points], marker + "-", color=color, markersize=4, label=name
-            )
-            for milliseconds, decibels, label in points:
-                axes.annotate(label, (milliseconds, decibels), xytext=(5, -9), textcoords="offset points", fontsize=7)
+            with_labels(axes, points, style, name)
         axes.set(xlabel="forward + backward, ms (one thread)", ylabel="PSNR against no floor, dB")
         axes.set_xlim(left=0)
         axes.margins(y=0.1)

@@ -29,15 +29,11 @@ class Drawn:
 
     def error_cells(self) -> list[str]:
         """PSNR, largest difference, largest gradient error."""
-        return [*error_cells(self.image), f"{self.gradient:.0e}"]
+        return [f"{self.image.decibels:.1f}", f"{self.image.largest:.0e}", f"{self.gradient:.0e}"]
 
 
 TIMES = ("forward, ms", "backward, ms", "sum, ms")
 ERROR_HEADER = ("PSNR against float64, dB", "largest image error", "largest gradient error")
-
-
-def error_cells(errors: Errors) -> list[str]:
-    return [f"{errors.decibels:.1f}", f"{errors.largest:.0e}"]
 
 
 def measure(view: View, twin: Twin, seconds: float, **options: Any) -> Drawn:

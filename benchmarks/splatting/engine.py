@@ -35,7 +35,8 @@ def fixed(setup: Setup) -> str:
             drawn = measure(view, twin, setup.seconds, threads=threads, instruction_set=name)
             ratio = f"{drawn.both.median / peak.loop_ms():.2f}"
             rows.append([name, str(threads), *drawn.times(), ratio, *drawn.error_cells()])
-            limits.append([name, str(threads), *_peak_cells(peak), *_limit_cells(drawn, whole, peak)])
+            rates = [f"{peak.gigaflops:.0f}", f"{peak.gigabytes:.0f}"]
+            limits.append([name, str(threads), *rates, *_limit_cells(drawn, whole, peak)])
     header = ["instruction set", "threads", *TIMES, "sum / 10⁹ FMAs", *ERROR_HEADER]
     limit_header = ["instruction set", "threads", "peak, Gflop/s", "memory, GB/s"]
     for name in ("forward", "backward"):
@@ -61,10 +62,6 @@ def _billions(work: Work) -> str:
     return f"{work.flops / 1e9:.2f} Gflop in {work.instructions / 1e9:.2f} G instructions, {work.bytes / 1e6:.1f} MB"
 
 
-def _peak_cells(peak: Peak) -> list[str]:
-    return [f"{peak.gigaflops:.0f}", f"{peak.gigabytes:.0f}"]
-
-
 def _limit_cells(drawn: Drawn, whole: Counted, peak: Peak) -> list[str]:
     cells = []
     for taken, work in ((drawn.forward, forward_work(*_size(whole))), (drawn.backward, backward_work(*_size(whole)))):
@@ -81,18 +78,14 @@ def others(setup: Setup) -> str:
     rows = []
     for workload in OTHERS[2:3] if setup.quick else OTHERS:
         setup.say(workload.title)
-        rows.append(_row(workload, setup))
+        view = workload.view()
+        twin = ask(view, setup.patches)
+        drawn = measure(view, twin, setup.seconds, threads=1)
+        pairs = twin.counted.interactions / twin.counted.pixels * workload.size**2  # spread over the frame
+        counted = [digits(pairs / 1e6), f"{twin.counted.depth:.0f}"]
+        rows.append([workload.title, *counted, *drawn.times(), *drawn.error_cells()])
     header = ["scene", "pairs, M", "per covered pixel", *TIMES, *ERROR_HEADER]
     return table(header, rows)
-
-
-def _row(workload: Workload, setup: Setup) -> list[str]:
-    view = workload.view()
-    twin = ask(view, setup.patches)
-    drawn = measure(view, twin, setup.seconds, threads=1)
-    pairs = twin.counted.interactions / twin.counted.pixels * workload.size**2  # in the patches, spread over the frame
-    counted = [digits(pairs / 1e6), f"{twin.counted.depth:.0f}"]
-    return [workload.title, *counted, *drawn.times(), *drawn.error_cells()]
 
 
 def backends(setup: Setup) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -53,6 +53,14 @@ def plain_ticks(axis: Any) -> None:
     axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:,g}"))
     axis.set_minor_formatter(ticker.NullFormatter())
+
+
+def with_labels(axes: Any, points: Iterable[tuple[float, float, str]], style: int, label: str) -> None:
+    """A line through (x, y, text), with the texts beside its points; `style` chooses colour and marker."""
+    x, y, texts = zip(*points, strict=True)
+    axes.plot(x, y, MARKERS[style] + "-", color=COLORS[style], markersize=4, label=label)
+    for place in zip(texts, zip(x, y, strict=True), strict=True):
+        axes.annotate(*place, xytext=(5, -9), textcoords="offset points", fontsize=7)
 
 
 def with_spread(axes: Any, x: Any, taken: list[Measured], style: int, *, line: str = "-", **options: Any) -> None:

@@ -106,7 +106,9 @@ class Trained:
         if budget not in self.fits:
             settings = planned(self.settings, budget, self.step_times)
             self.setup.say(f"{self.name}: training for {budget:.0f} s")
-            self.fits[budget] = Fit(budget, self._train(settings))
+            with tempfile.TemporaryDirectory() as folder, ProgressLine() as line:
+                surrogate = train(settings, self.catalog, Path(folder) / "surrogate", progress=line)
+            self.fits[budget] = Fit(budget, surrogate)
         return self.fits[budget]
 
     @property
@@ -133,10 +135,6 @@ class Trained:
     @property
     def background(self) -> tuple[float, float, float]:
         return self.catalog.plan.background or WHITE
-
-    def _train(self, settings: TrainingSettings) -> Surrogate:
-        with tempfile.TemporaryDirectory() as folder, ProgressLine() as line:
-            return train(settings, self.catalog, Path(folder) / "surrogate", progress=line)
 
 
 def pictures(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Iterator[tuple[ImageRow, DeformedGaussians, Camera]]:

@@ -10,7 +10,7 @@ pixels are `undecided`: they are counted and not compared.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -94,13 +94,7 @@ def patches(width: int, height: int, count: int | None = None) -> list[NDArray[n
     return found
 
 
-def ask(
-    view: View,
-    count: int | None = None,
-    *,
-    gradients: bool = True,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Twin:
+def ask(view: View, count: int | None = None, *, gradients: bool = True) -> Twin:
     """Draw all patches of pixels in float64, or `count` of them."""
     scene, camera, constants = view
     wanted = patches(camera.width, camera.height, count)
@@ -109,12 +103,12 @@ def ask(
     # Pixels see a detached copy of the splats, so that the projection is differentiated once and not for every patch.
     seen = [tensor.detach().requires_grad_(gradients) for tensor in splats[:4]]
     centers = reference.pixel_centers(camera).double()  # [H * W, 2]
-    corners = _corners(splats, constants.alpha_floor)
+    lowest, highest = _corners(splats, constants.alpha_floor)
     random = np.random.default_rng(2)
     pictures, weights, doubts, counts = [], [], [], np.zeros(4, dtype=np.int64)
-    for done, indices in enumerate(wanted):
+    for indices in wanted:
         pixels = centers[torch.from_numpy(indices)]  # [P, 2]
-        near = _reaching(corners, pixels)  # [M]
+        near = ((highest >= pixels.amin(0)) & (lowest <= pixels.amax(0))).all(1).nonzero()[:, 0]  # [M]
         some = Splats(*(tensor[near] for tensor in seen), constants.dilation)
         alphas = reference.alphas_at(pixels, some, constants)  # [P, M]
         picture = reference.composite(alphas, some.colors)  # [P, 4]
@@ -127,7 +121,6 @@ def ask(
         pictures.append(picture.detach())
         weights.append(weight)
         doubts.append(doubt)
-        progress(done + 1, len(wanted))
     found: tuple[Tensor, ...] = ()
     if gradients:
         by_splats = [tensor.grad if tensor.grad is not None else torch.zeros_like(tensor) for tensor in seen]
@@ -158,25 +151,13 @@ def gradient_error(found: Sequence[Tensor], twin: Twin) -> float:
     return max(float((got.double() - wanted).abs().max() / wanted.abs().max()) for got, wanted in pairs)
 
 
-class _Corners(NamedTuple):
-    """What each splat can reach at most, px."""
-
-    low: Tensor  # [M, 2]
-    high: Tensor  # [M, 2]
-
-
-def _corners(splats: Splats, floor: float) -> _Corners:
+def _corners(splats: Splats, floor: float) -> tuple[Tensor, Tensor]:
+    """The lowest and the highest place (M, 2) that each splat can reach, px."""
     with torch.no_grad():
         variances = splats.axes.square().sum(2) + splats.dilation  # [M, 2], of the ellipse's shadow on either axis
         squared = 2.0 * torch.log(splats.opacities / floor).clamp(min=0.0)  # [M]
         half = (squared[:, None] * variances).sqrt() + 0.01  # [M, 2]
-        return _Corners(splats.centers - half, splats.centers + half)
-
-
-def _reaching(corners: _Corners, pixels: Tensor) -> Tensor:
-    """Indices of the splats that may reach any of the pixels (P, 2)."""
-    low, high = pixels.amin(0), pixels.amax(0)  # [2], [2]
-    return ((corners.high >= low) & (corners.low <= high)).all(1).nonzero()[:, 0]
+        return splats.centers - half, splats.centers + half
 
 
 def _undecided(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
