@@ -59,7 +59,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Steps:
-    """The length of each stage; of stage 3 per variation of the appearance."""
+    """The length of each stage; stage 3 has as many for each variation of the appearance."""
 
     canonical: int = _setting(2_000, NOT_NEGATIVE, "canonical_steps")  # 0: learnt in stage 2, with the deformation
     deformation: int = _setting(10_000, NOT_NEGATIVE, "deformation_steps")
@@ -76,9 +76,9 @@ class DeformationSize:
 
 @dataclass(frozen=True)
 class Designs:
-    """Which deformations F_sim and F_vis are, of `surrogate.deformation.READABLE`.
+    """Which of `surrogate.deformation.READABLE` F_sim and F_vis are.
 
-    F_vis applies transfer functions ("values") and learns the rest ("bilinear") where "auto" leaves it open.
+    With "auto" F_vis is "values" for transfer functions, which it applies, and "bilinear" for all else, which it learns.
     """
 
     simulation: Literal["bilinear", "paper"] = _setting("bilinear", key="deformation")
@@ -129,7 +129,7 @@ class Loss:
 
 @dataclass(frozen=True)
 class Relocation:
-    """When a Gaussian is dead, and where it goes: the decayed maximum of its deformed opacity tells."""
+    """When a Gaussian is dead, by the decayed maximum of its deformed opacity, and where it goes."""
 
     interval: int = _setting(100, NOT_NEGATIVE, "relocation_interval")  # steps; 0: never
     target: Literal["opacity", "gradient"] = _setting("opacity", key="relocation_target")  # who attracts the dead
@@ -141,13 +141,11 @@ class Relocation:
 
 @dataclass(frozen=True)
 class Splatting:
-    """What `surrogate.splatting.Constants` of the rasterizer may be chosen, and what draws."""
+    """Those of the rasterizer's `surrogate.splatting.Constants` that can be set, and the backend that draws."""
 
     alpha_floor: float = _setting(Constants.alpha_floor, FRACTION)
     alpha_cap: float = Constants.alpha_cap
-    dilation: float = _setting(
-        Constants.dilation, NOT_NEGATIVE
-    )  # variance added to every projected Gaussian, in pixels squared
+    dilation: float = _setting(Constants.dilation, NOT_NEGATIVE)  # added to each projected variance, in pixels squared
     backend: str = "auto"
 
     def __post_init__(self) -> None:
@@ -157,7 +155,7 @@ class Splatting:
 
 @dataclass(frozen=True)
 class Compression:
-    """Whether the model loses at the end what validation images do not need: deformed attributes, modes, Gaussians, bits."""
+    """Whether training ends by removing attributes, modes, Gaussians and bits that validation images do not need."""
 
     enabled: bool = _setting(True, key="fit_to_need")
     tolerance: float = _setting(0.05, NOT_NEGATIVE, "need_tolerance")  # dB that each choice may cost
@@ -166,7 +164,7 @@ class Compression:
 
 @dataclass(frozen=True)
 class Validation:
-    """Steps between looks at how many fixed validation images; 0 for none."""
+    """Steps between validations, and the number of images that each looks at; 0 for none."""
 
     interval: int = _setting(500, NOT_NEGATIVE, "validation_interval")
     images: int = _setting(16, NOT_NEGATIVE, "validation_images")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -125,12 +126,11 @@ def load_examples(
     """
     names = {(row.member.name, row.appearance): row for row in wanted}
     parameters = {name: _parameters(catalog, row, variation) for name, row in names.items()}
-    views = {id(camera): camera for row in wanted for camera in (row.member.cameras[row.view],)}  # most are shared
-    cameras = {key: normalization.camera(camera) for key, camera in views.items()}
+    camera = functools.cache(normalization.camera)  # most are shared
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         pixels = pool.map(lambda row: _pixels(catalog, row), wanted)
         return [
-            Example(cameras[id(row.member.cameras[row.view])], parameters[row.member.name, row.appearance], image)
+            Example(camera(row.member.cameras[row.view]), parameters[row.member.name, row.appearance], image)
             for row, image in zip(wanted, pixels, strict=True)
         ]
 

@@ -19,10 +19,9 @@ C1, C2 = 0.01**2, 0.03**2
 def image_loss(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2, threads: int | None = None) -> Tensor:
     """mean |image - target| + ssim_weight (1 - SSIM) of pictures (H, W, C); differentiable in `image` only.
 
-    `target` holds floats or, as image files do, bytes that are 255 times as large.  Channels that only `image` has are not
-    compared.  SSIM is Wang et al. 2004 with an 11x11 Gaussian window of sigma 1.5 and zeros beyond the border, averaged over
-    pixels and channels, for values in [0, 1].  In main memory it is computed by the C++ kernel in float32, value and gradient at
-    once; on a GPU by torch.
+    `target` holds floats in [0, 1] or bytes in 0..255.  Channels that only `image` has are not compared.  SSIM is Wang et al. 2004
+    with an 11x11 Gaussian window of sigma 1.5 and zeros beyond the border, averaged over pixels and channels.  In
+    main memory the C++ kernel computes value and gradient at once, in float32; on a GPU torch does.
     """
     if not image.is_cpu:
         return image_loss_reference(image, target, ssim_weight=ssim_weight)

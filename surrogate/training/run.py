@@ -61,13 +61,11 @@ def train(
         checkpoint = Checkpoint.load(directory)
         if checkpoint is not None:
             _check_mark(checkpoint.record["fingerprint"], mark, directory)
-        interruption = Interruption()
-        surrogate = _trained(
-            source, checkpoint, Session(settings, directory, mark, _steps(source), progress, interruption)
-        )
+        session = Session(settings, directory, mark, _steps(source), progress, Interruption())
+        surrogate = _trained(source, checkpoint, session)
         surrogate.save(directory)
         (directory / CHECKPOINT).unlink(missing_ok=True)
-        interruption.act()  # what was asked for during the last choices
+        session.interruption.act()  # what was asked for during the last choices
     return surrogate
 
 

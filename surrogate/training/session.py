@@ -99,20 +99,19 @@ class Interruption:
         self._previous = {}
 
 
+@dataclass(eq=False, repr=False)
 class Session:
     """One process that trains in `directory`, for `steps` steps over all stages; `before` seconds were spent by others."""
 
-    def __init__(
-        self,
-        settings: TrainingSettings,
-        directory: Path,
-        fingerprint: str,
-        steps: int,
-        progress: ProgressReport,
-        interruption: Interruption,
-    ) -> None:
-        self.settings, self.interruption, self.before = settings, interruption, 0.0
-        self.fingerprint, self._directory, self._steps, self._progress = fingerprint, directory, steps, progress
+    settings: TrainingSettings
+    directory: Path
+    fingerprint: str
+    steps: int
+    progress: ProgressReport
+    interruption: Interruption
+    before: float = 0.0
+
+    def __post_init__(self) -> None:
         self._started = self._saved = self._reported = time.perf_counter()
         self._rate = Rate()
 
@@ -128,7 +127,7 @@ class Session:
 
     def save(self, state: TrainingState) -> None:
         """Keep a checkpoint, and then stop where that was asked for."""
-        replace(state, seconds=self.seconds).checkpoint(self.fingerprint).save(self._directory)
+        replace(state, seconds=self.seconds).checkpoint(self.fingerprint).save(self.directory)
         self._saved = time.perf_counter()
         self.interruption.act()
 
@@ -141,17 +140,15 @@ class Session:
         self,
         stage: str,
         step: int,
-        losses: Sequence[float] = (),
+        losses: Sequence[float] | None = None,
         curve: Sequence[Mapping[str, Any]] = (),
-        *,
         steps: int | None = None,
-        speed: bool = False,
     ) -> None:
-        """Tell where training is, of so many `steps` (None: of all stages); with `speed` also how fast and how well it learns."""
-        psnr, steps = curve[-1]["psnr"] if curve else None, self._steps if steps is None else steps
-        if not speed:
-            self._progress(TrainingProgress(stage, step, steps, psnr=psnr))
+        """Tell where training is, of so many `steps` (None: of all stages); with `losses` also how fast and how well it learns."""
+        psnr, steps = curve[-1]["psnr"] if curve else None, self.steps if steps is None else steps
+        if losses is None:
+            self.progress(TrainingProgress(stage, step, steps, psnr=psnr))
             return
         self._reported, rate = time.perf_counter(), self._rate(step)
         loss = float(np.mean(losses[-200:])) if losses else curve[-1]["loss"]
-        self._progress(TrainingProgress(stage, step, steps, rate, loss, psnr, (steps - step) / rate if rate else None))
+        self.progress(TrainingProgress(stage, step, steps, rate, loss, psnr, (steps - step) / rate if rate else None))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -39,21 +39,25 @@ class Source:
 
     settings: TrainingSettings
     catalog: Catalog
-    appearance: str = field(init=False)
-    normalization: Normalization = field(init=False)
 
     def __post_init__(self) -> None:
         names = [a.name for a in self.catalog.plan.appearances]
-        appearance = self.settings.appearance or names[0]
-        if appearance not in names:
-            raise ValueError(f"training.appearance must be one of the catalog's {names}, got {appearance!r}")
-        normalization = Normalization.of_box(self.catalog.plan.bounds)
-        object.__setattr__(self, "appearance", appearance)
-        object.__setattr__(self, "normalization", normalization)
+        if self.appearance not in names:
+            raise ValueError(f"training.appearance must be one of the catalog's {names}, got {self.appearance!r}")
         for variation in (None, *self.variations):
             training_rows(self.catalog, self._shown(variation))  # says at once where there are none
         if self.settings.start.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
+
+    @cached_property
+    def appearance(self) -> str:
+        """The name of the base appearance."""
+        return self.settings.appearance or self.catalog.plan.appearances[0].name
+
+    @cached_property
+    def normalization(self) -> Normalization:
+        """Of the catalog's box."""
+        return Normalization.of_box(self.catalog.plan.bounds)
 
     def data(self, variation: Variation | None = None) -> TrainingData:
         """All images that training needs, decoded: of the base appearance, or of a variation without it."""

@@ -122,8 +122,8 @@ class TrainingState:
             done=record["done"],
             loop=None if record["step"] is None else LoopMemory(record["step"], part_of(tensors, "loop")),
             visualizations=tuple(Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in shown),
+            seconds=record["seconds"],
             losses=tuple(record["losses"]),
             curve=tuple(record["curve"]),
             choices=tuple(record["choices"]),
-            seconds=record["seconds"],
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,7 @@ class Optimize:
                 curve.append({"stage": name, "step": done, "loss": mean, "psnr": psnr, "seconds": session.seconds})
                 losses.clear()
             if session.report_is_due:
-                session.report(name, done, losses, curve, speed=True)
+                session.report(name, done, losses, curve)
             if session.checkpoint_is_due:
                 run.require_finite()  # the checkpoint before stays
                 session.save(now())
@@ -175,5 +175,5 @@ def _in_fewest_bits(
 def _decided(state: TrainingState, *choices: Choice | None, **changes: Any) -> TrainingState:
     """The state after `choices`, None where nothing was asked, with the `changes` that they led to."""
     return replace(
-        state, choices=(*state.choices, *(choice.to_json() for choice in choices if choice is not None)), **changes
+        state, choices=(*state.choices, *(asdict(choice) for choice in choices if choice is not None)), **changes
     )

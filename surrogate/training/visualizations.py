@@ -1,8 +1,7 @@
 """Stage 3, F_vis: the Gaussians of F_sim follow the visualization parameters; the canonical ones are frozen.
 
-A transfer function changes only opacities and colours, and F_sim is frozen with the canonical Gaussians, so that the base stays
-what it was, bit for bit.  Isovalues turn volumes into surfaces, and fields into other volumes: everything moves, and a copy of
-F_sim is tuned along.
+A transfer function changes only opacities and colours: F_sim is frozen too, and the base stays the same bit for bit.  With other
+isovalues and fields everything moves, and a copy of F_sim is tuned together with F_vis.
 """
 
 from __future__ import annotations
@@ -20,11 +19,10 @@ from surrogate.training.source import Source
 from surrogate.training.stages import Stage
 
 FROZEN_BY_TRANSFER_FUNCTIONS = ("means", "log_scales", "quats")
-VISUALIZATION, SIMULATION = "visualization.", "simulation."
 
 
 def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
-    """Which F_vis a variation gets; raises ValueError where what was asked for can't be had."""
+    """Which F_vis a variation gets; raises ValueError where the settings ask for one that does not fit it."""
     asked, edits = settings.designs.visualization, variation.edits_base
     if asked == "auto":
         return "values" if edits else "bilinear"
@@ -43,13 +41,9 @@ def new_visualization(
     source: Source,
     color_degree: int = 0,
 ) -> Visualization:
-    """An F_vis that does nothing yet.
+    """An F_vis that changes nothing yet, on the Gaussians and F_sim as stage 2 left them.
 
-    Parameters
-    ----------
-    gaussians, simulation : the canonical ones and F_sim, as they are after stage 2.
-    source : the catalog, which knows the base appearance and the field's histogram, and the settings.
-    color_degree : of the Gaussians that it is to show.
+    It will show Gaussians of `color_degree`, or of their own degree where that is higher.
     """
     settings, edits = source.settings, variation.edits_base  # F_sim is frozen where the base is edited
     kind, degree = kind_of(variation, settings), max(color_degree, gaussians.color_degree)
@@ -85,13 +79,13 @@ def visualization_stage(
 ) -> Stage:
     """Optimize `visualization` in place: F_vis and, at a reduced rate, its own copy of F_sim where it has one."""
     of_vis, tuned = visualization.deformation, visualization.simulation
-    tensors = {VISUALIZATION + name: t for name, t in of_vis.tensors().items()}
-    rates = {VISUALIZATION + name: rate for name, rate in of_vis.rates(settings).items()}
+    parts = [("visualization.", of_vis, 1.0)]
     if tuned is not None:
-        tensors |= {SIMULATION + name: t for name, t in tuned.tensors().items()}
-        rates |= {
-            SIMULATION + name: settings.rates.simulation_factor * rate for name, rate in tuned.rates(settings).items()
-        }
+        parts.append(("simulation.", tuned, settings.rates.simulation_factor))
+    tensors = {prefix + name: t for prefix, part, _ in parts for name, t in part.tensors().items()}
+    rates = {
+        prefix + name: factor * rate for prefix, part, factor in parts for name, rate in part.rates(settings).items()
+    }
     applied = isinstance(of_vis, ValuesDeformation)  # its offsets are as large as the transfer functions say
     known: dict[tuple[float, ...], Gaussians] = {}
 

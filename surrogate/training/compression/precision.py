@@ -22,7 +22,7 @@ FEWEST_ROWS = 8  # with which 8 bits, and two float32 numbers per column, take n
 
 
 def choose_precision(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, dict[str, Encoding], Choice]:
-    """Store each tensor, the largest first, in the fewest bits with which all so far cost no more than the tolerance.
+    """Store every tensor in the fewest bits that keep the whole loss within the tolerance; the largest tensors come first.
 
     Returns the model as it will be read again, the encodings by tensor, and the choice.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
 import pytest
@@ -166,7 +166,7 @@ def test_no_gaussian_is_removed_that_a_variation_might_show() -> None:
 def test_a_choice_says_what_it_measured_in_plain_json(make_known: MakeKnown) -> None:
     known = make_known()
     _, choice = choose_modes(known.fitted, known.evaluator)
-    record = choice.to_json()
+    record = asdict(choice)
     assert record["name"] == "modes of deformation"
     assert set(record["before"]) == {"psnr", "megabytes", "milliseconds"}
     assert all(set(option) == {"name", "psnr"} for option in record["options"])
