@@ -24,9 +24,8 @@ from catalogs.variations import Variation
 from insitu.agreement import agreeing_catalog, create_catalog, notes_on_member
 from insitu.boxes import Box
 from insitu.fields import Fields, as_fields
-from insitu.memory import PeakMemory
 from insitu.planning import PlanOptions, appearances_from, check_complete, measure_pilot, space_from
-from insitu.rendered import RenderedMember
+from insitu.rendered import PeakMemory, RenderedMember
 from insitu.summarize import summarize_shown
 from render.datasets import ResamplingWarning
 

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import resource
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import psutil
+
+_STATUS = Path("/proc/self/status")
+# getrusage counts kibibytes on Linux and bytes on macOS.
+_HIGH_WATER_UNIT = 1 if sys.platform == "darwin" else 1024
 
 
 @dataclass(frozen=True)
@@ -16,7 +24,7 @@ class RenderedMember:
     name, path : the member and its directory in the catalog.
     images : how many images were written.
     render_seconds, write_seconds, seconds : drawing, encoding and storing, and everything together.
-    extra_memory : bytes of resident memory the call added at its peak (see `insitu.memory.PeakMemory`).
+    extra_memory : bytes of resident memory the call added at its peak (see `PeakMemory`).
     ranges : smallest and largest finite value of each field that is shown, by name; "" for an only one without a name.
     clipped_fractions : share of each field's values outside the ensemble's value range, likewise.
     warnings : what was recorded with the member besides: parameters out of bounds, transparent values.
@@ -64,3 +72,36 @@ class RenderedMember:
             f"  {self.path}",
         ]
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+
+class PeakMemory:
+    """The largest resident memory seen since it was made, beyond what was resident then, in bytes.
+
+    `sample` looks at the resident size now, so what comes and goes between two samples may be missed; where the
+    process rose above its own previous high-water mark, the kernel's figure is taken instead and nothing is missed.
+    """
+
+    def __init__(self) -> None:
+        self._process = psutil.Process()
+        self._start = self._process.memory_info().rss
+        self._high_water = _high_water()
+        self._peak = self._start
+
+    def sample(self) -> None:
+        self._peak = max(self._peak, self._process.memory_info().rss)
+
+    @property
+    def extra_bytes(self) -> int:
+        self.sample()
+        now = _high_water()
+        peak = max(self._peak, now) if now > self._high_water else self._peak
+        return peak - self._start
+
+
+def _high_water() -> int:
+    """Bytes.  Linux's own figure is preferred: getrusage's begins with what the parent process held at the fork."""
+    if _STATUS.is_file():
+        for line in _STATUS.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _HIGH_WATER_UNIT

@@ -91,11 +91,11 @@ class WorkerPool:
         is begun: the rest fail with that error.  A task in whose company a worker process died is tried once more,
         alone.
         """
-        waiting, suspects = deque(tasks.items()), deque[tuple[str, Callable[[], Any]]]()
+        waiting = deque((name, task, False) for name, task in tasks.items())  # those to be tried alone come last
         running: dict[Future[Any], tuple[str, Callable[[], Any], bool]] = {}
         try:
-            while waiting or suspects or running:
-                self._hand_out(waiting, suspects, running)
+            while waiting or running:
+                self._hand_out(waiting, running)
                 finished, _ = wait(running, timeout=TICK_SECONDS, return_when=FIRST_COMPLETED)
                 tick(self._reports())
                 if any(isinstance(f.exception(), BrokenExecutor) for f in finished):
@@ -109,26 +109,24 @@ class WorkerPool:
                     if error is None:
                         done(name, future.result())
                     elif isinstance(error, BrokenExecutor) and not alone and self._foreign is None:
-                        suspects.append((name, task))
+                        waiting.append((name, task, True))
                     else:
                         failed(name, _explained(error))
                         if give_up(error):
-                            for rest, _ in (*waiting, *suspects):
+                            for rest, *_ in waiting:
                                 failed(rest, error)
                             waiting.clear()
-                            suspects.clear()
             tick(self._reports())
         finally:
             for future in running:
                 future.cancel()
 
-    def _hand_out(self, waiting: deque[Any], suspects: deque[Any], running: dict[Future[Any], Any]) -> None:
+    def _hand_out(self, waiting: deque[Any], running: dict[Future[Any], Any]) -> None:
         while waiting and (self._foreign is not None or len(running) < self._count):
-            name, task = waiting.popleft()
-            running[self._executor.submit(_guarded, task)] = (name, task, False)
-        if suspects and not running:
-            name, task = suspects.popleft()
-            running[self._executor.submit(_guarded, task)] = (name, task, True)
+            if running and waiting[0][2]:
+                return
+            name, task, alone = waiting.popleft()
+            running[self._executor.submit(_guarded, task)] = (name, task, alone)
 
     def _reports(self) -> Iterator[Report]:
         while self._queue is not None:
