@@ -49,10 +49,7 @@ class Setting:
         return surrogate.under(self.transfer_function(surrogate), outside="allow", **self.parameters)
 
     def transfer_function(self, surrogate: Surrogate) -> TransferFunction:
-        """The transfer function that is shown.
-
-        Raises ValueError where the surrogate follows none, or where control points cross.
-        """
+        """The one that is shown; raises ValueError where the surrogate follows none, or where control points cross."""
         base = base_function(surrogate)
         if base is None:
             raise ValueError("this surrogate follows no transfer functions, so its colours can't be changed")
@@ -73,7 +70,5 @@ def listed(values: Mapping[str, float | str]) -> str:
 
 def base_function(surrogate: Surrogate) -> TransferFunction | None:
     """The transfer function around which the surrogate follows others; None where it follows none in any colours."""
-    for visualization in surrogate.visualizations:
-        if isinstance(visualization.deformation, ValuesDeformation):
-            return visualization.deformation.base
-    return None
+    deformations = (visualization.deformation for visualization in surrogate.visualizations)
+    return next((d.base for d in deformations if isinstance(d, ValuesDeformation)), None)

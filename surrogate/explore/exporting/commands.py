@@ -12,8 +12,6 @@ from catalogs.progress import ProgressLine
 from surrogate.command_line import RUN, one_line_errors
 from surrogate.explore.exporting.kinds import FILM_STEPS, FRAMES_PER_SECOND, KINDS, ROW_STEPS, SHEET_STEPS
 
-PICTURES, SWEEPS = ("png", "exr", "ply"), ("sheet", "gif", "mp4")
-
 PARAMETERS = click.option(
     "-p",
     "--parameters",
@@ -47,7 +45,7 @@ def export(run: Path, output: Path, **options: Any) -> None:
 
     PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made.
     """
-    _write(run, output, PICTURES, options)
+    _write(run, output, ("png", "exr", "ply"), options)
 
 
 @click.command()
@@ -75,13 +73,18 @@ def export(run: Path, output: Path, **options: Any) -> None:
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="FILE.png, .gif or .mp4")
 def sweep(run: Path, output: Path, **options: Any) -> None:
     """Draw what the surrogate in RUN shows over one parameter: a labelled strip, a grid over two, or a film."""
-    _write(run, output, SWEEPS, options)
+    _write(run, output, ("sheet", "gif", "mp4"), options)
 
 
 def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[str, Any]) -> None:
     """Write what the options ask for, and say what it is."""
     with one_line_errors(extra="explore"):
-        kind = _kind(output, kinds)
+        endings = {f".{KINDS[kind][0]}": kind for kind in kinds}
+        kind = endings.get(output.suffix.lower())
+        if kind is None:
+            raise ValueError(f"the file must end with one of {', '.join(endings)}, got {output.name}")
+        if not output.parent.is_dir():
+            raise ValueError(f"{output.parent} is no folder: make it first")
         from catalogs import durable
         from surrogate.explore.exporting.exports import from_options, guesses
         from surrogate.explore.run import Run
@@ -94,13 +97,3 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None)
         durable.replace(output, content)
         click.echo(f"{output}: {request.summary(run)}")
-
-
-def _kind(output: Path, kinds: Sequence[str]) -> str:
-    """The kind of export that the file's ending asks for."""
-    endings = {f".{KINDS[kind][0]}": kind for kind in kinds}
-    if output.suffix.lower() not in endings:
-        raise ValueError(f"the file must end with one of {', '.join(endings)}, got {output.name}")
-    if not output.parent.is_dir():
-        raise ValueError(f"{output.parent} is no folder: make it first")
-    return endings[output.suffix.lower()]

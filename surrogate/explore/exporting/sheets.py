@@ -54,12 +54,8 @@ def strip(
 ) -> bytes:
     """A sweep as one PNG: its pictures side by side, each with its parameter's value above; of two parameters as a labelled grid.
 
-    Parameters
-    ----------
-    sweep : what is shown.
-    pictures : (H, W, 3) each, row by row, as `surrogate.explore.exporting.sweep.pictures` draws them.
-    background : straight RGB in [0, 1] of the paper; text is black or white.
-    record : JSON values that the PNG keeps, as in `surrogate.explore.exporting.pictures.encode`.
+    The `pictures`, (H, W, 3) each, come row by row.  The `background` is the straight RGB in [0, 1] of the paper; text is black or
+    white.  The PNG keeps the `record`, JSON values as in `surrogate.explore.exporting.pictures.encode`.
 
     More than eight pictures of one parameter are broken into rows.  Raises ValueError for a sheet larger than 16384 pixels a side
     or 64 million pixels together, as soon as the first picture is drawn, and for more or fewer pictures than the sweep has.
@@ -109,10 +105,8 @@ def _layout(sweep: Sweep, width: int, height: int) -> _Layout:
     line, cell = _line(size), max(width, _widest(sweep.columns, size) + size)
     side = 0 if sweep.rows is None else _widest(sweep.rows, size) + size // 2
     columns = sweep.columns.count
-    if sweep.rows is None and columns > LONGEST_ROW:
-        columns = math.ceil(
-            columns / max(2, round(math.sqrt(columns * width / height / 1.6)))
-        )  # a little wider than high
+    if sweep.rows is None and columns > LONGEST_ROW:  # broken into rows: a little wider than high
+        columns = math.ceil(columns / max(2, round(math.sqrt(columns * width / height / 1.6))))
     rows = math.ceil(len(sweep) / columns)
     above = line if sweep.rows is None else 0  # every row of a strip has its titles, of a grid only the first
     across, down = cell + gap, above + gap + height
@@ -137,9 +131,8 @@ def _widest(axis: Axis, size: int) -> int:
     return math.ceil(max(_font(size).getlength(text) for text in axis.labels))
 
 
-def _pixel(color: Sequence[float]) -> tuple[int, int, int]:
-    red, green, blue = to_bytes(np.asarray(color, np.float32)).tolist()
-    return red, green, blue
+def _pixel(color: Sequence[float]) -> tuple[int, ...]:
+    return tuple(to_bytes(np.asarray(color, np.float32)).tolist())
 
 
 def _ink(background: Sequence[float]) -> tuple[int, int, int]:

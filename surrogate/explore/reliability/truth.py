@@ -38,15 +38,7 @@ class StoredPicture:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Truth:
-    """A catalog's members, and the appearances that a surrogate follows.
-
-    Attributes
-    ----------
-    members : as in `Run`.
-    variations : those that the surrogate follows.
-    appearances : those that the surrogate follows, the base first, with the visualization parameters that show them.
-    middle : (3,) world coordinates from which directions are taken: the centre of the catalog's box.
-    """
+    """A run's catalog, members and middle, with the variations and the appearances that its surrogate follows."""
 
     catalog: Catalog
     members: tuple[Member, ...]
@@ -178,11 +170,10 @@ def _same(space: ParameterSpace, wanted: NDArray[np.float64], known: NDArray[np.
 def _descriptor(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
     """What makes a view what it is, whatever its size, (17,): rotation, place in distances from the middle, intrinsics."""
     to_middle = camera.rotation @ middle + camera.world_to_camera[:3, 3]  # [3], in camera axes
-    distance = float(np.linalg.norm(to_middle))
-    focal = np.array([camera.fx / camera.width, camera.fy / camera.height])
-    center = np.array([camera.cx / camera.width, camera.cy / camera.height])
-    scale = max(distance, 1e-300)
-    return np.concatenate([camera.rotation.ravel(), to_middle / scale, [math.log(scale)], np.log(focal), center])
+    distance = max(float(np.linalg.norm(to_middle)), 1e-300)
+    size = np.array([camera.width, camera.height])
+    focal, center = np.array([camera.fx, camera.fy]) / size, np.array([camera.cx, camera.cy]) / size
+    return np.concatenate([camera.rotation.ravel(), to_middle / distance, [math.log(distance)], np.log(focal), center])
 
 
 def _directions(descriptors: NDArray[np.float64]) -> NDArray[np.float64]:
