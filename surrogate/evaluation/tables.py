@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
+from operator import getitem
 from typing import Any, TypeVar
 
 from surrogate.evaluation.cases import each_cell
 from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS, Cells, Scored, mean
-from surrogate.evaluation.timing import Milliseconds
 
 ALL_METRICS = (*METRICS, *PERCEPTUAL_METRICS)
 HEADINGS = {
@@ -42,19 +43,6 @@ def cell_tables(cells: Cells, metrics: Sequence[str] = ALL_METRICS) -> dict[str,
     return {metric: cell_means(cells, metric) for metric in metrics} | {"images": each_cell(cells, len)}
 
 
-def looked_at(cells: Cells) -> dict[str, dict[str, int]]:
-    """How many images of each row and column perceptual metrics looked at."""
-    return each_cell(cells, lambda scored: sum(s.perceptual is not None for s in scored))
-
-
-def timings(milliseconds: Mapping[str, Milliseconds]) -> dict[str, Any]:
-    """The median of everything that was measured, and its lowest and highest."""
-    return {
-        "milliseconds": {name: taken.median for name, taken in milliseconds.items()},
-        "milliseconds_spread": {name: [taken.lowest, taken.highest] for name, taken in milliseconds.items()},
-    }
-
-
 def number(value: float | None, digits: int = 2) -> str:
     """A number as tables show it."""
     return NOTHING if value is None else f"{value:.{digits}f}"
@@ -65,6 +53,11 @@ def metric_number(metric: str, value: float | None) -> str:
     if metric == "covered":
         return NOTHING if value is None else f"{100.0 * value:.1f} %"
     return number(value, 2 if metric in DECIBELS else 4)
+
+
+def signed_number(value: float | None) -> str:
+    """A difference in dB as tables show it; empty for none."""
+    return "" if value is None else f"{value:+.2f}"
 
 
 def spread_number(metric: str, spread: Mapping[str, float | None] | None) -> str:
@@ -98,6 +91,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def table_of(entries: Iterable[Entry], *columns: tuple[str, Callable[[Entry], str]]) -> str:
     """A table with a row for each entry; a column is a heading and a function from an entry to its text."""
     return table([heading for heading, _ in columns], [[cell(entry) for _, cell in columns] for entry in entries])
+
+
+def metric_column(heading: str, *path: str) -> tuple[str, Callable[[Any], str]]:
+    """A column for `table_of`: the mean that stands at `path` in an entry, of the metric that the path names."""
+    [metric] = set(path) & set(HEADINGS)
+    return heading, lambda entry: metric_number(metric, reduce(getitem, path, entry))
 
 
 def cell_table(
@@ -140,7 +139,7 @@ def validation_line(record: Mapping[str, Any], what: str) -> str:
 
 
 def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, str]:
-    """A row about one of a record's `timings`."""
+    """A row about one of the times that a record has."""
     lowest, highest = record["milliseconds_spread"][name]
     return label, f"{record['milliseconds'][name]:.2f} ms (median; {lowest:.2f} to {highest:.2f})"
 

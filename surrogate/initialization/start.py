@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from catalogs.appearance import VolumeRendering, field_of
 from catalogs.catalog import Catalog
@@ -81,13 +80,9 @@ def initial_gaussians(
     flat = np.zeros((count, 9 * (settings.color_degree == 1)))
     opacity_logit = float(np.log(settings.start.opacity / (1.0 - settings.start.opacity)))
     return Gaussians(
-        means=_float32(places),
+        means=torch.tensor(places, dtype=torch.float32),
         log_scales=torch.full((count, 3), float(np.log(settings.start.scale * spacing))),
         quats=torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
         opacity_logits=torch.full((count,), opacity_logit),
-        colors=_float32(np.concatenate([colors, flat], axis=1)),
+        colors=torch.tensor(np.concatenate([colors, flat], axis=1), dtype=torch.float32),
     )
-
-
-def _float32(array: NDArray[np.float64]) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array)).to(torch.float32)

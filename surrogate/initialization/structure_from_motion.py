@@ -158,13 +158,9 @@ def _track(reconstruction: Any, point: int) -> Track:
 
 def _searched(pictures: Sequence[Picture], translucent: bool) -> Iterator[list[NDArray[np.uint8]]]:
     """The pictures, opaque RGBA (H, W, 4): as they are, or, where they have alpha, over black and then over white."""
-    for white in (False, True) if translucent else (False,):
-        yield [_over(pixels, white) for _, pixels in pictures]
-
-
-def _over(pixels: NDArray[np.uint8], white: bool) -> NDArray[np.uint8]:
-    through = (255 - pixels[..., 3:]) * np.uint8(white)  # no premultiplied channel exceeds alpha: nothing overflows
-    return np.concatenate([pixels[..., :3] + through, np.full_like(pixels[..., 3:], 255)], axis=2)
+    for white in (0, 1) if translucent else (0,):
+        # No premultiplied channel exceeds alpha: nothing overflows.
+        yield [p + (255 - p[..., 3:]) * np.array([white, white, white, 1], dtype=np.uint8) for _, p in pictures]
 
 
 def _name(view: int) -> str:
@@ -189,12 +185,8 @@ def _load_pycolmap() -> Any:
         raise ValueError(
             "training.initialization = \"sfm\" needs pycolmap, which is not installed: pip install 'gs-surrogate[sfm]'"
         ) from error
-    _take_termination_back()
-    return pycolmap
-
-
-def _take_termination_back() -> None:
-    """Give SIGTERM its Python handler again: loading COLMAP replaces it by one that prints a stack trace and aborts."""
+    # SIGTERM gets its Python handler again: COLMAP replaces it by one that prints a stack trace and aborts.
     handler = signal.getsignal(signal.SIGTERM)
     if handler is not None and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, handler)
+    return pycolmap

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -62,10 +61,10 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
 
 
 def _dataset_seconds(folder: Path) -> float | None:
-    try:
-        return float(json.loads((folder / "dataset.json").read_text())["seconds"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    from surrogate.storage.records import read_json
+
+    seconds = (read_json(folder / "dataset.json") or {}).get("seconds")
+    return float(seconds) if isinstance(seconds, int | float) else None
 
 
 def _summary(report: Mapping[str, Any]) -> Iterator[str]:

@@ -14,6 +14,7 @@ from catalogs.catalog import Catalog
 from catalogs.variations import KINDS
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import Evaluation, VariedEvaluation
+from surrogate.evaluation.scoring import Cells, Scored
 from surrogate.model import Surrogate
 from surrogate.report.sheets import chosen, draw_sheet
 
@@ -51,10 +52,9 @@ def _sheet(
     names: Sequence[str], part: Evaluation | VariedEvaluation, figure: Any, *, surrogate: Surrogate, catalog: Catalog
 ) -> bool:
     """Draw the "worst", "median" or "best" of the last cell that has images, where most is unseen, else of validation images."""
-    groups = {f"{row}, {column}": scored for row, columns in part.cells.items() for column, scored in columns.items()}
-    label, scored = next((group for group in reversed(groups.items()) if group[1]), ("validation", part.validation))
+    label, scored = list({"validation": part.validation, **_groups(part.cells)}.items())[-1]
     if scored:
-        title = f"{label.replace('_', ' ').capitalize()}: {len(scored)} images"
+        title = f"{label.capitalize()}: {len(scored)} images"
         draw_sheet(figure, title, chosen(scored, names), surrogate, catalog)
     return bool(scored)
 
@@ -107,14 +107,17 @@ def _parameters(evaluation: Evaluation, figure: Any) -> bool:
 
 
 def _spread(evaluation: Evaluation, figure: Any) -> bool:
-    axis = figure.subplots()
-    for views, columns in evaluation.cells.items():
-        for parameters, scored in columns.items():
-            if scored:
-                label = f"{views.split('_')[0]} views, {parameters.split('_')[0]} parameters"
-                psnr = [s.score.psnr for s in scored]
-                axis.hist(psnr, bins=30, histtype="step", density=True, label=label, linewidth=1.5)
+    axis, groups = figure.subplots(), _groups(evaluation.cells)
+    for label, scored in groups.items():
+        psnr = [s.score.psnr for s in scored]
+        axis.hist(psnr, bins=30, histtype="step", density=True, label=label, linewidth=1.5)
     axis.set(xlabel="PSNR of an image (dB)", ylabel="density of images")
     axis.legend(fontsize=8)
     axis.grid(alpha=0.3)
-    return any(scored for columns in evaluation.cells.values() for scored in columns.values())
+    return bool(groups)
+
+
+def _groups(cells: Cells) -> dict[str, Sequence[Scored]]:
+    """The images of each cell that has any, by its row and column in words."""
+    groups = {f"{row}, {column}": scored for row, columns in cells.items() for column, scored in columns.items()}
+    return {name.replace("_", " "): scored for name, scored in groups.items() if scored}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from surrogate.evaluation.cases import VALIDATION
@@ -11,9 +11,10 @@ from surrogate.evaluation.tables import (
     cell_table,
     document,
     lead,
-    metric_number,
+    metric_column,
     number,
     perceptual_remarks,
+    signed_number,
     table,
     table_of,
     timing_row,
@@ -52,15 +53,11 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
     if not entries:
         return ["The data set has no unseen parameters, or no training members to predict them from."]
 
-    def at(metric: str, views: str = "unseen_views") -> Any:
-        return lambda entry: metric_number(metric, entry[metric][views]["unseen_parameters"])
-
     def ahead(entry: Mapping[str, Any]) -> str:
         psnr, other = (one["psnr"]["unseen_views"]["unseen_parameters"] for one in (record, entry))
-        gained = None if entry is own else lead(psnr, other)
-        return "" if gained is None else f"{gained:+.2f}"
+        return "" if entry is own else signed_number(lead(psnr, other))
 
-    own = {**record, "name": "**surrogate**"}
+    own, unseen = {**record, "name": "**surrogate**"}, ("unseen_views", "unseen_parameters")
     borrowed = max(entry["borrowed_view_degrees"] for entry in entries)
     return [
         "At unseen parameters.  The predictors may use every view of the training members, also those unseen here; "
@@ -68,12 +65,12 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
         table_of(
             [own, *entries],
             ("", lambda entry: entry["name"]),
-            ("PSNR, seen views", at("psnr", "seen_views")),
-            ("PSNR, unseen views", at("psnr")),
-            ("foreground, unseen views", at("psnr_foreground")),
-            ("SSIM, unseen views", at("ssim")),
+            metric_column("PSNR, seen views", "psnr", "seen_views", "unseen_parameters"),
+            metric_column("PSNR, unseen views", "psnr", *unseen),
+            metric_column("foreground, unseen views", "psnr_foreground", *unseen),
+            metric_column("SSIM, unseen views", "ssim", *unseen),
             ("lead (dB)", ahead),
-            ("PSNR, validation", lambda entry: number(entry[VALIDATION]["psnr"])),
+            metric_column("PSNR, validation", VALIDATION, "psnr"),
         ),
         f"The training members lack some of these views; the nearest one, up to {borrowed:.1f}° away, stands in."
         if borrowed
@@ -93,23 +90,23 @@ def _ceilings(record: Mapping[str, Any]) -> list[str]:
             record["ceilings"],
             ("appearance", lambda entry: entry["appearance"]),
             ("member", lambda entry: f"{entry['member']} ({'unseen' if entry['split'] == 'test' else 'seen'})"),
-            ("fitted alone (dB)", lambda entry: number(entry["psnr"])),
-            ("surrogate (dB)", lambda entry: number(entry["surrogate"]["psnr"])),
-            ("SSIM alone", lambda entry: number(entry["ssim"], 4)),
-            ("SSIM", lambda entry: number(entry["surrogate"]["ssim"], 4)),
+            metric_column("fitted alone (dB)", "psnr"),
+            metric_column("surrogate (dB)", "surrogate", "psnr"),
+            metric_column("SSIM alone", "ssim"),
+            metric_column("SSIM", "surrogate", "ssim"),
         ),
     ]
 
 
 def _costs(record: Mapping[str, Any]) -> str:
     seconds, settings = record["seconds"], record["settings"]
-    steps = [settings["canonical_steps"], settings["deformation_steps"]]
-    steps += [settings["visualization_steps"] for _ in record["variations"]]
+    stages = ["canonical", "deformation", *("visualization" for _ in record["variations"])]
+    steps = " + ".join(str(settings[f"{stage}_steps"]) for stage in stages)
     return table(
         ("", ""),
         [
             ("making the data set", f"{number(seconds['dataset'], 0)} s"),
-            ("training", f"{number(seconds['train'], 0)} s, {' + '.join(map(str, steps))} steps"),
+            ("training", f"{number(seconds['train'], 0)} s, {steps} steps"),
             ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
             timing_row(record, "parameter_change", "a parameter change"),
             timing_row(record, "view_change", "a view change"),
@@ -121,16 +118,11 @@ def _needs(record: Mapping[str, Any]) -> list[str]:
     if not record["choices"]:
         return []
 
-    def change(name: str, form: str) -> Any:
+    def change(text: Callable[[Any, Any], str]) -> Callable[[Any], str]:
+        """What `text` says of the model before and after a choice, where both are known."""
         return lambda choice: (
-            form.format(choice["before"][name], choice["after"][name])
-            if choice["before"] and choice["after"]
-            else NOTHING
+            text(choice["before"], choice["after"]) if choice["before"] and choice["after"] else NOTHING
         )
-
-    def gained(choice: Mapping[str, Any]) -> str:
-        before, after = choice["before"], choice["after"]
-        return f"{after['psnr'] - before['psnr']:+.3f}" if before and after else NOTHING
 
     def tried(choice: Mapping[str, Any]) -> str:
         return " · ".join(f"{option['name']}: {option['psnr']:.2f}" for option in choice["options"]) or NOTHING
@@ -146,8 +138,8 @@ def _needs(record: Mapping[str, Any]) -> list[str]:
             ("", lambda choice: choice["name"]),
             ("kept", lambda choice: choice["kept"]),
             ("tried (validation PSNR, dB)", tried),
-            ("dB", gained),
-            ("MB", change("megabytes", "{:.2f} → {:.2f}")),
-            ("ms", change("milliseconds", "{:.2f} → {:.2f}")),
+            ("dB", change(lambda before, after: f"{after['psnr'] - before['psnr']:+.3f}")),
+            ("MB", change(lambda before, after: f"{before['megabytes']:.2f} → {after['megabytes']:.2f}")),
+            ("ms", change(lambda before, after: f"{before['milliseconds']:.2f} → {after['milliseconds']:.2f}")),
         ),
     ]

@@ -15,6 +15,7 @@ from surrogate.model import Surrogate
 from surrogate.report import figures
 from surrogate.report.page import page
 from surrogate.report.summary import fingerprint, summarize
+from surrogate.storage.records import read_json
 from surrogate.studies.ceiling import load_ceilings
 from surrogate.studies.repeats.records import Scores, load_scores
 
@@ -23,12 +24,9 @@ RECORD = "report.json"
 
 def is_current(directory: Path, surrogate: Surrogate, records: Path | None = None) -> bool:
     """Whether `directory` holds a report of exactly this surrogate and of what `write_report` would show beside it."""
-    try:
-        record = json.loads((directory / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
+    found = (read_json(directory / RECORD) or {}).get("fingerprint")
     beside = _beside(surrogate, directory.parent, records)
-    return bool(record.get("fingerprint") == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))
+    return bool(found == fingerprint(surrogate, PerceptualMetrics.load().unavailable, *beside))
 
 
 def _beside(surrogate: Surrogate, *folders: Path | None) -> tuple[list[dict[str, Any]], list[Scores]]:

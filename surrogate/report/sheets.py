@@ -40,6 +40,8 @@ def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate:
 
 def _draw_row(axes: Sequence[Any], title: str, truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> None:
     """Pictures (H, W, 3) with values in [0, 1]: whole, their difference, and the window where they differ most."""
+    from matplotlib.patches import Rectangle
+
     top, left, size = worst_window(truth, prediction)
     part = np.s_[top : top + size, left : left + size]
     difference = np.clip(DIFFERENCE_FACTOR * np.abs(truth - prediction), 0.0, 1.0)
@@ -50,7 +52,8 @@ def _draw_row(axes: Sequence[Any], title: str, truth: NDArray[np.float32], predi
         axis.set_title(name, fontsize=8)
         axis.set(xticks=[], yticks=[])
     for axis in axes[:3]:
-        axis.add_patch(_outline(top, left, size))
+        corner = left - 0.5, top - 0.5
+        axis.add_patch(Rectangle(corner, size, size, fill=False, edgecolor="tab:red", linewidth=0.8))
 
 
 def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> tuple[int, int, int]:
@@ -61,12 +64,6 @@ def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) ->
     windows = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]
     top, left = np.unravel_index(int(windows.argmax()), windows.shape)
     return int(top), int(left), size
-
-
-def _outline(top: int, left: int, size: int) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((left - 0.5, top - 0.5), size, size, fill=False, edgecolor="tab:red", linewidth=0.8)
 
 
 def _place(parameters: Mapping[str, float | str]) -> str:

@@ -9,10 +9,10 @@ from typing import Any
 
 from catalogs.variations import Setting
 from surrogate.evaluation import evaluate, metrics, perceptual, scoring
-from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS
+from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS, each_cell
 from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
 from surrogate.evaluation.scoring import METRICS, mean
-from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, lead, looked_at, means, timings
+from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, lead, means
 from surrogate.evaluation.trivial.settings import Trained
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
@@ -54,12 +54,9 @@ def summarize(
         "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
         "model_megabytes": surrogate.megabytes,
         "gaussians": len(surrogate.gaussians),
-        **timings(evaluation.milliseconds),
-        **cell_tables(evaluation.cells),
-        "perceptual_images": looked_at(evaluation.cells),
+        **_scores(evaluation),
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
-        "validation": {**means(evaluation.validation), "images": len(evaluation.validation)},
         "trivial_predictors": [_member_baseline(baseline) for baseline in evaluation.baselines],
         "ceilings": [dict(entry) for entry in ceilings],
         "repeats": summarize_repeats(repeats),
@@ -71,6 +68,17 @@ def summarize(
         | scoring.DEFINITIONS
         | perceptual.DEFINITIONS
         | (evaluate.DEFINITIONS if evaluation.variations else {}),
+    }
+
+
+def _scores(part: Evaluation | VariedEvaluation, *more: str) -> dict[str, Any]:
+    """How good and how fast, by the metrics of every report and `more`."""
+    return {
+        "milliseconds": {name: taken.median for name, taken in part.milliseconds.items()},
+        "milliseconds_spread": {name: [taken.lowest, taken.highest] for name, taken in part.milliseconds.items()},
+        **cell_tables(part.cells, (*ALL_METRICS, *more)),
+        "perceptual_images": each_cell(part.cells, lambda scored: sum(s.perceptual is not None for s in scored)),
+        "validation": {**means(part.validation, (*METRICS, *more)), "images": len(part.validation)},
     }
 
 
@@ -90,14 +98,11 @@ def _variation(evaluation: VariedEvaluation) -> dict[str, Any]:
         "base": variation.base,
         "parameters": variation.space.to_json(),
         "deformation": evaluation.deformation,
-        **cell_tables(evaluation.cells, (*ALL_METRICS, "covered")),
-        "perceptual_images": looked_at(evaluation.cells),
+        **_scores(evaluation, "covered"),
         "behind": {c: lead(psnr["seen_settings"][c], psnr["unseen_settings"][c]) for c in PARAMETERS},
-        "validation": {**means(evaluation.validation, (*METRICS, "covered")), "images": len(evaluation.validation)},
         "settings_trained": len(Trained.of(variation)),
         "trivial_predictors": [_setting_baseline(baseline, evaluation) for baseline in evaluation.baselines],
         "settings": [_setting(setting, evaluation) for setting in variation.settings],
-        **timings(evaluation.milliseconds),
     }
 
 

@@ -14,9 +14,10 @@ from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import (
     ALL_METRICS,
     cell_table,
-    metric_number,
+    metric_column,
     number,
     perceptual_remarks,
+    signed_number,
     table,
     table_of,
     terminal_line,
@@ -85,13 +86,6 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
     if not any(any(entry["images"].values()) for entry in record["trivial_predictors"]):
         return [f"The data set has no unseen {KINDS[record['kind']].plural} that they could predict."]
 
-    def at(metric: str, column: str = "unseen_parameters") -> Any:
-        return lambda entry: metric_number(metric, entry[metric][column])
-
-    def ahead(entry: Mapping[str, Any]) -> str:
-        gained = entry["lead"].get("unseen_parameters")
-        return "" if gained is None else f"{gained:+.2f}"
-
     means = {m: {**record[m]["unseen_settings"], VALIDATION: record[VALIDATION].get(m)} for m in METRICS}
     own = {"name": "**surrogate**", "settings_shown": {}, "lead": {}, **means}
     headings = ("PSNR, unseen parameters", "of the mean error", "of the foreground", "SSIM")
@@ -99,10 +93,10 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
         table_of(
             (own, *record["trivial_predictors"]),
             ("", lambda entry: entry["name"] + _remark(entry["settings_shown"], record["settings_trained"])),
-            ("PSNR, seen parameters", at("psnr", "seen_parameters")),
-            *((heading, at(metric)) for heading, metric in zip(headings, METRICS, strict=True)),
-            ("lead (dB)", ahead),
-            ("PSNR, validation", at("psnr", VALIDATION)),
+            metric_column("PSNR, seen parameters", "psnr", "seen_parameters"),
+            *(metric_column(h, metric, "unseen_parameters") for h, metric in zip(headings, METRICS, strict=True)),
+            ("lead (dB)", lambda entry: signed_number(entry["lead"].get("unseen_parameters"))),
+            metric_column("PSNR, validation", "psnr", VALIDATION),
         ),
         "Those from stored pictures must have the same member, rendered at the same view with trained settings: they predict no "
         "simulation.  The lead is the surrogate's on the same images (negative: behind); it, and the columns between, are at "
@@ -142,7 +136,7 @@ def _settings(record: Mapping[str, Any]) -> str:
             for column in PARAMETERS
             for key, heading in (("psnr", "PSNR"), ("worst", "worst"))
         ),
-        ("covered pixels", lambda setting: metric_number("covered", setting["covered"])),
+        metric_column("covered pixels", "covered"),
     )
 
 
