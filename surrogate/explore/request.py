@@ -31,24 +31,14 @@ class MessageError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class FrameRequest:
-    """Pictures of one or more settings from one camera.
+    """Pictures of one or more settings from one camera."""
 
-    Attributes
-    ----------
-    settings : what they show, one picture each.
-    camera : its size is that of each picture.
-    background : straight RGB in [0, 1] that the pictures stand on.
-    form : "jpeg" while something moves, "png" at rest.
-    difference : whether the absolute difference of the first two pictures follows them.
-    truth : whether the catalog's picture of the first setting and the difference to it follow, where there is one.
-    """
-
-    settings: tuple[Setting, ...]
-    camera: Camera
-    background: Color
-    form: Literal["jpeg", "png"]
-    difference: bool = False
-    truth: bool = False
+    settings: tuple[Setting, ...]  # one picture each
+    camera: Camera  # its size is that of each picture
+    background: Color  # straight RGB in [0, 1] that the pictures stand on
+    form: Literal["jpeg", "png"]  # "jpeg" while something moves, "png" at rest
+    difference: bool = False  # whether the absolute difference of the first two pictures follows them
+    truth: bool = False  # whether the catalog's picture of the first setting, if any, and the difference to it follow
 
 
 def frame_request(message: Any, surrogate: Surrogate) -> FrameRequest:

@@ -20,22 +20,13 @@ SIDE = 512  # pixels of pictures where no catalog says another size
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A surrogate with what stands beside it.
+    """A surrogate with what stands beside it."""
 
-    Attributes
-    ----------
-    title : what the window is called.
-    surrogate : the model.
-    model_folder : where it was loaded from; None for one that is only in memory.
-    catalog : the pictures that it was trained on; None where they are gone.
-    folder : what is measured for the explorer is kept below it; None where nothing can be.
-    """
-
-    title: str
+    title: str  # of the window
     surrogate: Surrogate
-    model_folder: Path | None = None
-    catalog: Catalog | None = None
-    folder: Path | None = None
+    model_folder: Path | None = None  # where it was loaded from; None for one that is only in memory
+    catalog: Catalog | None = None  # the pictures that it was trained on; None where they are gone
+    folder: Path | None = None  # what is measured for the explorer is kept below it; None where nothing can be
 
     def __repr__(self) -> str:
         return f"<Run {self.title!r}: {self.surrogate!r}>"

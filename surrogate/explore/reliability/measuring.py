@@ -35,22 +35,15 @@ MOST_VALIDATION, MOST_TRAINING, MOST_VARIED = 60, 80, 80  # cases: some 1,000 pi
 
 @dataclass(frozen=True)
 class Measurement:
-    """The error of one member in one appearance.
-
-    Attributes
-    ----------
-    varied : the visualization parameters as a `Setting` has them.
-    psnr : dB, of each view.
-    seen_views : whether training learnt from these views, for lack of others.
-    """
+    """The error of one member in one appearance."""
 
     member: str
     split: str
     parameters: Mapping[str, float]
     appearance: str
-    varied: Mapping[str, float | str]
-    psnr: tuple[float, ...]
-    seen_views: bool
+    varied: Mapping[str, float | str]  # the visualization parameters as a `Setting` has them
+    psnr: tuple[float, ...]  # dB, of each view
+    seen_views: bool  # whether training learnt from these views, for lack of others
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "psnr", tuple(map(float, self.psnr)))

@@ -50,10 +50,7 @@ def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict
 
 
 def place_of(setting: Setting, surrogate: Surrogate) -> Place:
-    """Where `setting` lies.
-
-    Raises ValueError for parameters that are missing, unknown or not finite.
-    """
+    """Where `setting` lies; raises ValueError for parameters that are missing, unknown or not finite."""
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
     variation, values = variation_of(setting.visualization, [v.variation for v in surrogate.visualizations])
     outside, family, within = [*surrogate.space.outside(simulation)], base_name(surrogate), np.zeros(0)
