@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -146,6 +147,7 @@ def test_runs_that_part_are_said_to() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("surrogate.studies.stress.drift.measure_drift", partial(measure_drift, steps=60))
     done = CliRunner().invoke(main, ["stress", "-o", str(tmp_path / "good")])
     assert done.exit_code == 0, done.output
     rows = len(cases()) + len(agreements()) + len(refusals())
@@ -153,6 +155,7 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
     page = (tmp_path / "good" / "stress.md").read_text()
     assert "All rows hold." in page
     assert "It does not." in page
+    assert "\n| 60 | " in page
     assert "\n| one Gaussian | 1e-05 | " in page
     assert "\n| NaN in means | yes |\n" in page
     assert all(len(set(widths)) == 1 for widths in widths_of_tables(page))
