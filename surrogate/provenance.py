@@ -14,10 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGES = ("surrogate", "catalogs", "native")
-MEASURING = (
-    "surrogate.training.run",
-    "surrogate.evaluation.evaluate",
-)  # what they import decides how a model comes out
+# What they import decides how a model comes out.
+MEASURING = ("surrogate.training.run", "surrogate.evaluation.evaluate")
 SHOWING = (
     "surrogate.explore",
     "surrogate.notebook",
@@ -27,6 +25,7 @@ SHOWING = (
     "catalogs.exchange",
     "catalogs.progress",
 )
+DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def commit() -> str:
@@ -104,14 +103,8 @@ def _imported(tree: ast.Module) -> Iterator[str]:
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[0] if node.body else None
-            if (
-                isinstance(first, ast.Expr)
-                and isinstance(first.value, ast.Constant)
-                and isinstance(first.value.value, str)
-            ):
-                node.body[0] = ast.Pass()
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            node.body[0] = ast.Pass()
     return tree
 
 

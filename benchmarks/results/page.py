@@ -16,7 +16,7 @@ from catalogs import durable
 from surrogate.evaluation.tables import NOTHING, document, number, plain_spread, table, table_of
 from surrogate.report.report import RECORD
 from surrogate.storage.records import read_json
-from surrogate.studies.ablation.plot import plot
+from surrogate.studies.ablation.table import plot
 
 PAGE = "results.md"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")

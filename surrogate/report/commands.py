@@ -44,16 +44,8 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     with one_line_errors():
         with ProgressLine() as line:
             evaluation = run(surrogate, opened.catalog, progress=line.count)
-        seconds = _dataset_seconds(opened.folder)
-        report = write_report(
-            page.parent,
-            opened.name,
-            surrogate,
-            opened.catalog,
-            evaluation,
-            dataset_seconds=seconds,
-            records=opened.records,
-        )
+        seconds, judged = _dataset_seconds(opened.folder), (surrogate, opened.catalog, evaluation)
+        report = write_report(page.parent, opened.name, *judged, dataset_seconds=seconds, records=opened.records)
         save_report(kept[0], surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):
         click.echo(f"  {text}")

@@ -11,11 +11,8 @@ from torch import Tensor
 from catalogs.words import one_line
 
 LEVELS = {"uint8": (torch.uint8, 2**8 - 1), "uint16": (torch.uint16, 2**16 - 1)}
-FORMATS = (
-    "uint8",
-    "uint16",
-    "float16",
-)  # the shortest first, and of two that are as long the finer one for bounded values
+# The shortest first, and of two that are as long the finer one for bounded values.
+FORMATS = ("uint8", "uint16", "float16")
 CODES, LOW, STEP = "codes", "low", "step"
 
 

@@ -39,12 +39,9 @@ class Provenance:
     processor_seconds: float | None = None
 
     def __post_init__(self) -> None:
-        if not all(isinstance(text, str) for text in (self.commit, self.code, self.made)):
-            raise TypeError(f"commit, code and time must be strings, got {self!r}")
-        if not isinstance(self.machine, Mapping):
-            raise TypeError(f"a machine is described by a mapping, got {self.machine!r}")
-        if not isinstance(self.processor_seconds, int | float | None):
-            raise TypeError(f"processor seconds must be a number, got {self.processor_seconds!r}")
+        for each, kind in zip(fields(self), (str, str, Mapping, str, int | float | None), strict=True):
+            if not isinstance(getattr(self, each.name), kind):
+                raise TypeError(f"{each.name} of a provenance must be {kind}, got {getattr(self, each.name)!r}")
 
     @classmethod
     def now(cls, processor_seconds: float | None = None, *also: str) -> Provenance:
@@ -73,9 +70,7 @@ class Record:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.kind, str) and type(self.version) is int):
-            raise TypeError(
-                f"a record has a kind and the number of its version, got {self.kind!r} and {self.version!r}"
-            )
+            raise TypeError(f"a record has a kind and a number of its version, got {self.kind!r} and {self.version!r}")
         if not (isinstance(self.key, Mapping) and isinstance(self.values, Mapping)):
             raise TypeError(f"a record's key and values are mappings, got {self.key!r} and {self.values!r}")
 
@@ -86,9 +81,14 @@ class Record:
         provenance = values.pop("provenance")
         return cls(kind, version, {name: values.pop(name) for name in key}, values, provenance)
 
-    def to(self, form: Callable[..., Result]) -> Result:
-        """What `of` made a record of; raises TypeError where the record does not have the fields of the dataclass `form`."""
-        return form(**self.key, **self.values, provenance=self.provenance)
+    def to(self, form: Callable[..., Result], check: Callable[[Result], None] = lambda _: None) -> Result | None:
+        """What `of` made a record of; None where it does not have the fields of the dataclass `form`, or `check` raises."""
+        try:
+            result = form(**self.key, **self.values, provenance=self.provenance)
+            check(result)
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return None
+        return result
 
     def agrees(self, key: Mapping[str, Any]) -> bool:
         """Whether the record's key has all of these values; it may have more."""

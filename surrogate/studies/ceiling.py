@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.catalog import Catalog, Member
-from catalogs.progress import Count, Rate
 from catalogs.variations import Variation
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import SurrogatePredictor
@@ -201,17 +200,16 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
 
 def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, watch: StudyWatch) -> dict[str, Any]:
     """Fit the subject, and judge it at its test views."""
-    started, catalog, rate = time.perf_counter(), source.catalog, Rate()
+    started, catalog = time.perf_counter(), source.catalog
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
     data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
     gaussians = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
     gaussians = gaussians.to(chosen_device(settings.device))
-    run = StageRun(canonical_stage(gaussians, settings), settings, data)
+    run, count = StageRun(canonical_stage(gaussians, settings), settings, data), watch.counter("steps")
     while run.step < run.stage.steps:
         run.advance()
         if run.step % REPORT_STEPS == 0 or run.step == run.stage.steps:
-            count = Count("fitting", run.step, run.stage.steps, rate(run.step), "steps")
-            watch.tell(count, count.seconds_left)
+            count("fitting", run.step, run.stage.steps)
     seconds = time.perf_counter() - started
     still = DeformedGaussians(gaussians.copy(), {}, source.normalization, Rasterizer.of(settings))
     return {

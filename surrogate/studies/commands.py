@@ -35,15 +35,8 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
 
     kept = "what is trained and scored is kept, and the same command goes on"
     with one_line_errors(RuntimeError, interrupted=kept), line:
-        found = run(
-            opened.settings,
-            opened.catalog,
-            opened.folder,
-            records=opened.records,
-            seeds=seeds,
-            progress=line,
-            tell=tell,
-        )
+        of_scene = opened.settings, opened.catalog, opened.folder
+        found = run(*of_scene, records=opened.records, seeds=seeds, progress=line, tell=tell)
     summary = summarize_repeats(found)
     if summary is not None:
         click.echo(f"mean ± standard deviation over {len(found)} seeds")
@@ -72,18 +65,11 @@ def ablate(
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
     opened, line = OpenScene.open(scene, runs, records), ProgressLine()
-    from surrogate.studies.ablation.experiments import (
-        BASE_FOLDER,
-        VISUALIZATION_FOLDER,
-        BaseExperiment,
-        Experiment,
-        VisualizationExperiment,
-    )
+    from surrogate.studies.ablation.experiments import BaseExperiment, Experiment, VisualizationExperiment
     from surrogate.studies.ablation.records import Result
-    from surrogate.studies.ablation.run import ablate as run
+    from surrogate.studies.ablation.study import ablate as run
     from surrogate.studies.ablation.table import PAGE, verdict
 
-    study = VISUALIZATION_FOLDER if visualization else BASE_FOLDER
     names = [name.strip() for given in only for name in given.split(",")]
 
     def tell(result: Result) -> None:
@@ -98,11 +84,11 @@ def ablate(
             if visualization
             else BaseExperiment(opened.settings, opened.catalog)
         )
-        options |= {"only": names, "records": opened.records / study}
+        folder, options["records"] = opened.folder / experiment.folder, opened.records / experiment.folder
         with line:
-            rows = run(opened.name, experiment, opened.folder / study, progress=line, tell=tell, **options)
+            rows = run(opened.name, experiment, folder, only=names, progress=line, tell=tell, **options)
     click.echo(verdict(rows))
-    click.echo(opened.folder / study / PAGE)
+    click.echo(folder / PAGE)
 
 
 @click.command()

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from catalogs.progress import duration, joined
+from catalogs.progress import Count, Rate, duration, joined
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,17 @@ class StudyWatch:
     def expect(self, seconds: float) -> None:
         """Expect those that follow to take so long each."""
         self._usual = seconds
+
+    def counter(self, unit: str = "images") -> Callable[[str, int, int], None]:
+        """What tells how many of how many are done in a stage of the current training, which takes as long as those."""
+        rate = Rate()
+        rate(0)
+
+        def count(stage: str, done: int, total: int) -> None:
+            at = Count(stage, done, total, rate(done), unit)
+            self.tell(at, at.seconds_left)
+
+        return count
 
     def tell(self, work: object, seconds_left: float | None) -> None:
         """Tell where the current training stands, and how many seconds it still takes."""

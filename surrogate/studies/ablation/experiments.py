@@ -24,7 +24,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.studies.ablation.timing import ROUGHLY, StepTimes, measure_step_times, settled
 from surrogate.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
-from surrogate.training.data import ImageRow, TrainingData, validation_rows
+from surrogate.training.data import TrainingData, validation_rows
 from surrogate.training.loop import StageRun
 from surrogate.training.run import train
 from surrogate.training.session import ProgressReport, TrainingProgress
@@ -56,26 +56,23 @@ class BaseExperiment:
     Raises ValueError for a catalog without validation images.
     """
 
-    variants = VARIANTS
+    variants, folder = VARIANTS, BASE_FOLDER
 
     def __init__(self, settings: TrainingSettings, catalog: Catalog) -> None:
-        self.scene, self.base, self._catalog = settings, base_settings(settings, catalog), catalog
+        self.scene, self.base, self.catalog = settings, base_settings(settings, catalog), catalog
         self.mark = fingerprint(self.base, catalog)
-        self._images = validation_images(self.base, catalog)
+        rows = validation_rows(catalog, [Source(self.base, catalog).appearance], DECISION_IMAGES)
+        if not rows:
+            raise ValueError(f"catalog {catalog.path} has no validation images, {WITHOUT_VALIDATION}")
+        self.cases = [Case(row.member, row.view, row.appearance) for row in rows]
 
     def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
         """How long a step of these settings takes here and now, measured in about `seconds`."""
-        return measure_step_times(settings, self._catalog, seconds)
+        return measure_step_times(settings, self.catalog, seconds)
 
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
         """The surrogate of these settings, trained in the folder `work`."""
-        return train(settings, self._catalog, work, progress=progress)
-
-    @one_torch_thread()
-    def score(self, surrogate: Surrogate) -> list[Scored]:
-        """How well a surrogate shows the validation images."""
-        cases = [Case(row.member, row.view, row.appearance) for row in self._images]
-        return _scored(surrogate, self._catalog, cases)
+        return train(settings, self.catalog, work, progress=progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +91,11 @@ class VisualizationExperiment:
     Raises ValueError where the catalog varies nothing, has no validation images of it, or the surrogate has no F_vis.
     """
 
-    variants = VISUALIZATION_VARIANTS
+    variants, folder = VISUALIZATION_VARIANTS, VISUALIZATION_FOLDER
 
     def __init__(self, settings: TrainingSettings, catalog: Catalog, surrogate: Surrogate) -> None:
-        self.scene, self._source, self._surrogate = settings, Source(settings, catalog), surrogate
+        self.scene, self.catalog, self._surrogate = settings, catalog, surrogate
+        self._source = Source(settings, catalog)
         if not self._source.variations:
             raise ValueError(f"catalog {catalog.path} has no variation of {self._source.appearance}: there is no F_vis")
         if not surrogate.visualizations or surrogate.training.get("appearance") != self._source.appearance:
@@ -143,27 +141,26 @@ class VisualizationExperiment:
                     progress(TrainingProgress(run.stage.name, run.step, run.stage.steps))
             run.require_finite()
             found.append(visualization.copy())
-        cpu = torch.device("cpu")
-        return replace(self._surrogate, visualizations=tuple(v.to(cpu) for v in found))
+        return replace(self._surrogate, visualizations=tuple(v.to(torch.device("cpu")) for v in found))
 
-    @one_torch_thread()
-    def score(self, surrogate: Surrogate) -> list[Scored]:
+    @property
+    def cases(self) -> list[Case]:
         """As of `BaseExperiment`."""
-        return _scored(surrogate, self._source.catalog, [case for one in self._data for case in one.cases])
+        return [case for one in self._data for case in one.cases]
 
     @cached_property
     def _data(self) -> list[_VariationData]:
-        silent = Source(self.base, self._source.catalog)
+        silent = Source(self.base, self.catalog)
         return [_VariationData(v, silent.data(v), self._cases(v)) for v in self._source.variations]
 
     def _cases(self, variation: Variation) -> list[Case]:
         shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
-        rows = validation_rows(self._source.catalog, list(shown), DECISION_IMAGES)
+        rows = validation_rows(self.catalog, list(shown), DECISION_IMAGES)
         return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
 
     def _begun(self, settings: TrainingSettings, learnt: _VariationData) -> tuple[Visualization, StageRun]:
         """A new F_vis and its training."""
-        device, source = chosen_device(settings.device), Source(settings, self._source.catalog)
+        device, source = chosen_device(settings.device), Source(settings, self.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
         degree = int(settings.designs.visualization_color_degree)
         visualization = new_visualization(*fitted, learnt.variation, source, degree)
@@ -171,12 +168,15 @@ class VisualizationExperiment:
         return visualization, StageRun(stage, settings, learnt.data)
 
 
-def _scored(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case]) -> list[Scored]:
-    [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, cases)
-    return list(found.values())
-
-
 Experiment = BaseExperiment | VisualizationExperiment
+
+
+@one_torch_thread()
+def score(experiment: Experiment, surrogate: Surrogate) -> list[Scored]:
+    """How well a surrogate shows the validation images."""
+    predictor = SurrogatePredictor(surrogate.at, experiment.catalog.plan.background)
+    [found] = score_cases(predictor, experiment.catalog, experiment.cases)
+    return list(found.values())
 
 
 def _is_of(surrogate: Surrogate, source: Source) -> bool:
@@ -197,11 +197,3 @@ def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSetti
         visualization_steps=0,
         **NOTHING_ELSE,
     )
-
-
-def validation_images(settings: TrainingSettings, catalog: Catalog) -> list[ImageRow]:
-    """The validation images that variants are judged on; raises ValueError where there are none."""
-    found = validation_rows(catalog, [Source(settings, catalog).appearance], DECISION_IMAGES)
-    if not found:
-        raise ValueError(f"catalog {catalog.path} has no validation images, {WITHOUT_VALIDATION}")
-    return found

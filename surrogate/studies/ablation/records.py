@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -57,17 +57,9 @@ class Result:
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        numbers = (
-            self.budget,
-            self.budgets,
-            self.seconds,
-            self.psnr,
-            self.ssim,
-            self.steps,
-            self.images,
-            self.gaussians,
-        )
-        if type(self.seed) is not int or not all(type(number) in (int, float) for number in numbers):
+        figures = (self.seconds, self.psnr, self.ssim, self.steps, self.images, self.gaussians)
+        numbers = all(type(number) in (int, float) for number in (self.budget, self.budgets, *figures))
+        if type(self.seed) is not int or not numbers:
             raise TypeError(f"seeds, figures and steps must be numbers, got {self!r}")
 
     @property
@@ -110,17 +102,14 @@ class Records:
         """What this study knows of a variant and seed, a failure included; None for nothing, or for what is out of date."""
         wanted = asdict(self.result(variant, seed))
         key = {name: wanted[name] for name in KEY}
-        return next(_results([Record.load(self._path(variant.name, seed), KIND, VERSION, key)]), None)
+        record = Record.load(self._path(variant.name, seed), KIND, VERSION, key)
+        return None if record is None else record.to(Result)
 
     def all(self) -> list[Result]:
         """All that this study knows, by seed."""
         named = {variant.name: variant for variant in self.experiment.variants}
-        there = [
-            one
-            for one in load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
-            if one.variant in named
-        ]
-        found = [self.find(named[one.variant], one.seed) for one in there]
+        there = load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
+        found = [self.find(named[one.variant], one.seed) for one in there if one.variant in named]
         return [result for result in found if result is not None]
 
     def _path(self, name: str, seed: int) -> Path:
@@ -129,14 +118,5 @@ class Records:
 
 def load_results(folder: Path, **key: Any) -> list[Result]:
     """All results in a folder that agree with `key`, by seed."""
-    found = Record.load_all(folder, KIND, VERSION, key)
-    return sorted(_results(found.values()), key=lambda result: result.seed)
-
-
-def _results(records: Iterable[Record | None]) -> Iterator[Result]:
-    for record in records:
-        try:
-            if record is not None:
-                yield record.to(Result)
-        except TypeError:
-            continue
+    found = [record.to(Result) for record in Record.load_all(folder, KIND, VERSION, key).values()]
+    return sorted((result for result in found if result is not None), key=lambda result: result.seed)

@@ -1,4 +1,4 @@
-"""The fits of one study: those that have no result yet, each kept as soon as it has one; processes may share them out."""
+"""A study from start to end: fits that have no result yet, each kept at once, shared out between processes, and a page of all."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
-from surrogate.studies.ablation.experiments import Experiment
+from surrogate.studies.ablation import table
+from surrogate.studies.ablation.comparison import Row, compared
+from surrogate.studies.ablation.experiments import Experiment, score
 from surrogate.studies.ablation.records import DECIDING, Records, Result
-from surrogate.studies.ablation.timing import StepTimes, clock, scheduled, with_steps
+from surrogate.studies.ablation.timing import STAGES, StepTimes, clock, scheduled, steps_of, with_steps
 from surrogate.studies.ablation.variants import Variant, selected
 from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.training.session import TrainingProgress
@@ -28,8 +30,40 @@ PROBE = 0.1  # of the budget, spent on measuring the speed first
 LONGEST = 10.0  # budgets, that a fit may take whose steps are given
 WORK = "fits"  # where each is trained, and locked by the process that does
 MODEL = "surrogate"
+LOCK = ".page.lock"
 
 _One = tuple[Variant, int]  # with its seed
+
+
+def ablate(
+    scene: str,
+    experiment: Experiment,
+    folder: Path,
+    *,
+    progress: Callable[[StudyProgress], None] = lambda _: None,
+    tell: Callable[[Result], None] = lambda _: None,
+    **options: Any,
+) -> list[Row]:
+    """Fit what is missing, writing ablation.md and ablation.png into `folder` after every fit; returns the rows of the table.
+
+    `options` and errors are those of `Study`.
+    """
+    study = Study(experiment, folder, **options)
+    durable.make_folder(folder)
+    durable.remove_abandoned(folder)
+
+    def write_page() -> list[Row]:
+        with durable.locked(folder / LOCK):  # or the last process to write might not know the last result
+            rows = compared(study.records.all(), experiment.variants)
+            table.write(scene, folder, study.records.budget, rows)
+        return rows
+
+    def keep(result: Result) -> None:
+        write_page()
+        tell(result)
+
+    study.run(progress=progress, tell=keep)
+    return write_page()
 
 
 class Study:
@@ -187,14 +221,12 @@ class Study:
 
         surrogate = self._experiment.trained(planned, work, report)
         taken = now() - begun
-        scored = self._experiment.score(surrogate)
+        scored = score(self._experiment, surrogate)
         psnr, ssim = mean(scored, "psnr"), mean(scored, "ssim")
         if psnr is None or ssim is None or not math.isfinite(psnr + ssim):
             raise ValueError(f"training diverged: PSNR {psnr} dB, SSIM {ssim}")
         return {
-            "canonical_steps": planned.steps.canonical,
-            "deformation_steps": planned.steps.deformation,
-            "visualization_steps": planned.steps.visualization,
+            **dict(zip(STAGES, steps_of(planned), strict=True)),
             "seconds": taken,
             "psnr": psnr,
             "ssim": ssim,

@@ -21,6 +21,7 @@ WARM_STEPS, FEWEST_TIMED = 2, 3
 ROUGHLY = 0.15  # of the probe, for a first guess of how many steps it can take
 SETTLED = 0.5  # of a stage's steps, after which they are timed
 FEWEST_STEPS = 4
+STAGES = ("canonical_steps", "deformation_steps", "visualization_steps")  # settings of `steps_of`
 
 
 def clock(settings: TrainingSettings) -> Callable[[], float]:
@@ -62,12 +63,11 @@ def measure_step_times(settings: TrainingSettings, catalog: Catalog, seconds: fl
     begun = now()
     gaussians = source.initial_gaussians(data)
     start = loading + now() - begun
-    return settled(
-        settings,
-        seconds,
-        lambda form, timed: StepTimes(start, *_timed(form, gaussians, data, timed)),
-        ROUGHLY * seconds / 2.0,
-    )
+
+    def trained(form: TrainingSettings, timed: Callable[[StageRun], float]) -> StepTimes:
+        return StepTimes(start, *_timed(form, gaussians, data, timed))
+
+    return settled(settings, seconds, trained, ROUGHLY * seconds / 2.0)
 
 
 def settled(
@@ -105,7 +105,7 @@ def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
     before, total = steps_of(settings), max(steps, FEWEST_STEPS)
     shares = [max(round(part * total / sum(before)), 1) if part else 0 for part in before]
     shares[before.index(max(before))] += total - sum(shares)
-    return settings.changed(canonical_steps=shares[0], deformation_steps=shares[1], visualization_steps=shares[2])
+    return settings.changed(**dict(zip(STAGES, shares, strict=True)))
 
 
 def _some_data(source: Source) -> tuple[TrainingData, float]:

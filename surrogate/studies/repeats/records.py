@@ -60,25 +60,14 @@ def save(records: Path, scores: Scores) -> None:
 
 def load(records: Path, seed: int) -> Scores | None:
     """What is kept of a seed; None for nothing, for what is damaged, and for what another version wrote or judged."""
-    record = Record.load(scores_path(records, seed), KIND, VERSION, {"seed": seed, "evaluation": EVALUATION})
-    return None if record is None else _scores(record)
+    return next(iter(load_scores(records, seed=seed)), None)
 
 
 def load_scores(records: Path, **key: Any) -> list[Scores]:
     """All scores in the folder of a scene's records that agree with `key`, by seed."""
     kept = Record.load_all(records / FOLDER, KIND, VERSION, {"evaluation": EVALUATION, **key})
-    found = [_scores(record) for name, record in kept.items() if name == str(record.key.get("seed"))]
+    found = [record.to(Scores, _check) for name, record in kept.items() if name == str(record.key.get("seed"))]
     return sorted((scores for scores in found if scores is not None), key=lambda scores: scores.seed)
-
-
-def _scores(record: Record) -> Scores | None:
-    """None where something is not there, or not a number, that tables are made of."""
-    try:
-        scores = record.to(Scores)
-        _check(scores)
-    except (ValueError, KeyError, TypeError, AttributeError):
-        return None
-    return scores
 
 
 def _check(scores: Scores) -> None:

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from catalogs.catalog import Catalog
-from catalogs.progress import Count, Rate
+from surrogate.evaluation.cases import all_cases, base_cells, variation_cells
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import METRICS, Report, by_cell, score_cases
+from surrogate.evaluation.tables import cell_tables
 from surrogate.model import Surrogate
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
+from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import Checkpoint, fingerprint
 from surrogate.storage.records import Provenance
 from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.studies.repeats.records import FOLDER, Scores, load, load_scores, save
-from surrogate.studies.repeats.scoring import score_model
 from surrogate.training.run import train
 
-MODEL = "surrogate"
+MODEL, STAGE = "surrogate", "scoring"
 
 
 @dataclass(frozen=True)
@@ -29,10 +35,6 @@ class Repeat:
     settings: TrainingSettings
     mark: str
     model: Path
-
-    @property
-    def seed(self) -> int:
-        return self.settings.seed
 
 
 def repeat(
@@ -61,7 +63,7 @@ def repeat(
     _check(left, run)
     watch = StudyWatch(progress)
     for number, one in enumerate(left, start=1):
-        watch.begin(f"seed {one.seed}", len(left) - number)
+        watch.begin(f"seed {one.settings.seed}", len(left) - number)
         scores = _trained_and_scored(one, catalog, settings, base, watch)
         save(records, scores)
         tell(scores)
@@ -78,7 +80,7 @@ def planned(settings: TrainingSettings, catalog: Catalog, run: Path, seeds: int)
 
 
 def _is_scored(records: Path, one: Repeat, base: str) -> bool:
-    scores = load(records, one.seed)
+    scores = load(records, one.settings.seed)
     if scores is None or (scores.fingerprint, scores.base) != (one.mark, base):
         return False
     is_trained = Surrogate.exists(one.model) and _mark_in(one.model) == one.mark
@@ -87,7 +89,7 @@ def _is_scored(records: Path, one: Repeat, base: str) -> bool:
 
 def _check(plan: Sequence[Repeat], run: Path) -> None:
     """Raise ValueError, before hours of training, where the folder of any seed is a file or holds another run."""
-    folders = [run / FOLDER, *(folder for one in plan for folder in (run / FOLDER / str(one.seed), one.model))]
+    folders = [run / FOLDER, *(folder for one in plan for folder in (run / FOLDER / str(one.settings.seed), one.model))]
     files = [str(path) for path in folders if path.exists() and not path.is_dir()]
     if files:
         raise ValueError(f"{' and '.join(files)} must be folders of results: delete or rename these files")
@@ -118,20 +120,14 @@ def _trained_and_scored(
     begun, is_new = time.process_time(), _mark_in(one.model) is None
     surrogate = train(one.settings, catalog, one.model, progress=lambda now: watch.tell(now, now.seconds_left))
     watch.expect(surrogate.training["seconds"])
-    rate = Rate()
-
-    def tell(stage: str, done: int, total: int) -> None:
-        count = Count(stage, done, total, rate(done))
-        watch.tell(count, count.seconds_left)
-
-    rate(0)
     try:
-        scored = score_model(surrogate, catalog, progress=tell)
+        scored = score_model(surrogate, catalog, progress=watch.counter())
     except ValueError as error:
-        raise ValueError(f"seed {one.seed}, {one.model}: {error}") from error
-    provenance = Provenance.now(time.process_time() - begun if is_new else None)
+        raise ValueError(f"seed {one.settings.seed}, {one.model}: {error}") from error
+    made = Provenance.now(time.process_time() - begun if is_new else None)
+    trained_at = surrogate.training.get("commit", made.commit)
     return Scores(
-        seed=one.seed,
+        seed=one.settings.seed,
         fingerprint=one.mark,
         base=base,
         settings=settings.to_json(),
@@ -139,7 +135,27 @@ def _trained_and_scored(
         gaussians=len(surrogate.gaussians),
         megabytes=surrogate.megabytes,
         seconds=surrogate.training["seconds"],
-        provenance=replace(
-            provenance, code=_code_of(surrogate), commit=surrogate.training.get("commit", provenance.commit)
-        ),
+        provenance=replace(made, code=_code_of(surrogate), commit=trained_at),
     )
+
+
+@one_torch_thread()
+def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> dict[str, Any]:
+    """`cells` and `variations` as `Scores` has them.
+
+    Raises ValueError where its pictures are no numbers: training diverged.
+    """
+    main = base_cells(catalog, str(surrogate.training["appearance"]))
+    varied = [variation_cells(catalog, v.variation) for v in surrogate.visualizations]
+    predictor = SurrogatePredictor(surrogate.at, catalog.plan.background)
+    cases = [case for cells in (main, *varied) for case in all_cases(cells)]
+    [found] = score_cases(predictor, catalog, cases, progress=partial(progress, STAGE))
+    if not all(math.isfinite(scored.score.psnr) for scored in found.values()):
+        raise ValueError("training diverged: the model shows pictures that are no numbers")
+    return {
+        "cells": cell_tables(by_cell(main, found), METRICS),
+        "variations": [
+            {"kind": v.variation.kind, "base": v.variation.base, **cell_tables(by_cell(cells, found), METRICS)}
+            for v, cells in zip(surrogate.visualizations, varied, strict=True)
+        ],
+    }

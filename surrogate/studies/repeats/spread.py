@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from surrogate.evaluation.scoring import METRICS
 from surrogate.studies.repeats.records import Scores
 
+SIZES = ("gaussians", "megabytes", "seconds")
 
-class Spread(NamedTuple):
-    """Of some numbers: their mean, and their sample standard deviation (n - 1 in the denominator), None for fewer than two."""
 
-    mean: float
-    deviation: float | None
+def spread(values: Sequence[Any]) -> dict[str, Any] | None:
+    """Mean and sample standard deviation (n - 1 in the denominator) of the numbers that are not None; None without any.
 
-    @classmethod
-    def of(cls, values: Sequence[float]) -> Spread:
-        """The spread of at least one number."""
-        return cls(statistics.fmean(values), statistics.stdev(values) if len(values) > 1 else None)
+    The deviation of a single number is None.  Of mappings, nested or not, it is the spread under every name.
+    """
+    if isinstance(values[0], Mapping):
+        return {name: spread([value[name] for value in values]) for name in values[0]}
+    known = [value for value in values if value is not None]
+    deviation = statistics.stdev(known) if len(known) > 1 else None
+    return {"mean": statistics.fmean(known), "deviation": deviation} if known else None
 
 
 def summarize_repeats(scores: Sequence[Scores]) -> dict[str, Any] | None:
@@ -33,9 +35,7 @@ def summarize_repeats(scores: Sequence[Scores]) -> dict[str, Any] | None:
         "seeds": [one.seed for one in scores],
         "machines": _distinct([dict(one.provenance.machine) for one in scores]),
         "commits": _distinct([one.provenance.commit for one in scores]),
-        "gaussians": _spread([one.gaussians for one in scores]),
-        "megabytes": _spread([one.megabytes for one in scores]),
-        "seconds": _spread([one.seconds for one in scores]),
+        **{name: spread([getattr(one, name) for one in scores]) for name in SIZES},
         **_cells([one.cells for one in scores]),
         "variations": [
             {"kind": same[0]["kind"], "base": same[0]["base"], **_cells(same)}
@@ -46,19 +46,7 @@ def summarize_repeats(scores: Sequence[Scores]) -> dict[str, Any] | None:
 
 def _cells(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The spread of every metric in every cell, and the number of images, which is the same for all seeds."""
-    metrics = {
-        metric: {
-            row: {column: _spread([one[metric][row][column] for one in found]) for column in columns}
-            for row, columns in found[0][metric].items()
-        }
-        for metric in METRICS
-    }
-    return {**metrics, "images": found[0]["images"]}
-
-
-def _spread(values: Sequence[float | None]) -> dict[str, float | None] | None:
-    known = [value for value in values if value is not None]
-    return Spread.of(known)._asdict() if known else None
+    return {metric: spread([one[metric] for one in found]) for metric in METRICS} | {"images": found[0]["images"]}
 
 
 def _distinct(values: Sequence[Any]) -> list[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ from surrogate.studies.stress.scenes import (
 
 IMAGE, GRADIENT = 1e-5, 5e-5  # where nothing asks for others: some 100 and 500 roundings of float32
 FLOOR = 1.0 / 255.0
-STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so that the rounding of a place (4e-6 px) is seen"
+WHY_STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so that the rounding of a place (4e-6 px) is seen"
+STEEP: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": WHY_STEEP}
 
 
 @dataclass(frozen=True)
@@ -107,29 +109,27 @@ def agreements() -> list[Agreement]:
 
 
 def _shapes() -> list[Case]:
-    steep: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": STEEP}
     kinds = (("needles", 2), ("pancakes", 1))
     return [
         *(_thin(number, kind, power) for kind, number in kinds for power in (2, 4, 6, 8)),
-        Case("needles, condition number 1e4, not dilated", lambda: axes(1e2, 2), dilation=0.0, **steep),
-        Case("needles, condition number 1e16, not dilated", lambda: axes(1e8, 2), dilation=0.0, **steep),
+        Case("needles, condition number 1e4, not dilated", lambda: axes(1e2, 2), dilation=0.0, **STEEP),
+        Case("needles, condition number 1e16, not dilated", lambda: axes(1e8, 2), dilation=0.0, **STEEP),
         *(
-            Case(f"radius {size:g} px", lambda s=size: radius(s), **(steep if size < 1.0 else {}))  # type: ignore[misc, arg-type]
+            Case(f"radius {size:g} px", partial(radius, size), **(STEEP if size < 1.0 else {}))
             for size in (1e-6, 1e-3, 0.1, 1.0, 47.0)
         ),
         Case("radius 100 x the image", lambda: radius(4700.0)),
-        Case("scales 0", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 0.0, 0.0)), **steep),
+        Case("scales 0", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 0.0, 0.0)), **STEEP),
         Case("scales 0, not dilated", lambda: cloud()._replace(scales=torch.zeros(60, 3).double()), dilation=0.0),
-        Case("scales denormal (1e-42)", lambda: cloud()._replace(scales=torch.full((60, 3), 1e-42).double()), **steep),
+        Case("scales denormal (1e-42)", lambda: cloud()._replace(scales=torch.full((60, 3), 1e-42).double()), **STEEP),
         Case("scales up to 1e30", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 1e9, 1e30))),
     ]
 
 
 def _thin(thin: int, kind: str, power: int) -> Case:
     """Axes as 10^(power / 2) to 1; the thinnest needles are seen only by what they are dilated to."""
-    ratio, steep = 10.0 ** (power / 2), thin == 2 and power > 2
-    bounds: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": STEEP} if steep else {}
-    return Case(f"{kind}, condition number 1e{power}", lambda: axes(ratio, thin), **bounds)
+    bounds = STEEP if thin == 2 and power > 2 else {}
+    return Case(f"{kind}, condition number 1e{power}", partial(axes, 10.0 ** (power / 2), thin), **bounds)
 
 
 def _places() -> list[Case]:
@@ -140,9 +140,12 @@ def _places() -> list[Case]:
         Case("before and behind the near plane", lambda: at_depths(torch.linspace(0.01, 3.0, 60, dtype=torch.float64))),
         Case("far off the axis, to 80 degrees", _far_off_axis),
         Case(
-            "10,000 in one pixel, faint", lambda: one_pixel(10_000, (2e-4, 1e-3)), lambda: view(13, 9), alpha_floor=1e-7
+            "10,000 in one pixel, faint",
+            partial(one_pixel, 10_000, (2e-4, 1e-3)),
+            partial(view, 13, 9),
+            alpha_floor=1e-7,
         ),
-        Case("10,000 in one pixel, opaque", lambda: one_pixel(10_000, (0.98, 1.0)), lambda: view(13, 9)),
+        Case("10,000 in one pixel, opaque", partial(one_pixel, 10_000, (0.98, 1.0)), partial(view, 13, 9)),
         Case("identical places", lambda: cloud()._replace(means=cloud().means[:1].expand(60, 3))),
         Case("identical depths", _identical_depths, lambda: view(eye=(3.0, 0.0, 0.0))),
         Case("around 1e6, its origin subtracted in float64", _from_far),
@@ -164,8 +167,8 @@ def _opacities() -> list[Case]:
         *(
             Case(
                 f"{count:,} layers of opacity {opacity:g}",
-                lambda n=count, o=opacity: layers(n, o),  # type: ignore[misc]
-                lambda: view(9, 7),
+                partial(layers, count, opacity),
+                partial(view, 9, 7),
                 alpha_floor=1e-7,
                 expected_alpha=1.0 - (1.0 - opacity) ** count,
                 gradient=gradient,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import torch
@@ -56,21 +58,14 @@ class Outcome:
         return not self.complaints
 
 
-class Twin(NamedTuple):
-    """A case as the float64 twin draws it."""
-
-    certain: Tensor  # [H, W]: whether `certain_pixels`
-    drawn: Drawn
-
-
-def draw_twin(case: Case) -> Twin:
-    """Draw a case, and differentiate it, in float64."""
+def draw_twin(case: Case) -> tuple[Tensor, Drawn]:
+    """The `certain_pixels` of a case, and the case drawn and differentiated in float64."""
     scene, camera = snapped(case.scene()), case.camera()
     certain = certain_pixels(scene, camera, case)
-    return Twin(certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"}))
+    return certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"})
 
 
-def check(case: Case, backend: Backend, twin: Twin | None = None) -> Outcome:
+def check(case: Case, backend: Backend, twin: tuple[Tensor, Drawn] | None = None) -> Outcome:
     """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one.
 
     `twin` is what `draw_twin` makes of the case, for who has it already.
@@ -80,21 +75,17 @@ def check(case: Case, backend: Backend, twin: Twin | None = None) -> Outcome:
     got = _drawn(Primitives(*(tensor.float() for tensor in scene)), camera, certain, case.constants, backend)
     difference = (got.picture.double() - true.picture).abs() / _units(true.picture)  # [H, W, 5]
     inside, outside = difference[certain], difference[~certain]
-    errors = [
-        _relative(a.double(), b, unit)
-        for a, b, unit in zip(got.gradients, true.gradients, _gradient_units(scene, true.gradients), strict=True)
-    ]
-    gradients = dict(zip(Primitives._fields, errors, strict=True))
+    pairs = zip(Primitives._fields, got.gradients, true.gradients, _gradient_units(scene, true.gradients), strict=True)
     outcome = Outcome(
         case,
-        float(inside.max()) if inside.numel() else 0.0,
-        gradients,
+        _largest(inside),
+        {name: _relative(own, twins, unit) for name, own, twins, unit in pairs},
         all(bool(torch.isfinite(t).all()) for t in (got.picture, *got.gradients)),
         float((~certain).double().mean()),
-        float(outside.max()) if outside.numel() else 0.0,
+        _largest(outside),
         pictures=(got.picture.double(), true.picture),
     )
-    return _judged(outcome, case, got.picture)
+    return replace(outcome, complaints=tuple(_complaints(outcome, case, got.picture)))
 
 
 def check_agreement(agreement: Agreement, backend: Backend) -> Outcome:
@@ -175,44 +166,39 @@ def _gradient_units(scene: Primitives, gradients: Primitives) -> list[float]:
     A round Gaussian looks the same however it is turned: its gradient by the quaternion is the zero that is left when terms as
     large as those by the logarithms of its scales cancel, so these count too.
     """
-    largest = [float(gradient.abs().max()) if gradient.numel() else 0.0 for gradient in gradients]
+    largest = dict(zip(Primitives._fields, map(_largest, gradients), strict=True))
     lengths = scene.quats.norm(dim=1, keepdim=True)  # [N, 1]
-    turning = torch.where(
-        lengths > Constants.shortest_quaternion, (gradients.scales * scene.scales).abs() / lengths, 0.0
-    )  # [N, 3]
-    quats = Primitives._fields.index("quats")
-    largest[quats] = max(largest[quats], float(turning.max()) if turning.numel() else 0.0)
-    return largest
+    turning = gradients.scales * scene.scales / lengths  # [N, 3]
+    seen = torch.where(lengths > Constants.shortest_quaternion, turning, 0.0)
+    return list((largest | {"quats": max(largest["quats"], _largest(seen))}).values())
 
 
 def _relative(got: Tensor, true: Tensor, unit: float) -> float:
-    error = float((got - true).abs().max()) if got.numel() else 0.0
+    error = _largest(got.double() - true)
     return error / unit if error != 0.0 and unit > 0.0 else error
 
 
-def _judged(outcome: Outcome, case: Case, picture: Tensor) -> Outcome:
-    complaints = []
+def _largest(tensor: Tensor) -> float:
+    """The largest absolute value, 0 without any."""
+    return float(tensor.abs().max()) if tensor.numel() else 0.0
+
+
+def _complaints(outcome: Outcome, case: Case, picture: Tensor) -> Iterator[str]:
     if not outcome.finite:
-        complaints.append("not finite")
+        yield "not finite"
     if not outcome.image <= case.image:
-        complaints.append(f"image error {outcome.image:.1e} above {case.image:.0e}")
-    complaints += [
-        f"gradient by {name} wrong by {error:.1e}, above {case.gradient:.0e}"
-        for name, error in outcome.gradients.items()
-        if not error <= case.gradient
-    ]
-    if not outcome.jump <= largest_jump(case):
-        complaints.append(f"jump of {outcome.jump:.1e} at a threshold, above {largest_jump(case):.1e}")
+        yield f"image error {outcome.image:.1e} above {case.image:.0e}"
+    for name, error in outcome.gradients.items():
+        if not error <= case.gradient:
+            yield f"gradient by {name} wrong by {error:.1e}, above {case.gradient:.0e}"
+    # What a contribution at a threshold may change: some floors' worth, one for each that lies on it.
+    largest = 4.0 * case.alpha_floor + 2.0 * Constants.min_transmittance
+    if not outcome.jump <= largest:
+        yield f"jump of {outcome.jump:.1e} at a threshold, above {largest:.1e}"
     if case.expected_alpha is not None:
         middle = float(picture[picture.shape[0] // 2, picture.shape[1] // 2, 3])
         if not abs(middle - case.expected_alpha) <= case.image:
-            complaints.append(f"alpha {middle:.7f} where the formula says {case.expected_alpha:.7f}")
-    return Outcome(**{**vars(outcome), "complaints": tuple(complaints)})
-
-
-def largest_jump(case: Case) -> float:
-    """What a contribution at a threshold may change: some floors' worth, one for each that lies on it."""
-    return 4.0 * case.alpha_floor + 2.0 * Constants.min_transmittance
+            yield f"alpha {middle:.7f} where the formula says {case.expected_alpha:.7f}"
 
 
 def tables(
@@ -222,22 +208,14 @@ def tables(
     compiled = [getattr(BACKENDS.get(b.get("backend", "cpu")), "COMPILED", None) for b in backends.values()]
     floors = {constants["alpha_floor"] for constants in compiled if constants}  # gsplat has but one alpha floor
     found: dict[str, list[Outcome]] = {name: [] for name in backends}
-    rows: list[Case | Agreement | Refusal] = [
-        *(case for case in cases() if floors <= {case.constants.alpha_floor}),
-        *agreements(),
-        *refusals(),
-    ]
-    for row in rows:
-        for name, outcome in zip(backends, _checked(row, list(backends.values())), strict=True):
-            found[name].append(outcome)
-            tell(name, outcome)
+    drawn = (case for case in cases() if floors <= {case.constants.alpha_floor})
+    checks: Iterator[Callable[[Backend], Outcome]] = itertools.chain(
+        (partial(check, case, twin=draw_twin(case)) for case in drawn),
+        (partial(check_agreement, row) for row in agreements()),
+        (partial(check_refusal, row) for row in refusals()),
+    )
+    for checked in checks:
+        for name, backend in backends.items():
+            found[name].append(checked(backend))
+            tell(name, found[name][-1])
     return found
-
-
-def _checked(row: Case | Agreement | Refusal, backends: list[Backend]) -> list[Outcome]:
-    if isinstance(row, Case):
-        twin = draw_twin(row)
-        return [check(row, backend, twin) for backend in backends]
-    if isinstance(row, Agreement):
-        return [check_agreement(row, backend) for backend in backends]
-    return [check_refusal(row, backend) for backend in backends]

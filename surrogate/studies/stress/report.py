@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from torch import Tensor
 
 from catalogs import durable
 from surrogate.evaluation.tables import document, table_of
@@ -136,38 +135,23 @@ def _drift_blocks(drift: Drift) -> list[str]:
 
 def _picture(outcomes: Sequence[Outcome]) -> bytes:
     """A small picture of every case over white, its name above, framed in red where it is missed."""
-    import matplotlib
-
-    matplotlib.use("agg")
     from matplotlib.figure import Figure
 
     rows = -(-len(outcomes) // COLUMNS)
     figure = Figure(figsize=(1.55 * COLUMNS, 1.6 * rows), layout="constrained")
     for k, outcome in enumerate(outcomes):
         assert outcome.pictures is not None
+        picture = outcome.pictures[0]
+        shown = np.nan_to_num((picture[..., :3] + 1.0 - picture[..., 3:4]).numpy()).clip(
+            0.0, 1.0
+        )  # [H, W, 3] over white
+        squarish = 0.2 < len(shown) / shown.shape[1] < 5.0
         axes = figure.add_subplot(rows, COLUMNS, k + 1)
-        axes.imshow(
-            _over_white(outcome.pictures[0]), interpolation="nearest", aspect="equal" if _squarish(outcome) else "auto"
-        )
-        axes.set_title(_wrapped(outcome.case.name), fontsize=5.5, color="black" if outcome.passed else "red")
+        axes.imshow(shown, interpolation="nearest", aspect="equal" if squarish else "auto")
+        title = textwrap.fill(outcome.case.name, 30)
+        axes.set_title(title, fontsize=5.5, color="black" if outcome.passed else "red")
         axes.set_xticks([])
         axes.set_yticks([])
     content = BytesIO()
     figure.savefig(content, format="png", dpi=110, facecolor="white")
     return content.getvalue()
-
-
-def _over_white(picture: Tensor) -> np.ndarray[Any, Any]:
-    return np.nan_to_num((picture[..., :3] + 1.0 - picture[..., 3:4]).numpy()).clip(0.0, 1.0)
-
-
-def _squarish(outcome: Outcome) -> bool:
-    assert outcome.pictures is not None
-    height, width, _ = outcome.pictures[0].shape
-    return 0.2 < height / width < 5.0
-
-
-def _wrapped(name: str, width: int = 30) -> str:
-    import textwrap
-
-    return "\n".join(textwrap.wrap(name, width))

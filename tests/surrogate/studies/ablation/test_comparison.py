@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from surrogate.studies.ablation.comparison import Row, rows_of, standard_error
-from surrogate.studies.ablation.plot import plot
 from surrogate.studies.ablation.records import Result
-from surrogate.studies.ablation.table import equal_steps, page, unequal_times, verdict
+from surrogate.studies.ablation.table import equal_steps, page, plot, unequal_times, verdict
 from surrogate.studies.ablation.variants import VARIANTS
 
 NAMED = {variant.name: variant for variant in VARIANTS}

@@ -11,9 +11,9 @@ from surrogate.deformation import FieldDeformation, ValuesDeformation
 from surrogate.evaluation.scoring import mean
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
-from surrogate.studies.ablation.experiments import VisualizationExperiment
+from surrogate.studies.ablation.experiments import VisualizationExperiment, score
 from surrogate.studies.ablation.records import Result
-from surrogate.studies.ablation.run import ablate
+from surrogate.studies.ablation.study import ablate
 from surrogate.studies.ablation.variants import DEFAULT, VISUALIZATION_VARIANTS
 from surrogate.training.loop import StageRun
 from tests.support.varied_blobs import EVERYTHING, FUNCTIONS, ISOVALUE, varied_catalog, varied_surrogate
@@ -75,11 +75,11 @@ def test_training_starts_from_the_base_and_gets_better(
 ) -> None:
     brief = experiment.trained(experiment.base.changed(visualization_steps=1), tmp_path, lambda _: None)
     longer = experiment.trained(experiment.base.changed(visualization_steps=150), tmp_path, lambda _: None)
-    before, after = mean(experiment.score(brief), "psnr"), mean(experiment.score(longer), "psnr")
+    before, after = mean(score(experiment, brief), "psnr"), mean(score(experiment, longer), "psnr")
     assert before is not None
     assert after is not None
     assert after > before + 1.0
-    perfect = mean(experiment.score(surrogate), "psnr")
+    perfect = mean(score(experiment, surrogate), "psnr")
     assert perfect is not None
     assert perfect > 45.0  # the catalog shows what it draws, in 8 bits
     for trained in (brief, longer):
@@ -90,7 +90,7 @@ def test_training_starts_from_the_base_and_gets_better(
 
 def test_a_seed_gives_the_same_again(experiment: VisualizationExperiment, tmp_path: Path) -> None:
     settings = experiment.base.changed(visualization_steps=20)
-    first, second = (experiment.score(experiment.trained(settings, tmp_path, lambda _: None)) for _ in range(2))
+    first, second = (score(experiment, experiment.trained(settings, tmp_path, lambda _: None)) for _ in range(2))
     assert [s.score for s in first] == [s.score for s in second]
 
 

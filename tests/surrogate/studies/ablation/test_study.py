@@ -22,8 +22,7 @@ from surrogate.studies.ablation import experiments
 from surrogate.studies.ablation import study as module
 from surrogate.studies.ablation.experiments import BaseExperiment, base_settings
 from surrogate.studies.ablation.records import Result
-from surrogate.studies.ablation.run import LOCK, ablate
-from surrogate.studies.ablation.study import Study
+from surrogate.studies.ablation.study import LOCK, Study, ablate
 from surrogate.studies.ablation.timing import clock, measure_step_times
 from surrogate.studies.ablation.variants import VARIANTS, Variant
 from surrogate.studies.progress import StudyProgress

@@ -20,9 +20,10 @@ from surrogate.settings import TrainingSettings
 from surrogate.studies.progress import StudyProgress
 from surrogate.studies.repeats import run as module
 from surrogate.studies.repeats.records import Scores, load, scores_path
-from surrogate.studies.repeats.run import repeat
+from surrogate.studies.repeats.run import STAGE, repeat, score_model
 from surrogate.training.run import train
 from tests.support.blobs import Blobs
+from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 SCENE = TrainingSettings(gaussians=30, canonical_steps=8, deformation_steps=12, validation_interval=10, seed=4)
 SMALL = Blobs(count=4, size=16)
@@ -80,6 +81,24 @@ def test_scores_are_those_of_a_report_and_of_pictures_compared_by_hand(catalog: 
         decibels.append(-10.0 * np.log10(np.mean((on_white[0] - on_white[1].clip(0, 1)) ** 2)))
     assert scores.cells["psnr"]["unseen_views"]["unseen_parameters"] == pytest.approx(np.mean(decibels), abs=1e-3)
     assert scores.cells["images"]["unseen_views"]["unseen_parameters"] == 2
+
+
+def test_variations_are_scored_as_in_a_report(tmp_path: Path) -> None:
+    surrogate = varied_surrogate()
+    catalog = varied_catalog(tmp_path / "varied.cdb", surrogate)
+    told: list[tuple[str, int, int]] = []
+    found = score_model(surrogate, catalog, progress=lambda *counts: told.append(counts))["variations"]
+    expected = evaluate(surrogate, catalog).variations
+    assert [varied["kind"] for varied in found] == ["isovalue", "transfer_function"]
+    for varied, evaluation in zip(found, expected, strict=True):
+        for row, columns in evaluation.cells.items():
+            for column, scored in columns.items():
+                assert varied["images"][row][column] == len(scored)
+                for metric in METRICS:
+                    assert varied[metric][row][column] == mean(scored, metric)
+    assert found[0]["psnr"]["unseen_settings"]["unseen_parameters"] > 50.0  # the truth but for 8 bits
+    assert told[-1][0] == STAGE
+    assert told[-1][1] == told[-1][2] == max(done for _, done, _ in told)
 
 
 def test_nothing_is_done_twice(catalog: Catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

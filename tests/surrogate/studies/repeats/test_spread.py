@@ -1,7 +1,7 @@
 import pytest
 
 from surrogate.evaluation.scoring import METRICS
-from surrogate.studies.repeats.spread import Spread, summarize_repeats
+from surrogate.studies.repeats.spread import spread, summarize_repeats
 from tests.support.scores import scores_of
 
 
@@ -15,7 +15,7 @@ from tests.support.scores import scores_of
     ],
 )
 def test_spreads_computed_by_hand(values: list[float], mean: float, deviation: float | None) -> None:
-    assert Spread.of(values) == pytest.approx((mean, deviation))
+    assert spread(values) == pytest.approx({"mean": mean, "deviation": deviation})
 
 
 def test_every_number_has_its_spread() -> None:
