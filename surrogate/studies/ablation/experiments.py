@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -75,15 +75,6 @@ class BaseExperiment:
         return train(settings, self.catalog, work, progress=progress)
 
 
-@dataclass(frozen=True, eq=False)
-class _VariationData:
-    """The training data of a variation, and its validation images."""
-
-    variation: Variation
-    data: TrainingData
-    cases: Sequence[Case]
-
-
 class VisualizationExperiment:
     """Stage 3 of a scene's settings on the F_sim of its finished `surrogate`, the same for all variants.
 
@@ -124,7 +115,7 @@ class VisualizationExperiment:
 
         @one_torch_thread()
         def timed(form: TrainingSettings, of: Callable[[StageRun], float]) -> StepTimes:
-            each = [of(self._begun(form, one)[1]) for one in learnt]
+            each = [of(self._begun(form, *one)[1]) for one in learnt]
             return StepTimes(0.0, visualization=math.fsum(each))
 
         return settled(settings, seconds, timed, ROUGHLY * seconds / len(learnt))
@@ -134,7 +125,7 @@ class VisualizationExperiment:
         """As of `BaseExperiment`; nothing is written into `work`, and an interrupted training begins anew."""
         found = []
         for one in self._data:
-            visualization, run = self._begun(settings, one)
+            visualization, run = self._begun(settings, *one)
             while run.step < run.stage.steps:
                 run.advance()
                 if run.step % REPORT_STEPS == 0:
@@ -146,26 +137,28 @@ class VisualizationExperiment:
     @property
     def cases(self) -> list[Case]:
         """As of `BaseExperiment`."""
-        return [case for one in self._data for case in one.cases]
+        return [case for variation in self._source.variations for case in self._cases(variation)]
 
     @cached_property
-    def _data(self) -> list[_VariationData]:
+    def _data(self) -> list[tuple[Variation, TrainingData]]:
         silent = Source(self.base, self.catalog)
-        return [_VariationData(v, silent.data(v), self._cases(v)) for v in self._source.variations]
+        return [(variation, silent.data(variation)) for variation in self._source.variations]
 
     def _cases(self, variation: Variation) -> list[Case]:
         shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
         rows = validation_rows(self.catalog, list(shown), DECISION_IMAGES)
         return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
 
-    def _begun(self, settings: TrainingSettings, learnt: _VariationData) -> tuple[Visualization, StageRun]:
+    def _begun(
+        self, settings: TrainingSettings, variation: Variation, data: TrainingData
+    ) -> tuple[Visualization, StageRun]:
         """A new F_vis and its training."""
         device, source = chosen_device(settings.device), Source(settings, self.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
         degree = int(settings.designs.visualization_color_degree)
-        visualization = new_visualization(*fitted, learnt.variation, source, degree)
+        visualization = new_visualization(*fitted, variation, source, degree)
         stage = visualization_stage(*fitted, visualization, settings)
-        return visualization, StageRun(stage, settings, learnt.data)
+        return visualization, StageRun(stage, settings, data)
 
 
 Experiment = BaseExperiment | VisualizationExperiment

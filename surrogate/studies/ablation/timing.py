@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 from catalogs.catalog import Catalog
@@ -11,7 +11,7 @@ from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.training.data import Example, ImageRow, TrainingData, load_examples, training_rows
+from surrogate.training.data import TrainingData, load_examples, training_rows
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage, new_deformation, simulation_stage
@@ -112,16 +112,12 @@ def _some_data(source: Source) -> tuple[TrainingData, float]:
     """Some training images, evenly spread, and how long it would have taken to load all."""
     rows = training_rows(source.catalog, [source.appearance])
     some = rows[:: -(-len(rows) // IMAGES)]
-    _load(source, some[:2])  # what only the first image costs
+    load_examples(source.catalog, some[:2], source.normalization)  # what only the first image costs
     now = clock(source.settings)
     begun = now()
-    examples = _load(source, some)
+    examples = load_examples(source.catalog, some, source.normalization)
     seconds = (now() - begun) * len(rows) / len(some)
     return TrainingData(examples, (), source.catalog.plan.background), seconds
-
-
-def _load(source: Source, rows: Sequence[ImageRow]) -> list[Example]:
-    return load_examples(source.catalog, rows, source.normalization)
 
 
 def _timed(

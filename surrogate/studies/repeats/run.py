@@ -125,7 +125,7 @@ def _trained_and_scored(
     except ValueError as error:
         raise ValueError(f"seed {one.settings.seed}, {one.model}: {error}") from error
     made = Provenance.now(time.process_time() - begun if is_new else None)
-    trained_at = surrogate.training.get("commit", made.commit)
+    commit = surrogate.training.get("commit", made.commit)
     return Scores(
         seed=one.settings.seed,
         fingerprint=one.mark,
@@ -135,7 +135,7 @@ def _trained_and_scored(
         gaussians=len(surrogate.gaussians),
         megabytes=surrogate.megabytes,
         seconds=surrogate.training["seconds"],
-        provenance=replace(made, code=_code_of(surrogate), commit=trained_at),
+        provenance=replace(made, code=_code_of(surrogate), commit=commit),
     )
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -29,6 +28,7 @@ from surrogate.studies.stress.scenes import (
 
 IMAGE, GRADIENT = 1e-5, 5e-5  # where nothing asks for others: some 100 and 500 roundings of float32
 FLOOR = 1.0 / 255.0
+FAR = torch.tensor([1e6, -2e6, 5e5], dtype=torch.float64)  # where numbers of float32 are 0.06 to 0.13 apart
 WHY_STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so that the rounding of a place (4e-6 px) is seen"
 STEEP: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": WHY_STEEP}
 
@@ -133,7 +133,7 @@ def _thin(thin: int, kind: str, power: int) -> Case:
 
 
 def _places() -> list[Case]:
-    steps = torch.linspace(0.9999, 1.0001, 60, dtype=torch.float64)
+    steps, flat = torch.linspace(0.9999, 1.0001, 60, dtype=torch.float64), torch.tensor([0.0, 1.0, 1.0])
     return [
         Case("on the near plane, and 0.01 % to either side", lambda: at_depths(NEAR * steps)),
         Case("behind the camera", lambda: at_depths(torch.linspace(-5.0, 0.04, 60, dtype=torch.float64))),
@@ -146,11 +146,16 @@ def _places() -> list[Case]:
             alpha_floor=1e-7,
         ),
         Case("10,000 in one pixel, opaque", partial(one_pixel, 10_000, (0.98, 1.0)), partial(view, 13, 9)),
-        Case("identical places", lambda: cloud()._replace(means=cloud().means[:1].expand(60, 3))),
-        Case("identical depths", _identical_depths, lambda: view(eye=(3.0, 0.0, 0.0))),
-        Case("around 1e6, its origin subtracted in float64", _from_far),
-        Case("around 1e6, not subtracted: held to the twin of the rounded places", _far, _far_view),
-        Case("a million units away", lambda: cloud()._replace(means=cloud().means * 1e6)),
+        Case("identical places", lambda: _moved(lambda means: means[:1].expand(60, 3))),
+        # All in one plane across the axis of a camera that looks along x.
+        Case("identical depths", lambda: _moved(lambda means: means * flat), partial(view, eye=(3.0, 0.0, 0.0))),
+        Case("around 1e6, its origin subtracted in float64", lambda: _moved(lambda means: (means + FAR) - FAR)),
+        Case(
+            "around 1e6, not subtracted: held to the twin of the rounded places",
+            lambda: _moved(lambda means: means + FAR),
+            _far_view,
+        ),
+        Case("a million units away", lambda: _moved(lambda means: means * 1e6)),
     ]
 
 
@@ -216,30 +221,10 @@ def _far_off_axis() -> Primitives:
     return cloud()._replace(means=torch.tensor(camera.position) + 3.0 * places, scales=cloud().scales * 5.0)
 
 
-def _identical_depths() -> Primitives:
-    """All in one plane across the axis of a camera that looks along x."""
-    some = cloud()
-    means = some.means.clone()
-    means[:, 0] = 0.0
-    return some._replace(means=means)
-
-
-FAR = (1e6, -2e6, 5e5)
-
-
-def _far() -> Primitives:
-    """A scene that float32 can't hold: its numbers there are 0.06 to 0.13 apart."""
-    return cloud()._replace(means=cloud().means + torch.tensor(FAR, dtype=torch.float64))
+def _moved(change: Callable[[Tensor], Tensor]) -> Primitives:
+    return cloud()._replace(means=change(cloud().means))
 
 
 def _far_view() -> Camera:
-    near = view()
-    return Camera.look_at(
-        near.position + np.array(FAR), np.array(FAR), vertical_fov_degrees=35.0, width=near.width, height=near.height
-    )
-
-
-def _from_far() -> Primitives:
-    """What the normalization of a scene around (1e6, -2e6, 5e5) leaves: its origin is taken off in float64."""
-    origin = torch.tensor(FAR, dtype=torch.float64)
-    return cloud()._replace(means=(cloud().means + origin) - origin)
+    near, far = view(), FAR.numpy()
+    return Camera.look_at(near.position + far, far, vertical_fov_degrees=35.0, width=near.width, height=near.height)

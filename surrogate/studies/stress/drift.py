@@ -17,7 +17,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera, icosphere
 from surrogate.deformation import BilinearDeformation
-from surrogate.evaluation.metrics import decibels
+from surrogate.evaluation.metrics import WHITE, decibels
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -33,11 +33,11 @@ MOST_TIMES = 3.0  # that float32 may lie farther from float64 than a changed rou
 
 
 class Image(NamedTuple):
-    """A picture (H, W, 4) over white, in float64, and where it was taken."""
+    """A picture over white, and where it was taken; tensors in float64."""
 
     camera: Camera
-    parameter: float
-    pixels: Tensor
+    parameter: Tensor  # [1]
+    pixels: Tensor  # [H, W, 4]
 
 
 @dataclass(frozen=True)
@@ -114,29 +114,23 @@ def _run(
     adam, rasterizer = Adam(stage.tensors, stage.rates), Rasterizer(backend=backend)
     loss_of = image_loss_reference if dtype == torch.float64 else image_loss
     order, snapshots, losses = np.random.default_rng(0).permutation(steps) % len(learn), [], []
+
+    def drawn(image: Image) -> Tensor:
+        return rasterizer.draw_over(stage.gaussians_at(image.parameter.to(dtype)), image.camera, WHITE)
+
     for step in range(1, steps + 1):
         image = learn[order[step - 1]]
-        picture = rasterizer.draw_over(stage.gaussians_at(_at(image, dtype)), image.camera, (1.0, 1.0, 1.0))
-        loss = loss_of(picture, image.pixels.to(dtype))
+        loss = loss_of(drawn(image), image.pixels.to(dtype))
         loss.backward()
         adam.step(settings.rates.final_factor ** (step / steps))
         losses.append(float(loss.detach()))
         if step in SNAPSHOT_STEPS or step == steps:
             with torch.no_grad():
                 means = stage.tensors["means"].double().clone()
-                error = np.mean([_squared(rasterizer, stage.gaussians_at(_at(i, dtype)), i) for i in judge])
+                error = np.mean([float((drawn(i).double() - i.pixels).square().mean()) for i in judge])
             snapshots.append(Snapshot(step, means, float(np.mean(losses)), decibels(float(error))))
             losses = []
     return snapshots
-
-
-def _at(image: Image, dtype: torch.dtype) -> Tensor:
-    return torch.tensor([image.parameter], dtype=dtype)
-
-
-def _squared(rasterizer: Rasterizer, gaussians: Gaussians, image: Image) -> float:
-    picture = rasterizer.draw_over(gaussians, image.camera, (1.0, 1.0, 1.0))
-    return float((picture.double() - image.pixels).square().mean())
 
 
 def _start() -> Gaussians:
@@ -172,7 +166,8 @@ def _picture(camera: Camera, p: float) -> Image:
         random.random((12, 3)),
     )
     truth = Gaussians(*(torch.from_numpy(column) for column in columns))
-    return Image(camera, p, Rasterizer(backend="reference").draw_over(truth, camera, (1.0, 1.0, 1.0)))
+    picture = Rasterizer(backend="reference").draw_over(truth, camera, WHITE)
+    return Image(camera, torch.tensor([p], dtype=torch.float64), picture)
 
 
 def _distance(a: Tensor, b: Tensor) -> float:

@@ -92,9 +92,7 @@ def layers(count: int, opacity: float) -> Primitives:
 def tied(count: int) -> Primitives:
     """A cloud in which every other Gaussian lies where the one before it does."""
     some = cloud(count, scales=(0.01, 0.05))
-    means = some.means.clone()
-    means[1::2] = means[::2][: len(means[1::2])]
-    return some._replace(means=means)
+    return some._replace(means=some.means[::2].repeat_interleave(2, dim=0)[:count])
 
 
 def with_every_third(tensor: Tensor, first: float, second: float) -> Tensor:
