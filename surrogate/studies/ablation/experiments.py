@@ -49,7 +49,8 @@ class BaseExperiment:
     """Stages 1 and 2 of a scene's settings, with all time given to training itself.
 
     `variants`, the first of which the others are compared with, depart from the settings `base`, which are those of the `scene` but
-    for what ablations need; `mark` changes with all else that results depend on.
+    for what ablations need; `mark` changes with all else that results depend on.  `cases` are the validation images that judge
+    them, and `folder` is where results and records of a scene lie.
 
     Nothing is chosen during training, since a choice takes time and may fall differently from run to run: colours are of degree 0
     where they are left to be chosen, and "auto" is replaced by what it stands for.
