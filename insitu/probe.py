@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.datasets import to_grid
-
-if TYPE_CHECKING:
-    from render.grids import Grid
 
 SAMPLES = 200_000  # values kept per member: quantiles to about 0.1 %
 QUANTILES = (0.001, 0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
@@ -82,14 +79,11 @@ def probe_fields(fields: Mapping[str, Any] | Iterable[Any], *, nan: str = "refus
     names, ranges, drawn = [], [], []
     rng = np.random.default_rng(0)
     for name, data in named:
-        values = _known(to_grid(data, nan=nan, warn=False))
+        grid = to_grid(data, nan=nan, warn=False)
+        values = grid.values.ravel() if grid.holes is None else grid.values[~grid.holes]
         names.append(name)
         ranges.append((float(values.min()), float(values.max())))
         drawn.append(rng.choice(values, SAMPLES) if values.size > SAMPLES else np.resize(values, SAMPLES))
     if not names:
         raise ValueError("there is no member to probe")
     return Probe(tuple(names), np.array(ranges), np.stack(drawn))
-
-
-def _known(grid: Grid) -> NDArray[np.float32]:
-    return grid.values.ravel() if grid.holes is None else grid.values[~grid.holes]

@@ -18,6 +18,7 @@ from typing import Any
 
 # One process per core scales better than threads within one: numpy's and Mesa's threads would fight over the cores.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
+KILLED = "its worker process was killed, twice; if memory ran out, take fewer workers"
 GRACE_SECONDS = 10.0
 TICK_SECONDS = 0.2
 
@@ -111,7 +112,8 @@ class WorkerPool:
                     elif isinstance(error, BrokenExecutor) and not alone and self._foreign is None:
                         waiting.append((name, task, True))
                     else:
-                        failed(name, _explained(error))
+                        died = isinstance(error, BrokenExecutor)
+                        failed(name, RuntimeError(KILLED) if died else error)
                         if give_up(error):
                             for rest, *_ in waiting:
                                 failed(rest, error)
@@ -173,12 +175,6 @@ def _portable(error: Exception) -> Exception:
         pickle.loads(pickle.dumps(error))
     except Exception:
         return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
-
-
-def _explained(error: BaseException) -> BaseException:
-    if isinstance(error, BrokenExecutor):
-        return RuntimeError("its worker process was killed, twice; if memory ran out, take fewer workers")
     return error
 
 
