@@ -111,7 +111,7 @@ class Window:
         return vtk_to_numpy(pixels).reshape(height, width, 4)
 
 
-_opened: dict[int, Window] = {}  # process id -> its window: OpenGL contexts are per process and dear
+_opened: dict[int, Window] = {}  # process id -> its window: OpenGL contexts are per process and expensive
 
 
 def open_window() -> Window:

@@ -140,19 +140,19 @@ class StageRun:
     @torch.no_grad()
     def _relocate(self, gaussians: Gaussians) -> None:
         """Take note of the opacities that were just drawn, and relocate dead Gaussians where that is due."""
-        settings, pulls, peaks = self.settings.relocation, self._screen_gradients, self._peaks
+        settings, gradients, peaks = self.settings.relocation, self._screen_gradients, self._peaks
         torch.maximum(peaks.mul_(settings.peak_decay), gaussians.opacities(), out=peaks)
         if not settings.interval or self.step % settings.interval or self.step > settings.stop * self.stage.steps:
             return
         random = generator(self.settings.seed, "relocation", self.step)
-        wanted = None if pulls is None else pulls.above(settings.gradient_threshold)
+        wanted = None if gradients is None else gradients.above(settings.gradient_threshold)
         relocation = plan_relocation(peaks, settings.dead_opacity, random, wanted)
         if relocation is not None:
             rows = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())
             peaks[relocation.moved] = peaks[relocation.sources]
-        if pulls is not None:
-            pulls.forget()
+        if gradients is not None:
+            gradients.forget()
 
 
 def first_infinite(tensors: Mapping[str, Tensor]) -> str:

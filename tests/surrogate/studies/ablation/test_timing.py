@@ -62,11 +62,11 @@ def test_training_takes_about_as_long_as_its_pace_says(make_catalog, tmp_path: P
     catalog = make_catalog(SMALL, view_splits=VIEW_SPLITS)
     times = measure_step_times(SCENE, catalog, 0.2)
     planned = scheduled(SCENE, 0.5, times._replace(start=0.0))
-    started = time.perf_counter()
+    started = time.process_time()
     train(planned, catalog, tmp_path / "surrogate")
     assert times.canonical > 0
     assert times.deformation > 0
-    assert 0.1 < time.perf_counter() - started < 5.0  # a machine with other things to do may be slow at times
+    assert 0.1 < time.process_time() - started < 5.0  # other things to do make a machine's caches slower, too
 
 
 def test_a_stage_that_is_not_there_takes_no_time(make_catalog) -> None:
