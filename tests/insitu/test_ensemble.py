@@ -244,6 +244,7 @@ SLOW_ENSEMBLE = """
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
 def test_interrupted_it_leaves_no_process_and_goes_on(tmp_path: Path, log: Path, signal_number: int) -> None:
     path = tmp_path / "a.cdb"

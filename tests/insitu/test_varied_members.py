@@ -57,6 +57,7 @@ def varied(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_member_is_rendered_with_what_it_is_to_show(varied: Path) -> None:
     done: list[int] = []
     with insitu.Session(varied, progress=done.append) as session:
@@ -269,6 +270,7 @@ def scene(folder: Path, text: str) -> Scene:
     return Scene.load(path)
 
 
+@pytest.mark.slow
 def test_the_members_of_a_scene_show_what_they_are_assigned(tmp_path: Path) -> None:
     asked = scene(tmp_path, SCENE)
     result = make_dataset(asked, tmp_path / "runs", workers=1)
@@ -296,6 +298,7 @@ def test_the_members_of_a_scene_show_what_they_are_assigned(tmp_path: Path) -> N
     assert tree(result.catalog) == before
 
 
+@pytest.mark.slow
 def test_a_stored_ensemble_shown_as_a_scene_says(tmp_path: Path) -> None:
     path = tmp_path / "ensemble.h5"
     with h5py.File(path, "w") as file:

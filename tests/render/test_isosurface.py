@@ -58,6 +58,7 @@ def views(grid: Grid, size: int = 32) -> list[Camera]:
     return orbit(grid.center, grid.bounding_radius, width=size, height=size, frequency=1)[2::5]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["ball", "gyroid"])
 def test_pictures_equal_what_rays_find(field: str, gyroid: Grid) -> None:
     grid, surface = (ball(), SURFACE) if field == "ball" else (gyroid, Isosurface("iso", 0.1, (0.2, 0.7, 0.9)))

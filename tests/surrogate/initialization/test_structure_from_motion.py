@@ -41,6 +41,7 @@ def check_on_surface(points: Points, ball: Ball, least: int) -> None:
     assert np.abs(points.colors - speckled(ball)(world)).mean() < 0.03  # the noise itself deviates by 0.18
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("background", "least"), [(None, 1200), ((1.0, 1.0, 1.0), 600)])
 def test_points_lie_on_a_textured_ball(
     tmp_path: Path, background: tuple[float, float, float] | None, least: int

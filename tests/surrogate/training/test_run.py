@@ -30,6 +30,7 @@ def decibels(surrogate: Surrogate, blobs: Blobs, p: float) -> float:
     return float(np.mean(scores))
 
 
+@pytest.mark.slow
 def test_unseen_parameters_and_views_are_recovered(make_catalog, tmp_path: Path) -> None:
     blobs = Blobs()
     members = [("train", p) for p in (0.0, 0.25, 0.5, 0.75, 1.0)] + [("validation", 0.6)]
