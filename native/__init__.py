@@ -1,7 +1,7 @@
-"""C++ kernels behind plain arrays: splatting, image loss, bilinear offsets, transfer functions, with gradients.  No torch or logic.
+"""C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values.
 
-The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are copied); the same
-input gives bitwise the same output for any number of threads.
+No torch or logic.  The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are
+copied); the same input gives bitwise the same output for any number of threads.
 
     forward(gaussians, world_to_camera, intrinsics, size, constants, threads, instruction_set="", background=(0, 0, 0))
             -> Drawing, with its picture (H, W, 4): colours over the background, and alpha
@@ -25,12 +25,27 @@ input gives bitwise the same output for any number of threads.
     extinction_table(values, color_points, opacity_points, samples, most_opaque)
             -> extinctions, and those times colours (B, 4), float64
             values (B,) increasing; control points (P, 4) and (Q, 2), a field value first, increasing
+    averages(places, columns, ranges, instruction_set="") -> table (cells, 8, 4)
+            of the function that is linear between places (K,), never decreasing, with columns (K, 4), both float64: its average
+            under N(u, s²).  ranges: lowest and highest u, least and most s.  One level follows the other, at equal steps of
+            ln s, 0.15 at most; a level has cells 0.7 s wide; a cell has the coefficients of a polynomial in 0 to 1
+    apply_averages(table, ranges, logits, values, low, high, limits, threads, instruction_set="")
+            -> logits (N,) and colors (N, 3) of Gaussians with logits (N,) of thickness and values (N, 2), u and ln s
+            limits: the least extinction that a colour is divided by, the least and the most optical depth
+    apply_averages_gradient(table, ranges, logits, values, low, high, limits, by_logits, by_colors, threads, instruction_set="")
+            -> gradients by logits (N,) and values (N, 2)
+    blend(gaussians, places, reach, instruction_set="") -> Blend, with its values (Q,), float64, and the number of its pairs
+            gaussians: means, scales, quats, weights (N,), values (N,); places (Q, 3); a value is not a number where no Gaussian of
+            any weight is in reach
+    blend_gradients(blend, gradient, shapes)
+            -> gradients by weights and values (N,) from those by the blended values (Q,); with `shapes`, by means, scales and
+            quats before
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
-Arguments mean what `surrogate.splatting.render`, `surrogate.training.losses.image_loss` and the modules of
-`surrogate.deformation` say.  A drawing reads the Gaussians' arrays again in the
-backward pass: they must not have changed in between.
+Arguments mean what `surrogate.splatting.render`, `surrogate.training.losses.image_loss`, the modules of `surrogate.deformation`
+and `surrogate.appearance`, and `surrogate.training.value_loss.blended_values` say.  A drawing and a blend read the Gaussians'
+arrays again in the backward pass: they must not have changed in between.
 """
 
 from __future__ import annotations
@@ -40,8 +55,13 @@ from typing import Any
 
 __all__ = [
     "add_bilinear",
+    "apply_averages",
+    "apply_averages_gradient",
+    "averages",
     "backward",
     "bilinear_gradients",
+    "blend",
+    "blend_gradients",
     "extinction_table",
     "forward",
     "image_loss",
@@ -52,6 +72,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("gs-surrogate")
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

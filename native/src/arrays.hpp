@@ -5,7 +5,10 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -60,6 +63,23 @@ inline void require_shape(const Input& array, const char* name, const std::vecto
         wanted += (k ? ", " : "") + std::to_string(shape[k]);
     }
     require(fits, std::string(name) + " must have shape [" + wanted + "], got " + shape_of(array));
+}
+
+inline void require_finite(const Input& array, const char* name, size_t columns, const char* of = "Gaussian") {
+    constexpr uint32_t kExponent = 0x7f800000;
+    const float* values = array.data();
+    const size_t count = array.size();
+    uint32_t found = 0;
+    for (size_t i = 0; i < count; ++i) {  // integer arithmetic, which compilers turn into vectors
+        uint32_t bits;
+        std::memcpy(&bits, values + i, sizeof bits);
+        found |= uint32_t((bits & kExponent) == kExponent);
+    }
+    if (!found) return;
+    for (size_t i = 0; i < count; ++i)
+        if (!std::isfinite(values[i]))
+            throw std::invalid_argument(std::string(name) + " of " + of + " " + std::to_string(i / columns) + " is " +
+                                        std::to_string(values[i]) + ": every number must be finite");
 }
 
 }  // namespace gs

@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -26,27 +25,14 @@
 #include "loss.hpp"
 
 namespace gs {
+
+void bind_averages(nb::module_& m);  // average_bindings.cpp
+void bind_blends(nb::module_& m);    // blend_bindings.cpp
+
 namespace {
 
 using Matrix = nb::ndarray<const double, nb::shape<4, 4>, nb::c_contig, nb::device::cpu>;
 using Bytes = nb::ndarray<const uint8_t, nb::c_contig, nb::device::cpu>;
-
-void require_finite(const Input& array, const char* name, size_t columns) {
-    constexpr uint32_t kExponent = 0x7f800000;
-    const float* values = array.data();
-    const size_t count = array.size();
-    uint32_t found = 0;
-    for (size_t i = 0; i < count; ++i) {  // integer arithmetic, which compilers turn into vectors
-        uint32_t bits;
-        std::memcpy(&bits, values + i, sizeof bits);
-        found |= uint32_t((bits & kExponent) == kExponent);
-    }
-    if (!found) return;
-    for (size_t i = 0; i < count; ++i)
-        if (!std::isfinite(values[i]))
-            throw std::invalid_argument(std::string(name) + " of Gaussian " + std::to_string(i / columns) + " is " +
-                                        std::to_string(values[i]) + ": every number must be finite");
-}
 
 // ---- drawing
 
@@ -324,6 +310,8 @@ NB_MODULE(_kernels, m) {
     m.def("transfer_gradient", &bound_transfer_gradient, "weights"_a, "changes"_a, "logits"_a, "colors"_a, "low"_a, "high"_a,
           "least_depth"_a, "by_logits"_a, "by_colors"_a, "threads"_a, "instruction_set"_a = "");
     m.def("extinction_table", &bound_extinction_table, "values"_a, "color_points"_a, "opacity_points"_a, "samples"_a, "most_opaque"_a);
+    bind_averages(m);
+    bind_blends(m);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,
           "instruction_set"_a = "");

@@ -21,6 +21,8 @@ namespace {
 #include "bilinear.inc"
 #include "logarithms.inc"
 #include "transfer.inc"
+#include "averages.inc"
+#include "blending.inc"
 
 }  // namespace
 
@@ -40,6 +42,10 @@ extern const Kernels GS_KERNELS = {
     bilinear_backward,
     transfer,
     transfer_backward,
+    average_level,
+    averages,
+    averages_backward,
+    blend_pairs,
 };
 
 }  // namespace gs

@@ -123,6 +123,89 @@ struct Transfer {
     int stride;
 };
 
+constexpr double kCell = 0.7;   // spreads: how wide the cells of a table of averages are
+constexpr int kCellTerms = 8;   // of the polynomial in a cell
+constexpr int kPlaceTerms = 4;  // of an average at a place: derivatives 0 to 3, times the cell's width to that power
+
+// The normal distribution's cumulative function Phi at kAround places z = m + d around 0 that are kCell apart: for each of some
+// ranges of d, one after the other, the middles m and the Taylor series about them.
+constexpr int kAround = 20, kAroundPadded = 24, kNormalParts = 8, kNormalTerms = 9;
+
+struct NormalTable {
+    double middle[kNormalParts][kAroundPadded];
+    double series[kNormalParts][kNormalTerms][kAroundPadded];  // zeros beyond kAround
+};
+
+// A piecewise-linear function of four columns: its value at the far left, and at each place a change of its slope, or a step.
+struct AveragedChange {
+    double place, size[kChanges];
+    bool step;
+};
+
+struct AveragedChanges {
+    const AveragedChange* data;
+    int64_t count;
+    double left[kChanges];
+};
+
+constexpr int kMostLevels = 64;
+
+// What a table of averages [cells, kCellTerms, kChanges] covers: values from lowest to highest, and at equal steps of their logarithm
+// `count` spreads, one level after the other.
+struct AverageLevels {
+    double lowest, highest, log_least, log_most, per_step;
+    double per_spread[kMostLevels], per_cell[kMostLevels];  // 1 / spread, 1 / width of a cell
+    int64_t first[kMostLevels + 1];  // the first cell of each, and behind the last
+    float step;
+    int count;
+};
+
+// How many doubles an average_level of so many cells needs, and how many of them are a row.
+constexpr int64_t average_stride(int64_t cells) { return cells + 1 + 2 * kAround + kWidest; }
+constexpr int64_t average_scratch(int64_t cells) { return kPlaceTerms * kChanges * average_stride(cells) + 2 * kChanges * (cells + 1); }
+
+// Gaussians that carry values, and the function that they are seen under, see averages.inc.
+struct Averaged {
+    const float* table;
+    const float* logits;  // [N]
+    const float* values;  // [N, 2] mean, logarithm of the spread
+    float low[3], high[3];  // the range of the function's colours
+    float dark, least_depth, most_depth;
+    AverageLevels levels;
+};
+
+// Gaussians that carry values: means and scales [count, 3], quaternions [count, 4], weights >= 0 and values [count].
+struct Carriers {
+    const float* means;
+    const float* scales;
+    const float* quats;
+    const float* weights;
+    const float* values;
+    int64_t count;
+};
+
+// Places sorted into the cells of a grid around them: x varies fastest, and one cell's places follow another's.  kWidest more
+// numbers may be read behind the last place.
+struct PlaceGrid {
+    const float *x, *y, *z;
+    const uint32_t* numbers;  // of the places, as the caller counts
+    const uint32_t* starts;   // where each cell's begin, and at the end their number
+    float low[3], high[3], per_unit[3];  // the box; cells in a unit
+    int number[3];
+};
+
+// The cell along axis k.  Static: compiled with one instruction set and shared, it would crash machines that lack it.
+static inline int cell_along(const PlaceGrid& grid, int k, float at) {
+    const float cells = (at - grid.low[k]) * grid.per_unit[k], last = float(grid.number[k] - 1);
+    return int(cells > 0.0f ? (cells < last ? cells : last) : 0.0f);
+}
+
+// Of a Gaussian and a place within its reach.
+struct Pair {
+    uint32_t gaussian, place;
+    float density;  // of the Gaussian there, 1 at its mean
+};
+
 struct Kernels {
     const char* name;
     int tile_width, tile_height;
@@ -151,6 +234,14 @@ struct Kernels {
     void (*transfer)(const Transfer&, int64_t first, int64_t last, float* logits, float* colors);
     void (*transfer_backward)(const Transfer&, int64_t first, int64_t last, const float* by_logits, const float* by_colors,
                               float* by_weights);
+    // One level of a table of averages, Gaussians [first, last) under such a table, and the derivative by both, see averages.inc.
+    void (*average_level)(const NormalTable&, const AveragedChanges&, double low, double spread, int64_t count, double* places,
+                          float* cells);
+    void (*averages)(const Averaged&, int64_t first, int64_t last, float* logits, float* colors);
+    void (*averages_backward)(const Averaged&, int64_t first, int64_t last, const float* by_logits, const float* by_colors,
+                              float* by_old_logits, float* by_values);
+    // The pairs of Gaussians [first, last) with places, see blending.inc: at most one for each two; returns how many.
+    int64_t (*blend_pairs)(const Carriers&, const PlaceGrid&, float reach, int64_t first, int64_t last, Pair*);
 };
 
 extern const Kernels kernels_baseline;
