@@ -2,16 +2,22 @@
 
 Colours are straight (not premultiplied) RGB in [0, 1]; values are in the field's physical units, fixed for the
 whole ensemble before its first member, so that equal colours mean equal values in every image.
+
+Every constructor raises ValueError naming the appearance, the argument and what it got, so that whatever exists can be drawn
+and written down; numpy's numbers become plain ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from reprlib import repr as shortened
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from catalogs import numbers
 
 
 @dataclass(frozen=True)
@@ -31,12 +37,10 @@ class TransferFunction:
     opacity_unit_distance: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "color_points", tuple(tuple(map(float, p)) for p in self.color_points))
-        object.__setattr__(self, "opacity_points", tuple(tuple(map(float, p)) for p in self.opacity_points))
-        _check_points("color_points", self.color_points, 4)
-        _check_points("opacity_points", self.opacity_points, 2)
-        if not (np.isfinite(self.opacity_unit_distance) and self.opacity_unit_distance > 0):
-            raise ValueError(f"opacity_unit_distance must be positive, got {self.opacity_unit_distance}")
+        distance = numbers.positive(self.opacity_unit_distance, "opacity_unit_distance")
+        object.__setattr__(self, "color_points", _points("color_points", self.color_points, 4))
+        object.__setattr__(self, "opacity_points", _points("opacity_points", self.opacity_points, 2))
+        object.__setattr__(self, "opacity_unit_distance", distance)
 
     def __repr__(self) -> str:
         low, high = self.bounds
@@ -72,12 +76,20 @@ class VolumeRendering:
     field: str = ""
 
     def __post_init__(self) -> None:
+        what = _called(self)
         _check_field(self.name, self.field)
+        if not isinstance(self.transfer_function, TransferFunction):
+            raise ValueError(
+                f"{what}: transfer_function must be a TransferFunction, got {shortened(self.transfer_function)}"
+            )
+        if not isinstance(self.shaded, bool | np.bool_):
+            raise ValueError(f"{what}: shaded must be True or False, got {shortened(self.shaded)}")
+        object.__setattr__(self, "shaded", bool(self.shaded))
 
 
 @dataclass(frozen=True)
 class Isosurface:
-    """The surface where a field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular).
+    """The surface where a field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular, each from 0 on).
 
     `field` names the one of a member's fields that is shown; "" is the only one it has.
     """
@@ -92,7 +104,16 @@ class Isosurface:
     field: str = ""
 
     def __post_init__(self) -> None:
+        what = _called(self)
         _check_field(self.name, self.field)
+        object.__setattr__(self, "isovalue", numbers.finite(self.isovalue, f"{what}: isovalue"))
+        color = numbers.row(self.color, 3, f"{what}: color, red, green and blue in [0, 1],")
+        object.__setattr__(self, "color", tuple(numbers.fraction(c, f"{what}: color") for c in color))
+        for light in ("ambient", "diffuse", "specular", "specular_power"):
+            strength = numbers.finite(getattr(self, light), f"{what}: {light}")
+            if strength < 0.0:
+                raise ValueError(f"{what}: {light} must not be negative, got {strength:g}")
+            object.__setattr__(self, light, strength)
 
 
 @dataclass(frozen=True)
@@ -101,6 +122,10 @@ class ImportedImages:
 
     name: str
     note: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.note, str):
+            raise ValueError(f"{_called(self)}: note must be text, got {shortened(self.note)}")
 
 
 Appearance = VolumeRendering | Isosurface | ImportedImages
@@ -148,13 +173,20 @@ def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
     if kind not in KINDS:
         raise ValueError(f"appearance kind must be one of {sorted(KINDS)}, got {kind!r}")
     try:
-        if "transfer_function" in values:
+        if isinstance(values.get("transfer_function"), Mapping):
             values["transfer_function"] = TransferFunction(**values["transfer_function"])
-        if "color" in values:
-            values["color"] = tuple(map(float, values["color"]))
         return KINDS[kind](**values)
-    except TypeError as error:
-        raise ValueError(f"appearance {record.get('name', '?')!r} of kind {kind!r}: {error}") from None
+    except (TypeError, ValueError) as error:
+        place = f"appearance {record.get('name', '?')!r}"
+        said = str(error)
+        raise ValueError(said if said.startswith(place) else f"{place} of kind {kind!r}: {said}") from None
+
+
+def _called(appearance: Appearance) -> str:
+    """What an appearance is called in sentences; raises ValueError where its name is none."""
+    if not isinstance(appearance.name, str) or not appearance.name:
+        raise ValueError(f"the name of an appearance must be text, got {shortened(appearance.name)}")
+    return f"appearance {appearance.name!r}"
 
 
 def _check_field(appearance: str, field: Any) -> None:
@@ -165,11 +197,16 @@ def _check_field(appearance: str, field: Any) -> None:
         )
 
 
-def _check_points(name: str, points: tuple[tuple[float, ...], ...], width: int) -> None:
-    if len(points) < 2 or any(len(p) != width for p in points):
-        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {points}")
-    array = np.array(points)  # [P, width]
-    if not np.isfinite(array).all() or (np.diff(array[:, 0]) <= 0).any():
-        raise ValueError(f"{name} must be finite with strictly increasing values, got {points}")
+def _points(name: str, points: Any, width: int) -> tuple[tuple[float, ...], ...]:
+    """Control points of `width` numbers each, the first of them increasing and the others in [0, 1]."""
+    if isinstance(points, str | bytes) or not isinstance(points, Iterable):
+        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {shortened(points)}")
+    found = tuple(numbers.row(point, width, f"each of {name}") for point in points)
+    if len(found) < 2:
+        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {found}")
+    array = np.array(found)  # [P, width]
+    if (np.diff(array[:, 0]) <= 0).any():
+        raise ValueError(f"{name} must have strictly increasing values, got {array[:, 0].tolist()}")
     if (array[:, 1:] < 0).any() or (array[:, 1:] > 1).any():
-        raise ValueError(f"{name} must have colours and opacities in [0, 1], got {points}")
+        raise ValueError(f"{name} must have colours and opacities in [0, 1], got {found}")
+    return found

@@ -17,8 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalogs.numbers import count, finite, positive
+
 OBLIQUE = (0.52, -0.74, 0.43)  # from a volume's middle to the viewer of a first picture: from the front, a little above
 POLE = 3  # of the corners below, (0, -1, phi): where the order of viewpoints begins
+CHECKS = {"fx": positive, "fy": positive, "cx": finite, "cy": finite, "width": count, "height": count}
 PARALLEL_LIMIT = 0.99  # |direction . up| beyond which another up vector is taken
 
 
@@ -49,11 +52,8 @@ class Camera:
         rotation = matrix[:3, :3]  # [3, 3]
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0:
             raise ValueError("world_to_camera must hold a rotation (orthonormal, right-handed) in its upper 3x3 block")
-        if self.fx <= 0 or self.fy <= 0 or self.width < 1 or self.height < 1:
-            raise ValueError(
-                f"focal lengths and image size must be positive, got fx={self.fx} fy={self.fy} "
-                f"width={self.width} height={self.height}"
-            )
+        for name, check in CHECKS.items():
+            object.__setattr__(self, name, check(getattr(self, name), f"a camera's {name}"))
         matrix.setflags(write=False)
         object.__setattr__(self, "world_to_camera", matrix)
 

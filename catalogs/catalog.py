@@ -1,6 +1,6 @@
 """The store of an ensemble's images: a Cinema database that grows by whole members and survives crashes.
 
-    x.cdb/data.csv                       the table (specification D), rebuilt from the members
+    x.cdb/data.csv                       the table (specification D), derived from the members
           catalog.json                   what a table can't hold: parameter space, cameras, appearances, conventions
           members/<name>/member.json     parameters, split, provenance
                          rows.csv        its part of the table
@@ -8,12 +8,13 @@
                          field.npz       the summary of its field, or of each of its fields
                          <appearance>/<view>.png
 
-A member is written under a hidden name and renamed into place when all of it is on disk, so it is there whole or not at all.
+A member is written in a hidden folder and renamed into place when all of it is on disk, so it is there whole or not at all.
+How the table follows at a cost that does not grow, `catalogs.table` tells.
 """
 
 from __future__ import annotations
 
-import json
+import dataclasses
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -24,31 +25,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs import cinema, durable
+from catalogs import durable
 from catalogs.cameras import Camera
+from catalogs.description import DESCRIPTION, LOCK, SCHEMA, WITHOUT_FIELDS, write_description, write_empty
 from catalogs.images import ImageError, read_image, write_image
-from catalogs.members import RECORD, ROWS, SUMMARY, Member, known_appearances, read_record, write_record
+from catalogs.journal import key_of
+from catalogs.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
+from catalogs.missing import MissingMember, missing_members
 from catalogs.notebook.html import catalog_html
 from catalogs.parameters import Outside
 from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json
+from catalogs.splits import Splits
 from catalogs.summary import FieldSummary, save_summaries
+from catalogs.table import MEMBERS, UNFINISHED, Table, keys_of, member_paths
 from catalogs.words import counted, shortened
 
 __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
-
-SCHEMA = 3  # 1 had no variations, and every member all appearances; 2 no fields
-WITHOUT_FIELDS = 2
-DESCRIPTION = "catalog.json"
-TABLE = "data.csv"
-MEMBERS = "members"
-LOCK = ".lock"
 
 
 class MemberWriter:
     """Writes one member under a hidden name; leaving the `with` block commits it, an exception leaves nothing."""
 
-    def __init__(self, catalog: Catalog, member: Member) -> None:
+    def __init__(self, catalog: Catalog, member: Member, *, replace: bool = False) -> None:
         self._catalog = catalog
+        self._replace = replace
         self.member = member
         self._written: set[tuple[str, int]] = set()
 
@@ -86,6 +86,10 @@ class MemberWriter:
         only = len(self._catalog.plan.fields) == 1 == len(summaries)
         save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if only else summaries)
 
+    def add_provenance(self, **values: Any) -> None:
+        """Record more about the member, JSON values, such as what its pictures turned out to be."""
+        self.member = dataclasses.replace(self.member, provenance={**self.member.provenance, **values})
+
     def missing(self) -> list[tuple[str, int]]:
         """(appearance, view) pairs that were not written yet."""
         views = range(len(self.member.cameras))
@@ -97,7 +101,7 @@ class MemberWriter:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
-                self._catalog._commit(self)
+                self._catalog._commit(self, replace=self._replace)
         finally:
             shutil.rmtree(self.path, ignore_errors=True)
 
@@ -109,9 +113,11 @@ class Catalog:
     and Lustre mounted with flock do).  Readers need no lock: what they see is whole at any moment.
     """
 
-    def __init__(self, path: Path, plan: CatalogPlan) -> None:
+    def __init__(self, path: Path, plan: CatalogPlan, splits: Splits | None = None) -> None:
         self.path = path
         self.plan = plan
+        self.splits = splits  # of some members, as one run sees them; None: of all, as stored
+        self._table = Table(path, plan)
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: CatalogPlan) -> Catalog:
@@ -124,10 +130,11 @@ class Catalog:
         if path.suffix != ".cdb":
             raise CatalogError(f"a Cinema database is a folder whose name ends with .cdb, got {path}")
         if not (path / DESCRIPTION).exists():
+            plan.check_recordable()
             durable.make_folder(path)
             with durable.locked(path / LOCK):
                 if not (path / DESCRIPTION).exists():  # another process may have been first
-                    _write_empty(path, plan)
+                    write_empty(path, plan)
         existing = cls.open(path)
         differing = existing.plan.differences(plan)
         if differing:
@@ -149,7 +156,8 @@ class Catalog:
         try:
             return cls(path, CatalogPlan.from_json(record))
         except (KeyError, TypeError, ValueError) as error:
-            raise CatalogError(f"{path / DESCRIPTION} is damaged: {error!r}") from error
+            reason = str(error) if isinstance(error, ValueError) else repr(error)
+            raise CatalogError(f"{path / DESCRIPTION} is damaged: {reason}") from error
 
     def __repr__(self) -> str:
         try:
@@ -172,12 +180,21 @@ class Catalog:
     @property
     def members(self) -> tuple[Member, ...]:
         """The committed members, sorted by name."""
-        return tuple(read_record(path, self.plan) for path in self.member_paths())
+        stored = (read_record(path, self.plan) for path in self.member_paths())
+        return tuple(stored) if self.splits is None else tuple(filter(None, map(self.splits.of, stored)))
+
+    @property
+    def missing(self) -> tuple[MissingMember, ...]:
+        """Members that should be here but could not be made, sorted by name."""
+        return missing_members(self.path)
+
+    def with_splits(self, splits: Splits) -> Catalog:
+        """The same catalog, of which `members` are those of `splits`, split so; nothing is written."""
+        return Catalog(self.path, self.plan, splits)
 
     def member_paths(self) -> list[Path]:
         """Folders of the committed members, sorted by name."""
-        records = (self.path / MEMBERS).glob(f"[!.]*/{RECORD}")
-        return sorted(record.parent for record in records)
+        return member_paths(self.path)
 
     def member(self, name: str) -> Member:
         """The member called `name`; raises CatalogError listing some that exist otherwise."""
@@ -188,6 +205,20 @@ class Catalog:
 
     def __contains__(self, name: str) -> bool:
         return name_problem(name) is None and (self.path / MEMBERS / name / RECORD).is_file()
+
+    def find(self, parameters: Mapping[str, float]) -> str | None:
+        """The name of the member with exactly these parameters, None where there is none; costs the same for any number of members.
+
+        Brings table and journal up to date where they are not, or reads all records where it must not write.  Raises ValueError
+        for missing or unknown parameters.
+        """
+        parameters = self._ordered(parameters, "allow", 1)
+        try:
+            self.update_table()
+        except OSError:
+            key = key_of(parameters)
+            return next((name for name, stored in keys_of(self.path, self.plan) if stored == key), None)
+        return self._table.find(parameters)
 
     def begin_member(
         self,
@@ -200,8 +231,13 @@ class Catalog:
         provenance: Mapping[str, Any] | None = None,
         appearances: Sequence[str] | None = None,
         outside: Outside = "warn",
+        replace: bool = False,
     ) -> MemberWriter:
         """A writer for a new member, used in a `with` block; `appearances` names those that it shows, all by default.
+
+        With `replace` it takes the place of the member with this name, if there is one: atomically, when it is whole; until then,
+        and where anything fails, the old one stays.  (Where the file system can't exchange two folders, network file systems for
+        one, it is missing for the moment between two renames; if a writer dies just there, the next one puts it back.)
 
         Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
         that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value
@@ -213,22 +249,22 @@ class Catalog:
                 if self.plan.cameras
                 else "every member of this catalog must bring its cameras"
             )
-        folder = self.path / MEMBERS
-        values = self.plan.space.values(parameters, outside=outside, stacklevel=2)
         member = Member(
             name=name,
-            parameters=dict(zip(self.plan.space.names, values.tolist(), strict=True)),
+            parameters=self._ordered(parameters, outside, 2),
             split=split,
             cameras=self.plan.cameras if cameras is None else tuple(cameras),
             view_splits=self.plan.view_splits if view_splits is None else tuple(view_splits),
-            path=durable.partial_name(folder / name),
+            path=durable.partial_name(self.path / UNFINISHED / name),
             provenance=provenance or {},
             appearances=known_appearances(appearances, self.plan.appearance_names),
         )
-        self._refuse_duplicate(member)
-        durable.remove_abandoned(folder)
+        self.update_table()
+        self._refuse_duplicate(member, replace)
+        member.path.parent.mkdir(exist_ok=True)
+        durable.remove_abandoned(member.path.parent)
         member.path.mkdir()
-        return MemberWriter(self, member)
+        return MemberWriter(self, member, replace=replace)
 
     def image_path(self, member: Member | str, appearance: str, view: int) -> Path:
         """Path of an image file."""
@@ -268,88 +304,72 @@ class Catalog:
         with ThreadPoolExecutor(threads) as pool:
             return np.stack(list(pool.map(lambda view: self.image(member, appearance, view, dtype=dtype), views)))
 
-    def table(self, *, also: Member | None = None) -> bytes:
-        """What `data.csv` must hold: the header, the rows of every committed member, and those of one about to be committed."""
-        folders = {path.name: path for path in self.member_paths()}
-        if also is not None:
-            folders[also.name] = also.path
-        rows = [(folders[name] / ROWS).read_bytes() for name in sorted(folders)]
-        return b"".join([cinema.format_rows([self.plan.header]).encode(), *rows])
+    def table(self) -> bytes:
+        """What `data.csv` holds after `rebuild_table`: the header, and the rows of every committed member, sorted by name."""
+        return self._table.text()
+
+    def update_table(self) -> None:
+        """Bring `data.csv` up to date where a writer was killed, or members were removed by hand; else at no cost."""
+        if not self._table.is_current():
+            with durable.locked(self.path / LOCK):
+                self._update_locked()
 
     def rebuild_table(self) -> None:
-        """Write `data.csv` anew from the committed members, atomically, and clean up after writers that died."""
+        """Write `data.csv` anew from the committed members, sorted by name, and clean up after writers that died."""
         with durable.locked(self.path / LOCK):
-            self._clean_up()
-            current, table = self.path / TABLE, self.table()
-            if not current.is_file() or current.read_bytes() != table:
-                durable.replace(current, table)
+            self._table.rebuild()
+
+    def repair(self) -> None:
+        """`rebuild_table`, from rows that are derived anew from every member's record."""
+        with durable.locked(self.path / LOCK):
+            self._table.derive_rows()
+            self._table.rebuild()
 
     def unfinished(self) -> list[Path]:
         """Hidden folders of members whose writer is at work, or died."""
-        return durable.partials(self.path / MEMBERS)
+        return [*durable.partials(self.path / UNFINISHED), *durable.partials(self.path / MEMBERS)]
 
-    def _commit(self, writer: MemberWriter) -> None:
+    def _commit(self, writer: MemberWriter, *, replace: bool) -> None:
         """Make the member and its rows visible; whatever can fill a disk is written before the first rename."""
         member, missing = writer.member, writer.missing()
         if missing:
             raise CatalogError(f"member {member.name} lacks {len(missing)} images, first {missing[0]}: not stored")
         write_record(member, self.plan)
         durable.sync_tree(member.path)
-        target = self.path / MEMBERS / member.name
         with durable.locked(self.path / LOCK):
-            self._refuse_duplicate(member)
-            self._clean_up()
+            self._update_locked()
+            self._refuse_duplicate(member, replace)
+            self._table.clean_up()
             if len(member.appearances) < len(self.plan.appearances):
                 self._raise_schema()
-            with durable.staged(self.path / TABLE, self.table(also=member)):
-                durable.rename(member.path, target)
-                durable.sync(target.parent)
+            if member.name in self:
+                self._table.replace(member)
+            else:
+                self._table.add(member)
 
     def _raise_schema(self) -> None:
         """Raise schema 1, whose readers expect every appearance of every member, to the next one."""
         record = read_json(self.path / DESCRIPTION)
         if record["schema"] < WITHOUT_FIELDS:
-            _write_description(self.path, {**record, "schema": WITHOUT_FIELDS})
+            write_description(self.path, {**record, "schema": WITHOUT_FIELDS})
 
-    def _clean_up(self) -> None:
-        durable.remove_abandoned(self.path)
-        durable.remove_abandoned(self.path / MEMBERS)
+    def _update_locked(self) -> None:
+        if not self._table.is_current():
+            self._table.rebuild()
 
-    def _refuse_duplicate(self, member: Member) -> None:
-        for path in self.member_paths():
-            parameters = read_json(path / RECORD).get("parameters")
-            if path.name == member.name or parameters == dict(member.parameters):
-                raise CatalogError(
-                    f"member {path.name} with parameters {parameters} is in {self.path} already: "
-                    f"nothing was written for {member.name}"
-                )
+    def _ordered(self, parameters: Mapping[str, float], outside: Outside, depth: int) -> dict[str, float]:
+        """Checked parameters in the space's order; a warning points `depth` calls above this one."""
+        values = self.plan.space.values(parameters, outside=outside, stacklevel=depth + 1)
+        return dict(zip(self.plan.space.names, values.tolist(), strict=True))
 
-
-def _write_empty(path: Path, plan: CatalogPlan) -> None:
-    """Make the locked folder `path` a catalog without members; its description is written last: then all is there."""
-    table = cinema.format_rows([plan.header]).encode()
-    _refuse_foreign(path, table)
-    durable.remove_abandoned(path)
-    durable.make_folder(path / MEMBERS)
-    durable.replace(path / TABLE, table)
-    _write_description(path, {"schema": _least_schema(plan), **plan.to_json()})
-
-
-def _least_schema(plan: CatalogPlan) -> int:
-    """The first schema whose readers understand the plan: older programs read catalogs without fields."""
-    fields = any(plan.fields) or not all(variation.continuous for variation in plan.variations)
-    return SCHEMA if fields else WITHOUT_FIELDS
-
-
-def _write_description(path: Path, record: Mapping[str, Any]) -> None:
-    durable.replace(path / DESCRIPTION, json.dumps(record, indent=1, allow_nan=False).encode())
-
-
-def _refuse_foreign(path: Path, table: bytes) -> None:
-    """Raise CatalogError where the folder holds more than an interrupted `create` of the same `table` leaves."""
-    ours = {LOCK, MEMBERS, *(partial.name for partial in durable.partials(path))}
-    foreign = {entry.name for entry in path.iterdir()} - ours
-    if TABLE in foreign and (path / TABLE).read_bytes() == table:
-        foreign.remove(TABLE)
-    if foreign:
-        raise CatalogError(f"{path} holds other things ({', '.join(sorted(foreign)[:3])}): choose another path")
+    def _refuse_duplicate(self, member: Member, replace: bool) -> None:
+        """Raise CatalogError where the name or the parameters of a member are taken, but by the one that it is to replace."""
+        same = self._table.find(member.parameters)
+        taken = same if same != member.name else None
+        taken = taken or (member.name if member.name in self and not replace else None)
+        if taken:
+            parameters = read_json(self.path / MEMBERS / taken / RECORD).get("parameters")
+            raise CatalogError(
+                f"member {taken} with parameters {parameters} is in {self.path} already: "
+                f"nothing was written for {member.name}"
+            )

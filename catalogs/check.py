@@ -7,12 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from catalogs import cinema
+from catalogs import cinema, durable
 from catalogs.appearance import shown_fields
-from catalogs.catalog import MEMBERS, TABLE, Catalog, CatalogError, Member
+from catalogs.catalog import Catalog, CatalogError, Member
+from catalogs.description import DESCRIPTION
 from catalogs.images import ImageError, read_stored
-from catalogs.members import ROWS, SUMMARY, read_record, rows_of
+from catalogs.members import ROWS, SUMMARY, read_record
 from catalogs.png import PngError, check_png
+from catalogs.table import MEMBERS, TABLE, derived_rows, rows_in
 
 Progress = Callable[[int, int], None]
 Shape = tuple[int, int, int]
@@ -44,16 +46,18 @@ def check(path: Path, *, progress: Progress = lambda done, total: None) -> list[
     header, rows, problems = _read_table(path)
     findings += problems
     shapes: dict[str, Shape] = {}
-    if (path / "catalog.json").is_file():
+    if (path / DESCRIPTION).exists():
         findings += _check_catalog(path, shapes)
     return [*findings, *_check_files(path, _files(header, rows, shapes), shapes, progress)]
 
 
 def _read_table(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
     try:
-        header, rows = cinema.parse((path / TABLE).read_bytes().decode("utf-8"))
+        header, rows = cinema.parse(durable.read(path / TABLE).decode("utf-8"))
     except FileNotFoundError:
         return [], [], [Finding(TABLE, "is missing: it is the one file that every Cinema database has")]
+    except durable.SpecialFileError as error:
+        return [], [], [Finding(TABLE, str(error))]
     except (UnicodeDecodeError, cinema.TableError) as error:
         return [], [], [Finding(TABLE, str(error))]
     problems = [*cinema.header_problems(header), *cinema.column_problems(header, rows)]
@@ -87,7 +91,8 @@ def _file_problem(root: Path, name: str, wanted: Shape | None) -> str | None:
     """What is wrong with a file, which must have the `wanted` height, width and channels where these are known."""
     path = root / name
     if not path.is_file():
-        return "is missing"
+        kind = durable.special(path)
+        return f"is {kind}, where a file belongs" if kind else "is missing"
     if not path.resolve().is_relative_to(root.resolve()):
         return "is a link that leaves the database"
     try:
@@ -146,9 +151,15 @@ def _check_catalog(path: Path, shapes: dict[str, Shape]) -> Iterator[Finding]:
 
 def _check_member(catalog: Catalog, member: Member) -> Iterator[Finding]:
     yield from _check_summaries(catalog, member)
-    rows = member.path / ROWS
-    if not rows.is_file() or rows.read_bytes() != cinema.format_rows(rows_of(member, catalog.plan)).encode():
-        yield Finding(f"member {member.name}", f"{ROWS} is not what its member.json and the catalog's plan make")
+    try:
+        if durable.read(member.path / ROWS) == derived_rows(member, catalog.plan):
+            return
+        problem = f"{ROWS} is not what its member.json and the catalog's plan make"
+    except FileNotFoundError:
+        problem = f"{ROWS} is missing"
+    except OSError as error:
+        problem = str(error)
+    yield Finding(f"member {member.name}", f"{problem}: `catalogs check --repair` writes it anew")
 
 
 def _check_summaries(catalog: Catalog, member: Member) -> Iterator[Finding]:
@@ -173,24 +184,25 @@ def _check_duplicates(members: Iterable[Member]) -> Iterator[Finding]:
 
 
 def _check_table(catalog: Catalog) -> Iterator[Finding]:
-    """Whether the table is what the members make: which members it lacks or invents, and else the first row that differs."""
-    path = catalog.path / TABLE
+    """Whether the table is what the members make, in any order: which of them it lacks or invents, and else where it differs."""
     try:
-        wanted = catalog.table()
-        if path.read_bytes() == wanted:
-            return
-        (header, rows), (labels, cells) = cinema.parse(wanted.decode()), cinema.parse(path.read_bytes().decode())
+        header, rows = cinema.parse(durable.read(catalog.path / TABLE).decode())
+        wanted = {path.name: cinema.parse(rows_in(path, catalog.plan).decode()) for path in catalog.member_paths()}
     except (OSError, ValueError):
         return  # told already
+    labels = catalog.plan.header
     if labels != header:
-        yield Finding(TABLE, f"has the columns {labels}, the catalog makes {header}: {REPAIR}")
+        yield Finding(TABLE, f"has the columns {header}, the catalog makes {labels}: {REPAIR}")
         return
     column = header.index("member")
-    stored, named = {row[column] for row in rows}, {row[column] for row in cells}
-    for name in sorted(stored ^ named):
-        where = "stored but not in the table" if name in stored else "in the table but not stored"
+    named = dict.fromkeys(row[column] for row in rows)
+    for name in sorted(named.keys() ^ wanted.keys()):
+        where = "stored but not in the table" if name in wanted else "in the table but not stored"
         yield Finding(f"member {name}", f"is {where}: {REPAIR}")
-    if stored == named:
+    if named.keys() != wanted.keys():
+        return
+    cells = [row for name in named for row in (wanted[name][0], *wanted[name][1])]
+    if cells != rows:
         number = next((n for n, (a, b) in enumerate(zip(rows, cells, strict=False), start=2) if a != b), None)
-        where = f"{len(cells)} rows instead of {len(rows)}" if number is None else f"row {number} and maybe others"
+        where = f"{len(rows)} rows instead of {len(cells)}" if number is None else f"row {number} and maybe others"
         yield Finding(TABLE, f"differs from what the members make ({where}): {REPAIR}")

@@ -9,17 +9,22 @@ from pathlib import Path
 
 import click
 
+from catalogs.version import version_option
+
 CATALOG = click.argument("path", type=click.Path(file_okay=False, path_type=Path))
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@version_option
 def main() -> None:
     """Cinema databases of simulation ensembles."""
 
 
 @main.command()
 @CATALOG
-@click.option("--repair", is_flag=True, help="First rebuild the table from the stored members.")
+@click.option(
+    "--repair", is_flag=True, help="First rebuild the table, and the members' rows, from the members' records."
+)
 def check(path: Path, repair: bool) -> None:
     """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong."""
     from catalogs.catalog import Catalog
@@ -28,7 +33,7 @@ def check(path: Path, repair: bool) -> None:
 
     with _plain_errors(), ProgressLine() as line:
         if repair:
-            Catalog.open(path).rebuild_table()
+            Catalog.open(path).repair()
         findings = run(path, progress=partial(line.count, "checking"))
     for finding in findings:
         click.echo(str(finding))

@@ -11,6 +11,7 @@ folders of files, and can't tell a dead writer's remains from what a living one 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import errno
 import fcntl
 import functools
@@ -18,15 +19,73 @@ import hashlib
 import os
 import secrets
 import shutil
+import signal
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
 PARTIAL = ".partial"
 SYNCS_AT_ONCE = 16
 QUIET_SECONDS = 86400.0  # without a change, after which a writer elsewhere counts as dead
+HERE = -100  # AT_FDCWD of openat(2)
+EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2)
+KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+class SpecialFileError(OSError):
+    """A named pipe, which would be waited for, a device, which need not end, or a folder, where a regular file belongs."""
+
+
+class Stamp(NamedTuple):
+    """What tells a file from any other and from itself after a change."""
+
+    inode: int
+    size: int
+    changed: int  # nanoseconds
+
+
+def stamp(path: Path) -> Stamp:
+    """The stamp of a file or folder, which is opened for it: network file systems then ask their server."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        status = os.fstat(descriptor)
+    finally:
+        os.close(descriptor)
+    return Stamp(status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def special(path: Path) -> str:
+    """What stands at `path` where a regular file belongs, such as "a named pipe"; "" for a regular file, and for nothing."""
+    try:
+        return _kind(os.stat(path).st_mode)
+    except OSError:
+        return ""
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """The regular file `path`, opened to be read; raises SpecialFileError for anything else, OSError where there is nothing."""
+    _refuse_special(path, os.stat(path).st_mode)  # first: opening a device can have effects
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as stream:
+        _refuse_special(path, os.fstat(descriptor).st_mode)
+        yield stream
+
+
+def read(path: Path) -> bytes:
+    """The contents of a regular file; raises OSError as `opened` does."""
+    with opened(path) as stream:
+        return stream.read()
 
 
 def write(path: Path, data: bytes) -> None:
@@ -36,6 +95,15 @@ def write(path: Path, data: bytes) -> None:
             stream.write(data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None  # a full disk's error names no file by itself
+
+
+def append(path: Path, data: bytes) -> None:
+    """Add `data` to the end of a file, neither synced nor atomic."""
+    try:
+        with open(path, "ab") as stream:
+            stream.write(data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def sync(path: Path) -> None:
@@ -50,6 +118,51 @@ def sync(path: Path) -> None:
 def rename(source: Path, target: Path) -> None:
     """Atomically give `source` the name `target`, replacing a file of that name."""
     os.replace(source, target)
+
+
+def link(source: Path, target: Path) -> None:
+    """Give the file `source` the further name `target`."""
+    os.link(source, target)
+
+
+def exchange(first: Path, second: Path) -> None:
+    """Atomically let two files or folders change places; raises OSError where the file system can't (renameat2(2))."""
+    library = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(library, "renameat2"):
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS), str(first))
+    if library.renameat2(HERE, os.fsencode(first), HERE, os.fsencode(second), EXCHANGE):
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(first), None, str(second))
+
+
+def opened_elsewhere(path: Path) -> bool:
+    """Whether anybody may have the file open; True, too, where the system can't tell (it has no leases, or not there)."""
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return True
+    try:  # fcntl(2): a write lease is granted only where no other descriptor is open
+        fcntl.fcntl(descriptor, fcntl.F_SETSIG, signal.SIGURG)  # who opens it now sends a signal: one that is ignored
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_WRLCK)
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+    except (OSError, AttributeError):
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def copy(source: Path, target: Path) -> None:
+    """Copy a file's contents within the kernel, where possible without moving them; not synced."""
+    with open(source, "rb") as old, open(target, "wb") as new:
+        try:
+            while os.copy_file_range(old.fileno(), new.fileno(), 1 << 30):
+                pass
+        except (OSError, AttributeError) as error:
+            if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+                raise OSError(error.errno, error.strerror, str(target)) from None
+            old.seek(0)
+            new.seek(0)
+            shutil.copyfileobj(old, new)
 
 
 @contextlib.contextmanager
@@ -151,6 +264,15 @@ def locked(path: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def _refuse_special(path: Path, mode: int) -> None:
+    if kind := _kind(mode):
+        raise SpecialFileError(f"{path} is {kind}, where a regular file belongs")
+
+
+def _kind(mode: int) -> str:
+    return next((name for is_kind, name in KINDS if is_kind(mode)), "")
 
 
 def _abandoned(path: Path) -> bool:

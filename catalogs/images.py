@@ -141,7 +141,7 @@ def read_stored(path: Path) -> NDArray[Any]:
 def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] | None = None) -> None:
     """Write RGB [H, W, 3] or premultiplied RGBA [H, W, 4] as float32, with `texts` as string attributes.
 
-    Raises OSError where the disk refuses.
+    Equal pixels and texts give equal bytes whenever they are written.  Raises OSError where the disk refuses.
     """
     import OpenImageIO as oiio
 
@@ -150,6 +150,7 @@ def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] 
     if output is None:
         raise OSError(f"{path} could not be written: {oiio.geterror()}")
     spec = oiio.ImageSpec(width, height, channels, "float")
+    spec.attribute("DateTime", "")  # else OpenImageIO stores the time of writing
     for name, text in (texts or {}).items():
         spec.attribute(name, text)
     opened = output.open(str(path), spec)
@@ -171,7 +172,8 @@ def _opened(path: Path) -> Iterator[Any]:
     import OpenImageIO as oiio
 
     if not path.is_file():
-        raise ImageError(f"{path} is missing")
+        kind = durable.special(path)
+        raise ImageError(f"{path} is {kind}, where an image belongs" if kind else f"{path} is missing")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)

@@ -77,7 +77,7 @@ class Member:
     def summaries(self) -> dict[str, FieldSummary]:
         """The summary of each field by name, "" for a single one; empty for images that were imported without any."""
         path = self.path / SUMMARY
-        return load_summaries(path) if path.is_file() else {}
+        return load_summaries(path) if path.exists() else {}
 
     def row_split(self, view: int, setting: Setting | None = None) -> str:
         """The split of one image: the strictest of its member's, its view's and its setting's; test over validation over train."""

@@ -11,18 +11,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from catalogs import cinema
+from catalogs import cinema, durable
 from catalogs.appearance import (
     Appearance,
     Isosurface,
     appearance_from_json,
     appearance_to_json,
     check_fields,
+    field_of,
     shown_fields,
 )
 from catalogs.cameras import Camera
 from catalogs.images import FORMATS
 from catalogs.parameters import SPLITS, ParameterSpace
+from catalogs.quantity import Quantity, quantities_from, quantities_of
 from catalogs.variations import ISOVALUE, Setting, Variation, variation_from_json
 from catalogs.words import shortened
 
@@ -50,6 +52,7 @@ class CatalogPlan:
     image_format : "png" (8 bits) or "exr" (float32).
     provenance : JSON values: software, sample distances, scene.
     variations : which of the appearances sample visualization parameters.
+    quantities : what the shown fields are called, and their units, by the names in `fields`; of some, of all, or of none.
     """
 
     space: ParameterSpace
@@ -61,6 +64,7 @@ class CatalogPlan:
     image_format: str = "png"
     provenance: Mapping[str, Any] = field(default_factory=dict)
     variations: tuple[Variation, ...] = ()
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bounds", _box(self.bounds))
@@ -76,7 +80,12 @@ class CatalogPlan:
             check_fields(self.appearances)
         except ValueError as error:
             raise CatalogError(str(error)) from None
+        try:
+            object.__setattr__(self, "quantities", quantities_of(quantities_from(self.quantities), self.fields))
+        except ValueError as error:
+            raise CatalogError(str(error)) from None
         _check_variations(self.variations, self.appearances)
+        object.__setattr__(self, "variations", self.in_field_units(self.variations))
         if self.cameras or self.view_splits:
             check_views(self.cameras, self.view_splits)
         if self.image_format not in FORMATS:
@@ -97,6 +106,20 @@ class CatalogPlan:
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that are shown, the first appearance's first; ("",) where no appearance names one."""
         return shown_fields(self.appearances)
+
+    def quantity(self, field: str = "") -> Quantity:
+        """Name and unit of a shown field, by default of the first; empty where nothing is known."""
+        name = field or (self.fields[0] if self.fields else "")
+        return self.quantities.get(name, Quantity(name))
+
+    def field_label(self, field: str = "") -> str:
+        """Name and unit of a shown field as an axis says them, such as "Q (1/s²)"; "" where nothing is known."""
+        return str(self.quantity(field))
+
+    def in_field_units(self, variations: Sequence[Variation]) -> tuple[Variation, ...]:
+        """Variations of this catalog's appearances, their values in the unit of the field that they show."""
+        fields = {appearance.name: field_of(appearance) for appearance in self.appearances}
+        return tuple(v.with_unit(self.quantity(fields[v.settings[0].appearance]).unit) for v in variations)
 
     @property
     def header(self) -> list[str]:
@@ -147,6 +170,7 @@ class CatalogPlan:
             "images": {"memory": "premultiplied RGBA", "disk": "straight RGBA", "rows": "top first"},
             "provenance": dict(self.provenance),
             **({"variations": [v.to_json() for v in self.variations]} if self.variations else {}),
+            **({"fields": {name: q.to_json() for name, q in self.quantities.items()}} if self.quantities else {}),
         }
 
     @classmethod
@@ -166,7 +190,20 @@ class CatalogPlan:
             image_format=record["image_format"],
             provenance=record.get("provenance", {}),
             variations=tuple(variation_from_json(v) for v in record.get("variations", ())),
+            quantities=record.get("fields", {}),
         )
+
+    def check_recordable(self) -> None:
+        """Raise CatalogError unless JSON gives this plan back as it is: nothing may be written that can't be read."""
+        try:
+            again = CatalogPlan.from_json(json.loads(json.dumps(self.to_json(), allow_nan=False)))
+        except (KeyError, TypeError, ValueError) as error:
+            raise CatalogError(f"this plan can't be written down: {error}") from error
+        differing = again.differences(self)
+        if differing:
+            raise CatalogError(
+                f"this plan can't be written down: {', '.join(differing)} would be read as something else"
+            )
 
     def differences(self, other: CatalogPlan) -> list[str]:
         """Names of what differs, provenance aside."""
@@ -203,7 +240,7 @@ def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
 
 def name_problem(name: str) -> str | None:
     """Why a member or an appearance can't have this name, which becomes a folder and a cell of the table; None where it can."""
-    if not NAME.fullmatch(name):
+    if not isinstance(name, str) or not NAME.fullmatch(name):
         return f"a name must be 1 to 100 letters, digits and _.+=-, a letter or digit first, got {name!r}"
     if cinema.reads_as_number(name):
         return f"the name {name!r} reads as a number, for which clients would take it: put a letter first"
@@ -223,9 +260,11 @@ def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
 def read_json(path: Path, kind: type = dict) -> Any:
     """What a JSON file holds; raises CatalogError naming it where it is absent, damaged, or holds no `kind`."""
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(durable.read(path).decode("utf-8"))
     except FileNotFoundError:
         raise CatalogError(f"{path} is missing: is {path.parent} a catalog made by gs-surrogate?") from None
+    except durable.SpecialFileError as error:
+        raise CatalogError(str(error)) from None
     except (ValueError, RecursionError) as error:
         raise CatalogError(f"{path} is damaged: {error}") from error
     if not isinstance(record, kind):

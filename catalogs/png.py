@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from catalogs import durable
+
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by color type
 KINDS = {0: "gray", 2: "RGB", 3: "palette", 4: "gray with alpha", 6: "RGBA"}
@@ -63,7 +65,7 @@ def check_png(path: Path) -> PngHeader:
     Raises PngError for another format, a wrong checksum, a missing end, sides beyond 16384 pixels, or pixels that don't fill the
     picture; OSError where the file can't be read.
     """
-    data = path.read_bytes()
+    data = durable.read(path)
     if not data.startswith(SIGNATURE):
         raise PngError("it is no PNG")
     chunks = _chunks(data)

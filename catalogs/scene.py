@@ -17,15 +17,25 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, check_fields
+from catalogs import numbers
+from catalogs.appearance import Appearance, VolumeRendering, appearance_from_json, check_fields, shown_fields
 from catalogs.cameras import Camera, orbit, view_splits
-from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.parameters import SPLITS, ParameterSpace
+from catalogs.quantity import Quantity, quantities_from, quantities_of
 from catalogs.variations import Family, Variation, variation_kind
 from catalogs.words import member_line, shortened
 
-SOURCES = ("simulation", "hdf5", "nerf")
+SOURCES = ("simulation", "hdf5", "files", "nerf", "catalog")
+OF_A_CATALOG = {
+    "name",
+    "title",
+    "source",
+    "members",
+    "training",
+}  # what a scene of kind "catalog" says; the catalog says the rest
 DATA_FOLDER = "GS_SURROGATE_DATA"
-TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "views", "render", "training"}
+TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "fields"}
+TABLES |= {"views", "render", "training"}
 
 
 @dataclass(frozen=True)
@@ -52,8 +62,15 @@ class ViewPlan:
     vertical_fov_degrees: float = 30.0
 
     def __post_init__(self) -> None:
-        if self.frequency < 1 or self.width < 1 or self.height < 1:
-            raise ValueError(f"frequency, width and height must be at least 1, got {self}")
+        for name in ("frequency", "width", "height"):
+            object.__setattr__(self, name, numbers.count(getattr(self, name), f"views: {name}"))
+        object.__setattr__(self, "fill", numbers.positive(self.fill, "views: fill"))
+        angle = numbers.positive(self.vertical_fov_degrees, "views: vertical_fov_degrees")
+        object.__setattr__(self, "vertical_fov_degrees", angle)
+        if self.fill > 1.0 or angle >= 180.0:
+            raise ValueError(
+                f"views: fill must lie in (0, 1] and vertical_fov_degrees in (0, 180), got {self.fill:g} and {angle:g}"
+            )
 
     def cameras(self, center: Sequence[float], radius: float) -> tuple[Camera, ...]:
         """The plan's cameras around a bounding sphere (world units)."""
@@ -120,6 +137,7 @@ class Scene:
     appearances : how the field is shown, those of variations included; empty for images made elsewhere (`nerf`).
     varied : which of them sample visualization parameters, and which members show them.
     training : the raw `[training]` table, checked by the surrogate.
+    quantities : what the shown fields are called, and their units, from the `[fields]` table (`Q = "1/s²"`); a source may say more.
     """
 
     name: str
@@ -135,6 +153,7 @@ class Scene:
     validation_members: int = 0
     seed: int = 0
     varied: tuple[VariedMembers, ...] = ()
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
@@ -179,6 +198,11 @@ class Scene:
         """Where this scene's catalog, surrogate and report live."""
         return Path(runs) / self.name
 
+    @property
+    def catalog_path(self) -> Path:
+        """The catalog of a source of kind "catalog": its path, relative to the scene's own folder."""
+        return self.path.parent / str(self.source["path"])
+
     def data_path(self) -> Path:
         """The source's file or folder, relative to $GS_SURROGATE_DATA (default `../shared/data`).
 
@@ -200,7 +224,9 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     source = tables["source"]
     if source.get("kind") not in SOURCES:
         raise ValueError(f"source.kind must be one of {SOURCES}, got {source.get('kind')!r}")
-    space = ParameterSpace(tuple(Parameter(**record) for record in tables.get("parameters", ())))
+    if source["kind"] == "catalog":
+        _check_catalog_source(tables)
+    space = ParameterSpace.from_json(tables.get("parameters", ()))
     plan = dict(tables.get("members", {}))
     seed = int(plan.pop("seed", 0))
     members: tuple[PlannedMember, ...] = ()
@@ -217,11 +243,12 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         raise ValueError(f"variation must be tables with double brackets, [[variation]], got {variations!r}")
     families = [_family(record, appearances) for record in variations]
     appearances += tuple(a for family, _ in families for a in family.appearances)
-    if not appearances and source["kind"] != "nerf":
+    if not appearances and source["kind"] not in ("nerf", "catalog"):
         raise ValueError("at least one [[appearance]] must say how the field is shown")
     if len({a.name for a in appearances}) != len(appearances):
         raise ValueError("the names of appearances must be unique")
     check_fields(appearances)
+    quantities = quantities_of(quantities_from(tables.get("fields", {})), shown_fields(appearances))
     return Scene(
         name=str(tables["name"]),
         title=str(tables.get("title", tables["name"])),
@@ -236,7 +263,27 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
         validation_members=validation_members,
         seed=seed,
         varied=tuple(varied for _, varied in families),
+        quantities=quantities,
     )
+
+
+def _check_catalog_source(tables: Mapping[str, Any]) -> None:
+    """Raise ValueError for what a scene of a catalog can't say."""
+    surplus = sorted(set(tables) - OF_A_CATALOG)
+    if surplus:
+        raise ValueError(f"source of kind catalog: {surplus} are the catalog's own, leave them out")
+    source = tables["source"]
+    if unknown := sorted(set(source) - {"kind", "path", "hold_out"}):
+        raise ValueError(f"source of kind catalog has unknown keys {unknown}; known are ['hold_out', 'path']")
+    if not isinstance(source.get("path"), str) or not source["path"]:
+        raise ValueError(f"source.path must name a catalog, from this scene's folder, got {source.get('path')!r}")
+    hold_out = source.get("hold_out")
+    if hold_out is not None and (type(hold_out) is not float or not 0.0 < hold_out < 1.0):
+        raise ValueError(
+            f"source.hold_out, the share of members that test the surrogate, must lie in (0, 1), got {hold_out!r}"
+        )
+    if "validation" in tables.get("members", {}):
+        raise ValueError("members.validation does not apply: of a catalog's members some validate where none do yet")
 
 
 def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tuple[Family, VariedMembers]:
@@ -261,19 +308,19 @@ def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tup
 
 
 def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple[PlannedMember, ...]:
-    """Members per split: a count (Latin hypercube) or a list of values, one per parameter."""
+    """Members per split: a count (Latin hypercube) or a list whose entries `_rows` describes."""
     unknown = sorted(set(plan) - set(SPLITS))
     if unknown:
         raise ValueError(f"members: unknown keys {unknown}; known are {[*SPLITS, 'seed']}")
     members = []
     for offset, split in enumerate(SPLITS):
         wanted = plan.get(split, 0)
-        rows = space.latin_hypercube(wanted, seed + offset).tolist() if isinstance(wanted, int) and wanted else wanted
-        for i, row in enumerate(rows or ()):
-            values = row if isinstance(row, list) else [row]
-            if len(values) != len(space):
-                raise ValueError(f"members.{split}[{i}] must hold {len(space)} values for {space.names}, got {values}")
-            parameters = dict(zip(space.names, map(float, values), strict=True))
+        if isinstance(wanted, int):
+            rows = space.latin_hypercube(wanted, seed + offset).tolist() if wanted else []
+        else:
+            rows = [row for i, entry in enumerate(wanted) for row in _rows(entry, space, f"members.{split}[{i}]")]
+        for i, row in enumerate(rows):
+            parameters = dict(zip(space.names, row, strict=True))
             space.values(parameters, stacklevel=4)  # who called `Scene.load`
             members.append(PlannedMember(f"{split}-{i:03d}", parameters, split))
     if not any(m.split == "train" for m in members):
@@ -281,3 +328,28 @@ def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple
     if len({tuple(m.parameters.values()) for m in members}) != len(members):
         raise ValueError("members must differ in their parameters: two are the same")
     return tuple(members)
+
+
+def _rows(entry: Any, space: ParameterSpace, place: str) -> list[list[float]]:
+    """The parameters (in the space's order) of what one entry of a list of members stands for.
+
+    One member is its values, or only its value where there is one parameter.  Several that differ in one parameter, such as the
+    dumps of a run, are a table: `{ Re = 400.0, time = [2.0, 4.5, 7.0] }`.
+    """
+    if not isinstance(entry, dict):
+        values = entry if isinstance(entry, list) else [entry]
+        if len(values) != len(space):
+            raise ValueError(f"{place} must hold {len(space)} values for {space.names}, got {values}")
+        return [list(map(float, values))]
+    if set(entry) != set(space.names):
+        raise ValueError(f"{place} must give {', '.join(space.names)}, got {', '.join(entry) or 'nothing'}")
+    several = [name for name, value in entry.items() if isinstance(value, list)]
+    if len(several) > 1:
+        raise ValueError(
+            f"{place}: one parameter may be a list, {' and '.join(several)} are: write a table for each value of one"
+        )
+    if not several:
+        return [[float(entry[name]) for name in space.names]]
+    if not entry[several[0]]:
+        raise ValueError(f"{place}.{several[0]} is empty: list at least one value, or leave the table out")
+    return [[float({**entry, several[0]: value}[name]) for name in space.names] for value in entry[several[0]]]

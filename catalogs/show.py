@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from catalogs import cinema
-from catalogs.catalog import TABLE, Catalog, CatalogError
+from catalogs import cinema, durable
+from catalogs.catalog import Catalog, CatalogError
 from catalogs.members import Member
 from catalogs.notebook.facts import facts, megabytes
 from catalogs.summary import FieldSummary
+from catalogs.table import TABLE
 
 UNKNOWN = "-"
 
@@ -33,6 +34,7 @@ def _describe_catalog(catalog: Catalog) -> str:
         stored.append(
             ("unfinished", f"{names}: being written now, or left by a run that died (the next one cleans up)")
         )
+    stored += [("missing", str(member)) for member in catalog.missing]
     lines = [f"Catalog {catalog.path}", *(f"  {name:<11} {fact}" for name, fact in stored)]
     return "\n".join([*lines, "", *_member_table(catalog, members)] if members else lines)
 
@@ -59,7 +61,7 @@ def _range_cells(summary: FieldSummary | None) -> list[str]:
 
 def _describe_table(path: Path) -> str:
     try:
-        header, cells = cinema.parse((path / TABLE).read_bytes().decode("utf-8"))
+        header, cells = cinema.parse(durable.read(path / TABLE).decode("utf-8"))
     except (UnicodeDecodeError, cinema.TableError) as error:
         raise CatalogError(f"{path / TABLE}: {error}") from error
     rows = [["column", "type", "values", "from", "to"]]

@@ -1,7 +1,8 @@
 """What is kept of a field when the field itself is thrown away: kilobytes on how its values were spread and where they were seen.
 
 A member's sidecar is one numpy archive of plain arrays, called like the attributes of `FieldSummary`.  Where a member has several
-fields they are those of the first one; the others' follow as "1/minimum" and so on, and `fields` holds the names of all.
+fields they are those of the first one; the others' follow as "1/minimum" and so on, and `fields` holds the names of all.  Programs
+skip arrays that they do not know, so an archive may gain some; what was written before there were `even_points` is without.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from catalogs import durable
 
 FIELDS = "fields"  # names of the fields in an archive of several
+EVEN = "even_points", "even_values"  # which earlier archives do not have
 DAMAGED = KeyError, ValueError, TypeError, OSError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
 
 
@@ -33,8 +35,11 @@ class FieldSummary:
     clipped_fraction : fraction of values outside the transfer function's control points.
     histogram : (256,) int64, samples per bin over a range that is fixed for the ensemble.
     bin_edges : (257,) float64.
-    points : (M, 3) float32 world coordinates sampled in proportion to opacity (isosurface: on the surface).
-    point_values, point_opacities : (M,) float32, the field and its opacity there.
+    points : (M, 3) world coordinates sampled in proportion to opacity (isosurface: on the surface).
+    point_values, point_opacities : (M,), the field and its opacity there; points, values and opacities are float32, or float64
+        where that would round by a thousandth of a grid spacing or of the histogram's range.
+    even_points : (E, 3) world coordinates that fill the field's box evenly, at other places for every field; none in its holes.
+    even_values : (E,), the field there, interpolated between its samples; types as above.
     """
 
     minimum: float
@@ -42,9 +47,11 @@ class FieldSummary:
     clipped_fraction: float
     histogram: NDArray[np.int64]  # [256]
     bin_edges: NDArray[np.float64]  # [257]
-    points: NDArray[np.float32]  # [M, 3]
-    point_values: NDArray[np.float32]  # [M]
+    points: NDArray[np.floating]  # [M, 3]
+    point_values: NDArray[np.floating]  # [M]
     point_opacities: NDArray[np.float32]  # [M]
+    even_points: NDArray[np.floating] = field(default_factory=lambda: np.empty((0, 3), np.float32))  # [E, 3]
+    even_values: NDArray[np.floating] = field(default_factory=lambda: np.empty(0, np.float32))  # [E]
 
     def __post_init__(self) -> None:
         count = len(self.points)
@@ -52,14 +59,20 @@ class FieldSummary:
             raise ValueError(f"points must be [M, 3] with M values, got {self.points.shape}, {self.point_values.shape}")
         if self.point_opacities.shape != (count,) or len(self.bin_edges) != len(self.histogram) + 1:
             raise ValueError("every point needs an opacity, and n bins n + 1 edges")
+        even = len(self.even_points)
+        if self.even_points.shape != (even, 3) or self.even_values.shape != (even,):
+            shapes = f"{self.even_points.shape}, {self.even_values.shape}"
+            raise ValueError(f"even_points must be [E, 3] with E even_values, got {shapes}")
 
     def __repr__(self) -> str:
         share = f"{100 * self.clipped_fraction:.2f} % clipped"
-        return f"<FieldSummary from {self.minimum:.5g} to {self.maximum:.5g}, {share}, {len(self.points):,} points>"
+        points = f"{len(self.points):,} points by opacity, {len(self.even_points):,} evenly"
+        return f"<FieldSummary from {self.minimum:.5g} to {self.maximum:.5g}, {share}, {points}>"
 
     @classmethod
     def _of_arrays(cls, archive: Mapping[str, Any], prefix: str) -> FieldSummary:
-        values = {f.name: archive[prefix + f.name] for f in fields(cls)}
+        known = [f.name for f in fields(cls) if f.name not in EVEN or prefix + f.name in archive]
+        values = {name: archive[prefix + name] for name in known}
         scalars = {name: float(values[name]) for name in ("minimum", "maximum", "clipped_fraction")}
         return cls(**{**values, **scalars})
 
@@ -80,9 +93,11 @@ def load_summaries(path: Path) -> dict[str, FieldSummary]:
     Raises ValueError naming a file that is none.  Never runs code from it.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with durable.opened(path) as stream, np.load(stream, allow_pickle=False) as archive:
             names = [str(name) for name in archive[FIELDS]] if FIELDS in archive else [""]
             found = {name: FieldSummary._of_arrays(archive, _prefix(number)) for number, name in enumerate(names)}
+    except durable.SpecialFileError as error:
+        raise ValueError(str(error)) from None
     except DAMAGED as error:
         raise ValueError(f"{path} is no field summary: {error}") from error
     if len(found) != len(names) or not found:

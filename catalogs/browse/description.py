@@ -108,11 +108,11 @@ def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
     """The visualization parameters that differ between appearances: isovalues, displacements of a transfer function."""
     shown = [plan.varied(appearance.name) for appearance in plan.appearances]
     surfaces = {appearance.name for appearance in plan.appearances if isinstance(appearance, Isosurface)}
-    having, units = {ISOVALUE: surfaces}, {ISOVALUE: ""}
+    having, units = {ISOVALUE: surfaces}, {ISOVALUE: _common_unit(plan)}
     for variation in (v for v in plan.variations if v.edits_base):
         for parameter in variation.space.parameters:
             having[parameter.name] = {variation.base, *variation.named(*SPLITS)}
-            units[parameter.name] = parameter.unit
+            units[parameter.name] = parameter.unit or units.get(parameter.name, "")
     found = []
     for name in plan.varied_names:
         values = [v[name] if a.name in having[name] else None for a, v in zip(plan.appearances, shown, strict=True)]
@@ -120,6 +120,12 @@ def _visualization(plan: CatalogPlan) -> list[dict[str, Any]]:
         if len(known) > 1:
             found.append({"name": name, "unit": units[name], "low": min(known), "high": max(known), "values": values})
     return found
+
+
+def _common_unit(plan: CatalogPlan) -> str:
+    """The unit of all isovalues; "" where surfaces of fields in other units stand beside each other."""
+    units = {plan.quantity(field_of(a)).unit for a in plan.appearances if isinstance(a, Isosurface)}
+    return units.pop() if len(units) == 1 else ""
 
 
 def _appearance(appearance: Appearance, plan: CatalogPlan) -> dict[str, str]:
@@ -135,7 +141,7 @@ def _appearance_title(appearance: Appearance, plan: CatalogPlan) -> str:
     """Its name and what sets it apart: its field, an isovalue, or how the points of a transfer function are displaced."""
     said = [field_of(appearance)] if field_of(appearance) else []
     if isinstance(appearance, Isosurface):
-        said.append(f"isovalue {appearance.isovalue:g}")
+        said.append(f"isovalue {appearance.isovalue:g} {plan.quantity(field_of(appearance)).unit}".rstrip())
     else:
         said += [f"{name} {value:+.3g}" for name, value in plan.varied(appearance.name).items() if value]
     return f"{appearance.name} ({', '.join(said)})" if said else appearance.name

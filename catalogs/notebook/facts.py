@@ -23,7 +23,8 @@ def facts(plan: CatalogPlan, members: Sequence[Member]) -> list[tuple[str, str]]
     return [
         ("members", f"{len(members)} ({counted(m.split for m in members)})" if members else "none yet"),
         *(("parameter", _parameter(parameter, members)) for parameter in plan.space.parameters),
-        *(("appearance", _appearance(appearance)) for appearance in plan.plain_appearances),
+        *(("field", str(quantity)) for quantity in plan.quantities.values() if quantity),
+        *(("appearance", _appearance(appearance, plan)) for appearance in plan.plain_appearances),
         *(("variation", str(variation)) for variation in plan.variations),
         *(("views", line) for line in _views(plan, members)),
         ("images", _images(plan, members)),
@@ -38,14 +39,15 @@ def _parameter(parameter: Parameter, members: Sequence[Member]) -> str:
     return f"{parameter}; members from {min(values):g} to {max(values):g}, {len(set(values))} values"
 
 
-def _appearance(appearance: Appearance) -> str:
-    of = f" of {field_of(appearance)}" if field_of(appearance) else ""
+def _appearance(appearance: Appearance, plan: CatalogPlan) -> str:
+    quantity = plan.quantity(field_of(appearance))
+    of, unit = (f" of {quantity.name}" if quantity.name else ""), (f" {quantity.unit}" if quantity.unit else "")
     if isinstance(appearance, VolumeRendering):
         low, high = appearance.transfer_function.bounds
         shading = "shaded" if appearance.shaded else "unshaded"
-        return f"{appearance.name}: volume rendering{of} over [{low:g}, {high:g}], {shading}"
+        return f"{appearance.name}: volume rendering{of} over [{low:g}, {high:g}]{unit}, {shading}"
     if isinstance(appearance, Isosurface):
-        return f"{appearance.name}: isosurface{of} at {appearance.isovalue:g}"
+        return f"{appearance.name}: isosurface{of} at {appearance.isovalue:g}{unit}"
     return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
 
 

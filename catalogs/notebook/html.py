@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import OBLIQUE, Camera
 from catalogs.images import read_image
 from catalogs.members import Member, read_record
+from catalogs.missing import MissingMember, missing_members
 from catalogs.notebook.cards import WHITE, Picture, card, never_failing, on_background
 from catalogs.notebook.facts import facts, megabytes
 from catalogs.plan import CatalogError, CatalogPlan
@@ -26,14 +27,15 @@ CAPTIONED = 3  # parameters that have room below a picture; of more, only the na
 def catalog_html(path: Path, plan: CatalogPlan, folders: Callable[[], Sequence[Path]]) -> str:
     """The card of the catalog at `path`, whose members are `folders()`: its facts and a contact sheet; never raises."""
     heading = f"Catalog {path}"
-    return never_failing(heading, lambda: _catalog_card(heading, plan, folders()))
+    return never_failing(heading, lambda: _catalog_card(heading, plan, folders(), missing_members(path)))
 
 
-def _catalog_card(heading: str, plan: CatalogPlan, folders: Sequence[Path]) -> str:
+def _catalog_card(heading: str, plan: CatalogPlan, folders: Sequence[Path], missing: Sequence[MissingMember]) -> str:
     members, problems = _readable(plan, folders)
     known = members or not problems  # else the plan alone would say that there are no members yet
     rows = [*facts(plan, members), ("on disk", _size(members))] if known else []
     pictures, failures = _contact_sheet(plan, members)
+    rows += [("missing", str(member)) for member in missing]
     return card(heading, rows, pictures, [*problems, *failures])
 
 

@@ -22,6 +22,7 @@ class IsovalueVariation(Variation):
     name = "isovalue"
     plural = "isovalues"
     parameter_names = (ISOVALUE,)
+    field_values = (ISOVALUE,)
 
     def __post_init__(self) -> None:
         super().__post_init__()

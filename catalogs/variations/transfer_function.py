@@ -27,6 +27,7 @@ class TransferFunctionVariation(Variation):
     plural = "transfer functions"
     edits_base = True
     parameter_names = POINT_PARAMETERS
+    field_values = ("c1_value", "c2_value")
 
     def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
         """Displacements (4,) in units of their largest; of the base for None, which is zero."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -40,6 +40,7 @@ class Variation(ABC):
     kind : the name of the class in JSON and TOML.
     name, plural : what varies, in words.
     continuous : whether values between those of the settings may be asked for; a catalog's table has columns of them.
+    field_values : names of the parameters that are values of the field, or differences of them, and so have its unit.
     edits_base : whether the settings are the base with another transfer function: only opacities and colours change, and the base
         itself is the middle of the space, zero.
     base : name of the appearance that is varied.
@@ -52,6 +53,7 @@ class Variation(ABC):
     plural: ClassVar[str]
     continuous: ClassVar[bool] = True
     edits_base: ClassVar[bool] = False
+    field_values: ClassVar[tuple[str, ...]] = ()
 
     base: str
     space: ParameterSpace
@@ -105,6 +107,15 @@ class Variation(ABC):
         """
         whole = dict.fromkeys(self.space.names, 0.0) | dict(asked)
         return tuple(self.space.values(whole, outside=outside, stacklevel=stacklevel + 1).tolist())
+
+    def with_unit(self, unit: str) -> Variation:
+        """Itself, with `unit`, that of the field, for those of `field_values` that have none."""
+        if not unit:
+            return self
+        parameters = tuple(
+            replace(p, unit=unit) if p.name in self.field_values and not p.unit else p for p in self.space.parameters
+        )
+        return replace(self, space=ParameterSpace(parameters))
 
     def setting(self, appearance: str) -> Setting | None:
         """The setting with this appearance, None for others."""

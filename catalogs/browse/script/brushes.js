@@ -5,7 +5,7 @@ const BOTH = [1, 1]; // ends of a brush that move
 
 function addAxis(axis, i) {
   const box = element("div", "axis"), name = element("div", "axis-name", axis.name);
-  name.title = axis.unit ? `${axis.name} (${axis.unit})` : axis.name;
+  name.title = (axis.unit ? `${axis.name} (${axis.unit})` : axis.name) + (axis.log ? ", on a logarithmic scale" : "");
   box.append(name, element("div", "brush"));
   if (axis.categories)
     axis.categories.forEach((category, k) => box.append(Object.assign(element("div", "category", category), { at: k, title: category })));
@@ -22,15 +22,15 @@ function newHandle(axis, i, end, which) {
   Object.assign(handle, { tabIndex: 0, role: "slider", ariaOrientation: "vertical", ariaLabel: `${axis.name}, ${which} of the brush` });
   handle.dataset.end = which;
   handle.onkeydown = event => {
-    const unitStep = axis.categories ? 1 : (axis.high - axis.low) / 100, large = axis.categories ? 1 : 10 * unitStep;
-    const [least, most] = rangeOf(i), here = end ? most : least;
+    const unitStep = axis.categories ? 1 : width(axis) / 100, large = axis.categories ? 1 : 10 * unitStep;
+    const [least, most] = rangeOf(i).map(value => placeOf(axis, value)), here = end ? most : least;
     const to = {
       ArrowUp: here + unitStep, ArrowRight: here + unitStep, ArrowDown: here - unitStep, ArrowLeft: here - unitStep,
-      PageUp: here + large, PageDown: here - large, Home: axis.low, End: axis.high, Escape: end ? axis.high : axis.low,
+      PageUp: here + large, PageDown: here - large, Home: axis.first, End: axis.last, Escape: end ? axis.last : axis.first,
     }[event.key];
     if (to === undefined) return;
     event.preventDefault();
-    brush(i, end ? [least, Math.max(least, to)] : [Math.min(to, most), most]);
+    brushPlaces(i, end ? [least, Math.max(least, to)] : [Math.min(to, most), most]);
   };
   return handle;
 }
@@ -44,6 +44,8 @@ function brush(i, range) {
   state.brushes[i] = least <= low + slack && most >= high - slack ? null : [least, most];
   brushed();
 }
+
+const brushPlaces = (i, range) => brush(i, range.map(place => valueAt(axes[i], place)));
 
 function clearBrushes() {
   state.brushes.fill(null);
@@ -69,11 +71,11 @@ const snapped = (axis, [least, most]) => axis.categories
 
 function listenToAxis(box, axis, i) {
   let drag = null; // {from, range, moves}: from where, which brush was there, which of its ends are moved
-  const at = event => axisValue(axis, event.clientY - $("plot").getBoundingClientRect().top);
+  const at = event => axisPlace(axis, event.clientY - $("plot").getBoundingClientRect().top);
   box.onpointerdown = event => {
     if (event.button !== 0) return;
-    const value = at(event), grip = GRIP * (axis.high - axis.low) / (plot.height - MARGIN.top - MARGIN.bottom);
-    const range = state.brushes[i], near = end => range && Math.abs(range[end] - value) <= grip;
+    const value = at(event), grip = GRIP * width(axis) / (plot.height - MARGIN.top - MARGIN.bottom);
+    const range = state.brushes[i]?.map(end => placeOf(axis, end)) ?? null, near = end => range && Math.abs(range[end] - value) <= grip;
     const inside = range && value > range[0] && value < range[1];
     const moves = near(1) ? [0, 1] : near(0) ? [1, 0] : inside ? BOTH : null;
     drag = { from: value, range, moves, moved: false };
@@ -84,18 +86,18 @@ function listenToAxis(box, axis, i) {
     if (!drag) return;
     const value = at(event);
     let by = value - drag.from;
-    drag.moved ||= Math.abs(by) > 0.01 * (axis.high - axis.low);
+    drag.moved ||= Math.abs(by) > 0.01 * width(axis);
     if (!drag.moved) return;
-    if (drag.moves === BOTH) by = Math.max(axis.low - drag.range[0], Math.min(axis.high - drag.range[1], by));
+    if (drag.moves === BOTH) by = Math.max(axis.first - drag.range[0], Math.min(axis.last - drag.range[1], by));
     const ends = drag.moves ? drag.range.map((end, k) => end + drag.moves[k] * by) : [drag.from, value];
-    brush(i, snapped(axis, ends.sort((a, b) => a - b)));
+    brushPlaces(i, snapped(axis, ends.sort((a, b) => a - b)));
   };
   box.onpointerup = event => {
     if (drag && !drag.moved) {
       // A click on a category brushes it; anywhere else it takes the brush away.
       const value = at(event), whole = snapped(axis, [value - 0.49, value - 0.49]);
       const same = drag.range && drag.range[0] === whole[0] && drag.range[1] === whole[1];
-      brush(i, axis.categories && !same ? whole : [axis.low, axis.high]);
+      brushPlaces(i, axis.categories && !same ? whole : [axis.first, axis.last]);
     }
     drag = null;
   };

@@ -20,19 +20,25 @@ const addressOf = (cell, view) =>
   ["members", memberNames[cell.member], catalog.appearances[cell.appearance].name, catalog.files[view]]
     .map(encodeURIComponent).join("/");
 
+// Sliders, axes and distances go by places on a dimension's scale: the values themselves, or their logarithms.
+const placeOf = (d, value) => d.log ? Math.log10(value) : value;
+const valueAt = (d, place) => d.log ? 10 ** place : place;
+const width = d => d.last - d.first;
+
 // A dimension is a parameter of simulations (a value per member) or of visualizations (a value per appearance, or NaN).
 const dimensions = [
   ...catalog.parameters.map((p, i) => dimension(p, "member", catalog.members.values[i])),
   ...catalog.visualization.map(p => dimension(p, "appearance", p.values)),
 ];
 
-function dimension({ name, unit, low, high }, of, values) {
+function dimension({ name, unit, low, high, scale }, of, values) {
   const column = Float64Array.from(values, value => value ?? NaN);
   for (const value of column) {
     if (value < low) low = value; // members out of bounds are recorded all the same
     if (value > high) high = value;
   }
-  return { name, unit, of, column, low, high };
+  const d = { name, unit, of, column, low, high, log: scale === "log" };
+  return { ...d, places: d.log ? column.map(Math.log10) : column, first: placeOf(d, low), last: placeOf(d, high) };
 }
 
 const valueOf = (dimension, cell) => dimension.column[cell[dimension.of]];
@@ -56,10 +62,10 @@ function lowest(items, measure, least = Infinity) {
 // Of the members or appearances `numbers` that nearest to the wanted values of all dimensions of its kind; -1 for none.
 function nearest(kind, numbers, wanted, handled, allowed = () => true) {
   const compared = dimensions.flatMap((d, i) => d.of === kind
-    ? [{ column: d.column, at: wanted[i] / (d.high - d.low), scale: 1 / (d.high - d.low), weight: i === handled ? HANDLED : 1 }] : []);
+    ? [{ places: d.places, at: placeOf(d, wanted[i]) / width(d), scale: 1 / width(d), weight: i === handled ? HANDLED : 1 }] : []);
   return lowest(numbers, number => {
     let far = 0;
-    for (const { column, at, scale, weight } of compared) far += weight * gap(column[number] * scale, at) ** 2;
+    for (const { places, at, scale, weight } of compared) far += weight * gap(places[number] * scale, at) ** 2;
     return allowed(number) ? far : Infinity;
   });
 }
@@ -68,12 +74,12 @@ const candidatesOf = (kind, cell) => kind === "member" ? everyMember : appearanc
 
 // The members or appearances that differ from the cell's in one dimension only; where these are few, those nearest to a line along it.
 function along(i, cell) {
-  const { of, column, low, high } = dimensions[i], values = valuesOf(cell), candidates = candidatesOf(of, cell);
-  const others = dimensions.filter((d, k) => k !== i && d.of === of);
-  const same = number => others.every(d => Math.abs(gap(d.column[number], valueOf(d, cell))) <= 1e-6 * (d.high - d.low));
+  const d = dimensions[i], { of, column } = d, values = valuesOf(cell), candidates = candidatesOf(of, cell);
+  const others = dimensions.filter((other, k) => k !== i && other.of === of);
+  const same = number => others.every(d => Math.abs(gap(d.places[number], placeOf(d, valueOf(d, cell)))) <= 1e-6 * width(d));
   let found = [...candidates].filter(number => !Number.isNaN(column[number]) && same(number));
   if (found.length < 3) {
-    const targets = Array.from({ length: ALONG }, (_, k) => low + (high - low) * k / (ALONG - 1));
+    const targets = Array.from({ length: ALONG }, (_, k) => valueAt(d, d.first + width(d) * k / (ALONG - 1)));
     const here = Number.isNaN(values[i]) ? [] : [cell[of]];
     found = [...new Set([...here, ...targets.map(target =>
       nearest(of, candidates, values.with(i, target), i, number => !Number.isNaN(column[number])))])].filter(number => number >= 0);

@@ -2,7 +2,7 @@
 
 const OFFERED = 400; // members in the menu at most
 
-const percent = (d, value) => `${100 * Math.max(0, Math.min(1, (value - d.low) / (d.high - d.low)))}%`;
+const percent = (d, value) => `${100 * Math.max(0, Math.min(1, (placeOf(d, value) - d.first) / width(d)))}%`;
 
 function slide(i, value) {
   wanted[i] = value;
@@ -24,11 +24,12 @@ function step(i, sign) {
 function addSlider(d, i) {
   const box = element("div", "parameter"), line = element("label", "line"), name = element("span", "", d.name);
   if (d.unit) name.append(" ", element("span", "unit", `(${d.unit})`));
+  if (d.log) name.title = "on a logarithmic scale";
   line.htmlFor = `parameter-${i}`;
   line.append(name, element("output"));
   const slider = Object.assign(element("input"), {
-    type: "range", id: line.htmlFor, min: d.low, max: d.high, step: "any",
-    oninput: event => slide(i, +event.target.value),
+    type: "range", id: line.htmlFor, min: d.first, max: d.last, step: "any",
+    oninput: event => slide(i, valueAt(d, +event.target.value)),
     onchange: () => chooseCell(cell()), // let go: the thumbs fall on the member
     onkeydown: event => {
       const sign = { ArrowRight: 1, ArrowUp: 1, PageUp: 1, ArrowLeft: -1, ArrowDown: -1, PageDown: -1 }[event.key];
@@ -47,17 +48,17 @@ function addSlider(d, i) {
 // A tick per value that is stored, in the colour of its split; as many members as there may be, a column of pixels is drawn once.
 function drawTicks(d, i) {
   const canvas = $("parameters").children[i].querySelector("canvas");
-  const width = canvas.clientWidth, height = canvas.clientHeight;
-  if (!width) return;
-  const pen = sharpPen(canvas, width, height), drawn = new Uint8Array(4 * (width + 1));
+  const pixels = canvas.clientWidth, height = canvas.clientHeight;
+  if (!pixels) return;
+  const pen = sharpPen(canvas, pixels, height), drawn = new Uint8Array(4 * (pixels + 1));
   const colors = [...catalog.splits, "quiet"].map(token);
   for (let number = 0; number < d.column.length; number++) {
-    const x = Math.round(width * (d.column[number] - d.low) / (d.high - d.low));
+    const x = Math.round(pixels * (d.places[number] - d.first) / width(d));
     const split = d.of === "member" ? memberSplits[number] : 3;
     if (!(x >= 0) || drawn[4 * x + split]) continue;
     drawn[4 * x + split] = 1;
     pen.fillStyle = colors[split];
-    pen.fillRect(Math.min(x, width - 2), 1, 2, 6);
+    pen.fillRect(Math.min(x, pixels - 2), 1, 2, 6);
   }
 }
 
@@ -66,7 +67,7 @@ function showSliders() {
   dimensions.forEach((d, i) => {
     const box = $("parameters").children[i], slider = box.querySelector("input"), value = valueOf(d, cell());
     const current = box.querySelector(".current");
-    slider.value = Number.isNaN(wanted[i]) ? d.low : wanted[i];
+    slider.value = Number.isNaN(wanted[i]) ? d.first : placeOf(d, wanted[i]);
     slider.disabled = d.of === "appearance" && !offered.some(a => !Number.isNaN(d.column[a]) && d.column[a] !== value);
     slider.setAttribute("aria-valuetext", Number.isNaN(value) ? "none" : `${text(value)} ${d.unit}`.trim());
     box.querySelector("output").textContent = text(value);

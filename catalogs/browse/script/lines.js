@@ -21,7 +21,8 @@ const axes = [
 function categories(name, of, names, numbers) {
   if (names.length < 2 || names.length > CATEGORIES) return [];
   const column = Float64Array.from(numbers, number => names.length - 1 - number);
-  return [{ name, unit: "", of, column, low: -0.5, high: names.length - 0.5, categories: names.toReversed() }];
+  const low = -0.5, high = names.length - 0.5;
+  return [{ name, unit: "", of, column, places: column, low, high, first: low, last: high, categories: names.toReversed() }];
 }
 
 // ---- what the brushes select
@@ -61,12 +62,12 @@ const plot = { width: 0, height: 0, x: [], y: [] }; // y: per axis a column like
 
 const axisY = (axis, value) => {
   const bottom = plot.height - MARGIN.bottom;
-  return Number.isNaN(value) ? bottom + NONE : bottom - (bottom - MARGIN.top) * (value - axis.low) / (axis.high - axis.low);
+  return Number.isNaN(value) ? bottom + NONE : bottom - (bottom - MARGIN.top) * (placeOf(axis, value) - axis.first) / width(axis);
 };
 
-function axisValue(axis, y) {
+function axisPlace(axis, y) {
   const bottom = plot.height - MARGIN.bottom, part = (bottom - y) / (bottom - MARGIN.top);
-  return axis.low + part * (axis.high - axis.low); // beyond the axis too
+  return axis.first + part * width(axis); // beyond the axis too
 }
 
 function layOut() {

@@ -63,7 +63,7 @@ function chooseMode(mode, active = 0) {
 function opposite(cell) {
   const own = dimensions.filter(d => d.of === "member");
   const farthest = lowest(everyMember, m => appearancesOf(m).includes(cell.appearance)
-    ? -own.reduce((far, d) => far + ((d.column[m] - valueOf(d, cell)) / (d.high - d.low)) ** 2, 0) : 0, 0);
+    ? -own.reduce((far, d) => far + ((d.places[m] - placeOf(d, valueOf(d, cell))) / width(d)) ** 2, 0) : 0, 0);
   const other = appearancesOf(cell.member).find(a => a !== cell.appearance);
   return farthest >= 0 ? { ...cell, member: farthest } : { ...cell, appearance: other ?? cell.appearance };
 }

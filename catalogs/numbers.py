@@ -1,0 +1,60 @@
+"""Numbers that come from people and files, checked and made plain Python floats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from reprlib import repr as shortened
+from typing import Any
+
+
+def finite(value: Any, what: str) -> float:
+    """`value` as a float: Python's and numpy's numbers, and arrays and tensors of shape () that hold one.
+
+    Raises ValueError naming `what` for text, truth values, arrays of other shapes, NaN and infinity.
+    """
+    shape, form = getattr(value, "shape", ()), str(getattr(value, "dtype", ""))
+    wrong = (
+        isinstance(value, str | bytes | bytearray | bool) or "bool" in form or "complex" in form or tuple(shape) != ()
+    )
+    try:
+        number = math.nan if wrong else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{what} must be a finite number, got {shortened(value)}")
+    return number
+
+
+def positive(value: Any, what: str) -> float:
+    """A finite number above zero."""
+    number = finite(value, what)
+    if number <= 0.0:
+        raise ValueError(f"{what} must be positive, got {number:g}")
+    return number
+
+
+def fraction(value: Any, what: str) -> float:
+    """A number in [0, 1]."""
+    number = finite(value, what)
+    if not 0.0 <= number <= 1.0:
+        raise ValueError(f"{what} must lie in [0, 1], got {number:g}")
+    return number
+
+
+def count(value: Any, what: str) -> int:
+    """A whole number from 1 on."""
+    number = finite(value, what)
+    if number != int(number) or number < 1:
+        raise ValueError(f"{what} must be a whole number, at least 1, got {number:g}")
+    return int(number)
+
+
+def row(values: Any, length: int, what: str) -> tuple[float, ...]:
+    """`length` finite numbers: a sequence, or a numpy array of shape (length,)."""
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise ValueError(f"{what} must be {length} numbers, got {shortened(values)}")
+    numbers = list(values)
+    if len(numbers) != length:
+        raise ValueError(f"{what} must be {length} numbers, got {len(numbers)}: {shortened(values)}")
+    return tuple(finite(number, what) for number in numbers)

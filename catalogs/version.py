@@ -1,0 +1,64 @@
+"""Which version of this project runs: the same for all of its packages and commands."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as installed
+from pathlib import Path
+from typing import Any, TypeVar
+
+DISTRIBUTION = "gs-surrogate"
+UNKNOWN = "unknown"
+HERE = Path(__file__).resolve()
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def version() -> str:
+    """The version that is installed, such as "0.1.0"; "unknown" where none is."""
+    try:
+        return installed(DISTRIBUTION)
+    except PackageNotFoundError:
+        return UNKNOWN
+
+
+def commit() -> str:
+    """The commit of this checkout, with "+dirty" when it has changes (but for measured records).
+
+    "unknown" outside one, also where the packages are installed within a repository of something else.
+    """
+    try:
+        _git("ls-files", "--error-unmatch", HERE.name)
+        found = _git("rev-parse", "--short=12", "HEAD")
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":(top,exclude)docs/records")
+    except (OSError, subprocess.SubprocessError):
+        return UNKNOWN
+    return f"{found}+dirty" if changed else found
+
+
+def described() -> str:
+    """Version and, where it is known, commit: "0.1.0 (commit 1a2b3c4d5e6f)"."""
+    known = commit()
+    return version() if known == UNKNOWN else f"{version()} (commit {known})"
+
+
+def version_option(command: Command) -> Command:
+    """Give a command of click the option --version, which prints its name and what `described` says."""
+    import click
+
+    def tell(context: click.Context, parameter: click.Parameter, asked: bool) -> None:
+        if asked and not context.resilient_parsing:
+            click.echo(f"{context.find_root().info_name} {described()}")
+            context.exit()
+
+    option = click.option(
+        "--version", is_flag=True, is_eager=True, expose_value=False, callback=tell, help="Show version and commit."
+    )
+    return option(command)
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(HERE.parent), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
