@@ -17,6 +17,8 @@ __all__ = ["Grid", "SampleDistance", "choose_sample_distance", "render_views", "
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("catalogs.version").version()
     if name in _EXPORTS:
         return getattr(import_module(_EXPORTS[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,12 +7,16 @@ resolution and by which method, because resampling decides what can be seen.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from render.arrays import plain_array
+from render.cells import HIDDEN_CELLS, HIDDEN_POINTS, blocks, ghosts, joined, lattice, reconstructed
 from render.grids import Grid, checked_grid
+from render.labelled import axis_order, chosen, is_labelled, is_labelled_set, placed
 
 MOST_SAMPLES = 256  # per axis, when data are resampled
 UNIFORM = 1e-5  # relative deviation below which rectilinear coordinates count as evenly spaced
@@ -28,6 +32,7 @@ def to_grid(
     spacing: ArrayLike | None = None,
     origin: ArrayLike | None = None,
     array: str | None = None,
+    dims: Sequence[str] | None = None,
     nan: str = "refuse",
     warn: bool = True,
 ) -> Grid:
@@ -37,17 +42,21 @@ def to_grid(
     ----------
     data : a 3-D array indexed (z, y, x) of real numbers, any CPU array that speaks DLPack, a VTK or pyvista data set, an object
         with `values` (z, y, x), `spacing` and `origin` such as the bundled simulations return, or a `Grid` (returned as it is).
-        What is masked in a masked array counts as NaN.
+        What is masked in a masked array counts as NaN.  An xarray.DataArray, or one array of a Dataset, is taken by the names
+        of its axes, at the place that its coordinates say; unevenly spaced ones are resampled.
     spacing, origin : distance between samples and place of the first, world units in the order (x, y, z), for arrays (default: 1
-        and 0); data sets have their own.
+        and 0); data sets and coordinates have their own.
     array : name of the point or cell array of a data set; may be left out where there is only one.
+    dims : what the axes of an array are, in its own order: ("x", "y", "z") for values [x, y, z].  By default as they are
+        called, or (z, y, x).
     nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
         with such a corner transparent (see `Grid.holes`).
     warn : whether the `notes` of a resampled grid are also given as warnings.
 
     Image data are taken sample by sample: points where they are, cell values at the cell centres (so the box
-    is half a cell smaller on each side, and no value is averaged with its neighbours).  Rectilinear, curvilinear
-    and unstructured data are resampled; a `ResamplingWarning` says how.
+    is half a cell smaller on each side, and no value is averaged with its neighbours); so are evenly spaced rectilinear grids, and
+    cell values of any mesh of boxes that fill such a grid, as several blocks of one often do.  Other data are
+    resampled; a `ResamplingWarning` says how.  The blocks of a composite data set are joined; ghost and hidden cells are left out.
 
     Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for data
     that are no field at all.
@@ -59,48 +68,80 @@ def to_grid(
     if hasattr(data, "IsA") and hasattr(data, "GetClassName"):
         if spacing is not None or origin is not None:
             raise ValueError(f"a {data.GetClassName()} has its own spacing and origin: leave them out")
-        grid = _grid_of_data_set(data, array, nan)
-        for note in grid.notes if warn else ():
-            warnings.warn(note, ResamplingWarning, stacklevel=2)
-        return grid
+        if dims is not None:
+            raise ValueError(f"a {data.GetClassName()} knows its own axes: leave dims out")
+        return _told(_grid_of_data_set(data, array, nan), warn)
+    if is_labelled_set(data):
+        data, array = chosen(data, array), None
     if array is not None:
         raise ValueError(f"array={array!r} names an array of a VTK data set, but the data are {type(data).__name__}")
+    if is_labelled(data):
+        found = placed(data, dims, spacing, origin)
+        if found.axes is not None:
+            return _told(_on_axes(found.values, found.axes, found.name, "array", nan), warn)
+        data, dims = found.values, None
     if all(hasattr(data, name) for name in ("values", "spacing", "origin")):
         spacing = data.spacing if spacing is None else spacing
         origin = data.origin if origin is None else origin
         data = data.values
-    values = _plain_array(data)
+    values = plain_array(data)
+    if dims is not None and values.ndim == 3:
+        order = axis_order("012", dims)
+        values = values.transpose([int(order[letter]) for letter in "zyx"])
     return checked_grid(values, 1.0 if spacing is None else spacing, 0.0 if origin is None else origin, nan)
 
 
-def _plain_array(data: Any) -> NDArray[Any]:
-    """An array of any library as numpy's; of a masked one NaN where it is masked."""
-    if not isinstance(data, np.ma.MaskedArray):
-        exported = hasattr(data, "__dlpack__") and not isinstance(data, np.ndarray)
-        return np.from_dlpack(data) if exported else np.asarray(data)
-    masked: Any = data
-    if masked.dtype.kind not in "fiub" or not np.ma.is_masked(masked):
-        return np.asarray(masked.data)
-    return np.asarray(masked.astype(masked.dtype if masked.dtype.kind == "f" else np.float64).filled(np.nan))
+def _told(grid: Grid, warn: bool) -> Grid:
+    """`grid`, its notes given as warnings at the line that called `to_grid`."""
+    for note in grid.notes if warn else ():
+        warnings.warn(note, ResamplingWarning, stacklevel=3)
+    return grid
 
 
 def _grid_of_data_set(data: Any, array: str | None, nan: str) -> Grid:
-    """A grid of a vtkDataSet.
+    """A grid of a vtkDataSet, or of the blocks of a vtkCompositeDataSet.
 
     Raises TypeError for data sets without volume cells, ValueError for arrays that cannot be chosen or used.
     """
     if data.IsA("vtkCompositeDataSet"):
-        raise TypeError(f"a {data.GetClassName()} has several blocks: combine them first (pyvista: `.combine()`)")
+        return _of_blocks(data, array, nan)
     if not data.IsA("vtkDataSet"):
         raise TypeError(f"a {data.GetClassName()} holds no field on cells or points")
     if data.GetNumberOfCells() == 0:
         raise ValueError(f"the {data.GetClassName()} is empty: it has {data.GetNumberOfPoints()} points and no cells")
     name, on_cells = _chosen_array(data, array)
-    if data.IsA("vtkImageData") and _aligned(data):
+    hidden = ghosts(data.GetCellData(), HIDDEN_CELLS)
+    if data.IsA("vtkImageData") and _aligned(data) and (on_cells or hidden is None):
         return _from_image(data, name, on_cells, nan)
-    if data.IsA("vtkRectilinearGrid"):
+    if data.IsA("vtkRectilinearGrid") and hidden is None:
         return _from_rectilinear(data, name, on_cells, nan)
-    return _probed(data, name, on_cells, nan)
+    return _of_mesh([data], data.GetClassName(), name, on_cells, nan)
+
+
+def _of_blocks(data: Any, array: str | None, nan: str) -> Grid:
+    """A grid of those blocks that have the array."""
+    held = list(blocks(data))
+    if not held:
+        raise ValueError(f"the {data.GetClassName()} is empty: none of its blocks has cells")
+    names = {(name, on_cells) for block in held for name, on_cells in _arrays(block) if array in (None, name)}
+    if len(names) != 1:
+        every = [
+            sorted({name for block in held for name, on in _arrays(block) if on is which}) for which in (False, True)
+        ]
+        problem = "name the array to render" if array is None else f"no array {array!r}, or both on points and on cells"
+        raise ValueError(f"{problem}: the blocks of the {data.GetClassName()} have {_listed(*every)}")
+    ((name, on_cells),) = names
+    chosen_blocks = [block for block in held if (name, on_cells) in _arrays(block)]
+    if len(chosen_blocks) == 1:
+        return _grid_of_data_set(chosen_blocks[0], name, nan)
+    _chosen_array(chosen_blocks[0], name)
+    return _of_mesh(chosen_blocks, f"{data.GetClassName()} of {len(chosen_blocks)} blocks", name, on_cells, nan)
+
+
+def _arrays(data: Any) -> list[tuple[str, bool]]:
+    """(name, is it cell data) of the numeric arrays."""
+    on_points, on_cells = _scalar_names(data.GetPointData()), _scalar_names(data.GetCellData())
+    return [*((name, False) for name in on_points), *((name, True) for name in on_cells)]
 
 
 def _chosen_array(data: Any, array: str | None) -> tuple[str, bool]:
@@ -125,34 +166,40 @@ def _chosen_array(data: Any, array: str | None) -> tuple[str, bool]:
 
 
 def _from_image(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
+    absent = ghosts(data.GetCellData(), HIDDEN_CELLS) if on_cells else ghosts(data.GetPointData(), HIDDEN_POINTS)
     points = np.array(data.GetDimensions())  # x, y, z
     spacing = np.array(data.GetSpacing())
     origin = np.array(data.GetOrigin()) + spacing * np.array(data.GetExtent())[::2]
     if on_cells:  # a cell's value belongs to its centre
         points, origin = points - 1, origin + spacing / 2
     values = _values(data, name, on_cells).reshape(points[::-1])
-    return checked_grid(values, spacing, origin, nan)
+    return checked_grid(values, spacing, origin, nan, outside=None if absent is None else absent.reshape(points[::-1]))
 
 
 def _from_rectilinear(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
-    from scipy.interpolate import RegularGridInterpolator
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    axes = [
-        vtk_to_numpy(get()).astype(np.float64)
-        for get in (data.GetXCoordinates, data.GetYCoordinates, data.GetZCoordinates)
-    ]
+    axes = [vtk_to_numpy(get()) for get in (data.GetXCoordinates, data.GetYCoordinates, data.GetZCoordinates)]
     if on_cells:
         axes = [(axis[1:] + axis[:-1]) / 2 for axis in axes]
     values = _values(data, name, on_cells).reshape([len(axis) for axis in reversed(axes)])
+    return _on_axes(values, axes, name, "rectilinear grid", nan)
+
+
+def _on_axes(values: NDArray[Any], axes: Sequence[NDArray[Any]], name: str, kind: str, nan: str) -> Grid:
+    """Values (z, y, x) at the coordinates `axes` along x, y and z: as they are where these are evenly spaced, else resampled."""
+    from scipy.interpolate import RegularGridInterpolator
+
     if min(values.shape) < 2:  # refused by the grid, which names the shape
         return checked_grid(values, 1.0, 0.0, nan)
+    for letter, axis in zip("xyz", axes, strict=True):
+        if not (np.diff(axis) > 0).all():
+            raise ValueError(f"the {kind}'s {letter} coordinates must increase strictly")
+    rounding = [4 * np.finfo(axis.dtype).eps * np.abs(axis).max() if axis.dtype.kind == "f" else 0.0 for axis in axes]
+    axes = [axis.astype(np.float64) for axis in axes]
     steps = [np.diff(axis) for axis in axes]
-    for letter, step in zip("xyz", steps, strict=True):
-        if not (step > 0).all():
-            raise ValueError(f"the rectilinear grid's {letter} coordinates must increase strictly")
     origin = [axis[0] for axis in axes]
-    if all(np.ptp(step) <= UNIFORM * step.mean() for step in steps):
+    if all(np.ptp(s) <= UNIFORM * s.mean() + slack for s, slack in zip(steps, rounding, strict=True)):
         return checked_grid(values, [step.mean() for step in steps], origin, nan)
     counts = [_samples_along(axis[-1] - axis[0], float(step.min())) for axis, step in zip(axes, steps, strict=True)]
     fine = [np.linspace(axis[0], axis[-1], count) for axis, count in zip(axes, counts, strict=True)]
@@ -162,35 +209,58 @@ def _from_rectilinear(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
     )  # [nz, ny, nx]
     nx, ny, nz = counts
     note = (
-        f"the rectilinear grid is unevenly spaced: array {name!r} was resampled from "
+        f"the {kind} is unevenly spaced: {f'array {name!r}' if name else 'it'} was resampled from "
         f"{' x '.join(str(len(axis)) for axis in axes)} to {nx} x {ny} x {nz} samples (trilinear)"
         + _coarser([float(step.min()) for step in steps], [f[1] - f[0] for f in fine])
     )
     return checked_grid(resampled, [f[1] - f[0] for f in fine], origin, nan, notes=(note,))
 
 
-def _probed(data: Any, name: str, on_cells: bool, nan: str) -> Grid:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
+def _of_mesh(data: list[Any], kind: str, name: str, on_cells: bool, nan: str) -> Grid:
+    """A grid of data sets whose cells make one mesh: the values of boxes in rows at their centres, others resampled."""
+    if max(block.GetMaxSpatialDimension() for block in data) < 3:
+        raise TypeError(f"the {kind} has no volume cells, only surfaces, lines or points")
+    mesh = joined(data)
+    if not mesh.GetNumberOfCells():
+        raise ValueError(f"the {kind} has no cells but ghosts and hidden ones")
+    values = _values(mesh, name, on_cells)
+    filled = lattice(mesh, values) if on_cells else None
+    if filled is not None and min(filled[0].shape) > 1:
+        return _on_axes(*filled, name, kind, nan)
+    return _probed(mesh, kind, name, values if on_cells else None, nan)
+
+
+def _probed(mesh: Any, kind: str, name: str, of_cells: NDArray[Any] | None, nan: str) -> Grid:
+    """A grid of the point array of a vtkUnstructuredGrid, or of the values `of_cells` [C]."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkResampleToImage
 
-    if data.GetMaxSpatialDimension() < 3:
-        raise TypeError(f"the {data.GetClassName()} has no volume cells, only surfaces, lines or points")
-    bounds = np.array(data.GetBounds()).reshape(3, 2)  # [3, 2]
+    bounds = np.array(mesh.GetBounds()).reshape(3, 2)  # [3, 2]
     extent = bounds[:, 1] - bounds[:, 0]  # [3]
-    typical = float((extent.prod() / data.GetNumberOfCells()) ** (1 / 3))  # edge of a cell of mean size
+    typical = float((extent.prod() / mesh.GetNumberOfCells()) ** (1 / 3))  # edge of a cell of mean size
     counts = [_samples_along(length, typical) for length in extent]
+    sampled, method = name, "interpolated linearly in each cell"
+    if of_cells is not None:
+        sampled, method = "vtkCell", "linear in each cell around its centre"
+        cells = numpy_to_vtk(np.arange(len(of_cells), dtype=np.int64))
+        cells.SetName(sampled)
+        mesh.GetCellData().AddArray(cells)
     resample = vtkResampleToImage()
-    resample.SetInputDataObject(data)
+    resample.SetInputDataObject(mesh)
     resample.SetUseInputBounds(True)
     resample.SetSamplingDimensions(*counts)
     resample.Update()
     image = resample.GetOutput()
-    values = vtk_to_numpy(image.GetPointData().GetArray(name)).reshape(counts[::-1])
+    values = vtk_to_numpy(image.GetPointData().GetArray(sampled)).reshape(counts[::-1])
     outside = vtk_to_numpy(image.GetPointData().GetArray("vtkValidPointMask")).reshape(counts[::-1]) == 0
-    method = "piecewise constant in each cell" if on_cells else "interpolated linearly in each cell"
+    if of_cells is not None:
+        inside = np.argwhere(~outside)  # [N, 3]
+        points = image.GetOrigin() + inside[:, ::-1] * np.array(image.GetSpacing())  # [N, 3]
+        cells, values = values[~outside], np.zeros(values.shape)
+        values[~outside] = reconstructed(mesh, of_cells.astype(np.float64), cells, points)
     nx, ny, nz = counts
     note = (
-        f"the {data.GetClassName()} of {data.GetNumberOfCells()} cells is no regular grid: array {name!r} was "
+        f"the {kind} of {mesh.GetNumberOfCells()} cells is no regular grid: array {name!r} was "
         f"resampled to {nx} x {ny} x {nz} samples ({method}); {outside.mean():.1%} of them lie outside its cells "
         "and are transparent" + _coarser([typical] * 3, list(np.array(image.GetSpacing())))
     )

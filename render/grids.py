@@ -1,17 +1,27 @@
 """One clean grid of samples: the only thing that is ever rendered.
 
-VTK renders NaN, single slices and numbers beyond single precision silently wrong: they are refused here, before it sees them.
+VTK renders NaN and single slices silently wrong: they are refused here, before it sees them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Triple = tuple[float, float, float]
+
+SAMPLES = ("float32", "float64", "int32", "uint32", "int64", "uint64")
+FLOAT32_INTEGERS = 1 << 24  # float32 holds every whole number up to here
+NEIGHBOURS = sorted(  # offsets (z, y, x) to the 26 samples around one, nearest first
+    (offset for offset in product((-1, 0, 1), repeat=3) if any(offset)),
+    key=lambda offset: (sum(map(abs, offset)), offset[::-1]),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,15 +30,17 @@ class Grid:
 
     Attributes
     ----------
-    values : (nz, ny, nx) float32, finite, read-only; sample [k, j, i] lies at `origin + spacing * (i, j, k)`.
-        Between samples the field is trilinear; the volume ends at the first and last sample of each axis.
+    values : (nz, ny, nx), finite, read-only; sample [k, j, i] lies at `origin + spacing * (i, j, k)`.  Between samples
+        the field is trilinear; the volume ends at the first and last sample of each axis.  `to_grid` holds them in
+        float32 where that is exact, else in the type that they came in (float64, or 32- or 64-bit integers).
     spacing, origin : world units, in the order x, y, z.
     holes : (nz, ny, nx) bool or None: samples without a value.  Every grid cell with a hole at a corner is
-        transparent; `values` there repeats the nearest sample that has one, so that gradients stay tame.
+        transparent; `values` there repeats the nearest of the 26 samples around that has one, so that gradients stay tame,
+        and some value of the field deeper inside, which no picture shows.
     notes : what the user should know of how the samples were made, such as that they were resampled.
     """
 
-    values: NDArray[np.float32]  # [nz, ny, nx]
+    values: NDArray[Any]  # [nz, ny, nx]
     spacing: Triple = (1.0, 1.0, 1.0)
     origin: Triple = (0.0, 0.0, 0.0)
     holes: NDArray[np.bool_] | None = None  # [nz, ny, nx]
@@ -36,9 +48,10 @@ class Grid:
 
     def __post_init__(self) -> None:
         values = self.values
-        if values.dtype != np.float32 or values.ndim != 3:
+        if values.dtype not in SAMPLES or values.ndim != 3:
             raise ValueError(
-                f"a Grid holds float32 values (nz, ny, nx), got {values.dtype} {values.shape}: use to_grid"
+                f"a Grid holds values (nz, ny, nx) of one of the types {', '.join(SAMPLES)}, "
+                f"got {values.dtype} {values.shape}: use to_grid"
             )
         if min(values.shape) < 2:
             raise ValueError(f"a volume needs at least 2 samples along every axis, got {values.shape} for (z, y, x)")
@@ -76,9 +89,22 @@ class Grid:
         low, high = self.bounds
         return float(np.linalg.norm(high - low)) / 2
 
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return float(self.values.min()), float(self.values.max())
+
+    def minus(self, number: float) -> Iterator[NDArray[np.float64]]:
+        """`values - number`, one z-slice (ny, nx) at a time, rounded once to float64 (where the machine has extended precision,
+        which x86 has, also of integers beyond 2**53).
+        """
+        wide = np.longdouble if self.values.dtype in ("int64", "uint64") else np.float64
+        for plane in self.values:
+            yield (plane.astype(wide) - number).astype(np.float64, copy=False)
+
     def __repr__(self) -> str:
         nz, ny, nx = self.shape
-        low, high = self.values.min(), self.values.max()
+        low, high = self.range
         holes = f", {int(self.holes.sum())} holes" if self.holes is not None else ""
         return (
             f"Grid({nx} x {ny} x {nz} samples, spacing {self.spacing}, origin {self.origin}, "
@@ -107,6 +133,9 @@ def checked_grid(
         raise ValueError(f"a field must have 3 axes (z, y, x), got {values.ndim} (shape {values.shape})")
     if min(values.shape) < 2:
         raise ValueError(f"a volume needs at least 2 samples along every axis, got {values.shape} for (z, y, x)")
+    if values.dtype.itemsize > 8:
+        with np.errstate(over="ignore"):
+            values = values.astype(np.float64)
     holes = ~np.isfinite(values)
     if outside is not None:
         holes &= ~outside
@@ -118,25 +147,42 @@ def checked_grid(
         )
     if outside is not None:
         holes |= outside
-    place = triple("spacing", spacing), triple("origin", origin)
-    return Grid(_float32(values, holes), *place, holes if holes.any() else None, notes)
-
-
-def _float32(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[np.float32]:
     if holes.all():
         raise ValueError("not one value of the field is finite")
-    if holes.any():
-        from scipy.ndimage import distance_transform_edt
+    place = triple("spacing", spacing), triple("origin", origin)
+    if not holes.any():
+        return Grid(np.array(values, dtype=_exact_type(values), order="C"), *place, None, notes)
+    values = _continued(values, holes)
+    return Grid(np.asarray(values, dtype=_exact_type(values)), *place, holes, notes)
 
-        nearest = distance_transform_edt(holes, return_distances=False, return_indices=True)  # [3, nz, ny, nx]
-        values = values[tuple(nearest)]
-    low, high = values.min(), values.max()
-    limit = float(np.finfo(np.float32).max)
-    if abs(float(low)) > limit or abs(float(high)) > limit:
-        raise ValueError(
-            f"values from {low:g} to {high:g} do not fit single precision (+-{limit:g}): rescale the field"
-        )
-    return np.array(values, dtype=np.float32, order="C")
+
+def _exact_type(values: NDArray[Any]) -> np.dtype[Any]:
+    """float32 where that holds each of finite `values` exactly, else their own type."""
+    single, own = np.dtype(np.float32), values.dtype.newbyteorder("=")
+    if np.can_cast(own, single):
+        return single
+    if own.kind != "f":
+        within = values.min() >= -FLOAT32_INTEGERS and values.max() <= FLOAT32_INTEGERS
+        return single if within else own
+    with np.errstate(over="ignore"):
+        return single if all((plane.astype(single) == plane).all() for plane in values) else own
+
+
+def _continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
+    """A copy of `values`, the `holes` filled as `Grid.holes` says.
+
+    The distance transform that would fill them all takes ten times the memory.
+    """
+    filled = np.array(values, order="C")
+    filled[holes] = filled.reshape(-1)[np.argmin(holes)]
+    empty = holes.copy()
+    for offset in NEIGHBOURS:
+        here = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, values.shape, strict=True))
+        there = tuple(slice(max(0, o), n - max(0, -o)) for o, n in zip(offset, values.shape, strict=True))
+        taken = empty[here] & ~holes[there]
+        filled[here][taken] = filled[there][taken]
+        empty[here] &= holes[there]
+    return filled
 
 
 def triple(name: str, value: ArrayLike) -> Triple:

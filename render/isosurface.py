@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 from catalogs.appearance import Isosurface
 from render.grids import Grid
 from render.placement import Placement
-from render.volume import image_data
+from render.volume import hidden_cells, image_data
 
+# VTK squares gradients in float32.  Within these bounds neither the square overflows on the longest grid, nor does it vanish.
+LARGEST, SMALLEST = 1e15, 1e-8
 SUPERSAMPLING = 2  # pixels are the mean of SUPERSAMPLING**2: cheaper than, and as smooth as, multisampling
 
 # Blinn-Phong with light and eye in one direction (a headlight at the eye), seen from both sides.
@@ -55,9 +58,10 @@ def extract(grid: Grid, isovalue: float, placement: Placement) -> Any:
     """
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
+    values, level = single_precision(grid, isovalue)
     contour = vtkFlyingEdges3D()
-    contour.SetInputData(image_data(grid.values[..., None], placement))
-    contour.SetValue(0, isovalue)
+    contour.SetInputData(image_data(values[..., None], placement))
+    contour.SetValue(0, level)
     contour.ComputeNormalsOn()
     contour.ComputeGradientsOff()
     contour.ComputeScalarsOff()
@@ -66,6 +70,38 @@ def extract(grid: Grid, isovalue: float, placement: Placement) -> Any:
     if grid.holes is not None and surface.GetNumberOfPolys():
         surface = _without_holes(surface, grid.holes, placement)
     return surface
+
+
+def single_precision(grid: Grid, isovalue: float) -> tuple[NDArray[np.float32], float]:
+    """(samples, level) with the isosurface of `grid` at `isovalue`, in float32 numbers near 1.
+
+    float32 samples of ordinary size are taken as they are.  Otherwise the isovalue is subtracted in float64, and what is left
+    is divided by the power of two that is nearest to the mean size (geometric) of the field's steps across the surface:
+    that moves no point of the surface and turns no normal.  Samples further than `LARGEST` such steps are held there.
+    """
+    if grid.values.dtype == np.float32:
+        exponent = 0.0 if abs(isovalue) > SMALLEST else _step_exponent(grid, isovalue)
+        if max(map(abs, grid.range)) < LARGEST and exponent > math.log2(SMALLEST):
+            return grid.values, isovalue
+    exponent = round(_step_exponent(grid, isovalue))
+    samples = np.empty(grid.shape, dtype=np.float32)
+    with np.errstate(over="ignore"):
+        for plane, differences in zip(samples, grid.minus(isovalue), strict=True):
+            plane[...] = np.clip(np.ldexp(differences, -exponent), -LARGEST, LARGEST)
+    return samples, 0.0
+
+
+def _step_exponent(grid: Grid, isovalue: float) -> float:
+    """log2 of the field's steps over the grid's edges that cross the surface, their mean; 0 where none does."""
+    total, count, before = 0.0, 0, None
+    for plane in grid.minus(isovalue):
+        pairs = [(plane[1:], plane[:-1]), (plane[:, 1:], plane[:, :-1])]
+        for first, second in pairs if before is None else [*pairs, (plane, before)]:
+            cut = (first >= 0.0) != (second >= 0.0)
+            larger = np.maximum(np.abs(first[cut]), np.abs(second[cut]))  # at least half the step
+            total, count = total + float(np.log2(larger).sum()), count + larger.size
+        before = plane
+    return total / count if count else 0.0
 
 
 def box_average(image: NDArray[Any]) -> NDArray[Any]:
@@ -89,8 +125,8 @@ def _without_holes(surface: Any, holes: NDArray[np.bool_], placement: Placement)
     middles = points[triangles].mean(axis=1, dtype=np.float64)  # [T, 3]
     cells = ((middles - placement.low) / placement.spacing).astype(np.int64)  # [T, 3] as x, y, z
     cells = np.clip(cells, 0, np.array(holes.shape[::-1]) - 2)
-    corners = np.lib.stride_tricks.sliding_window_view(holes, (2, 2, 2))  # [nz - 1, ny - 1, nx - 1, 2, 2, 2]
-    kept = triangles[~corners[tuple(cells[:, ::-1].T)].any(axis=(1, 2, 3))]
+    hidden = hidden_cells(holes)[..., 0]  # [nz, ny, nx]
+    kept = triangles[hidden[tuple(cells[:, ::-1].T)] == 0]
     polygons = vtkCellArray()
     polygons.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(kept, dtype=np.int64).reshape(-1), deep=True))
     left = vtkPolyData()

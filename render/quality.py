@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import Isosurface, VolumeRendering
-from catalogs.cameras import Camera
+from catalogs.cameras import Camera, orbit
 from render.grids import Grid
+from render.steepness import mean_change, swept
 from render.views import render_views
 
 CANDIDATES = (1.5, 1.25, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.125, 0.1)  # in smallest spacings
@@ -21,6 +22,12 @@ REFERENCE = 1 / 24  # in smallest spacings: beyond 80 dB against the float64 ray
 MARGIN = 1.0  # dB kept in hand for views and members that were not measured
 ANISOTROPIC = 2.0  # largest over smallest spacing beyond which samples stay within half the smallest
 VIEWS = 4
+TRIVIAL = (
+    0.25  # of a swept field's change from sample to sample: a field with less says little of its transfer function
+)
+FINEST_SWEPT = 0.25  # smallest spacings: swept fields ask for no finer distance
+HARDER = 1.5  # times the change of what was measured: such a field is measured again
+CHECKED_VIEWS, CHECKED_PIXELS = 2, 96
 
 
 @dataclass(frozen=True)
@@ -34,12 +41,14 @@ class SampleDistance:
         against pictures at 1/24 of the smallest spacing.
     milliseconds : wall-clock time per image while measuring, upload included.
     note : what the user should know: that it misses the target.
+    change : how much the measured field changes from sample to sample as the transfer function shows it (`mean_change`).
     """
 
     distance: float
     decibels: float
     milliseconds: float
     note: str = ""
+    change: float = 0.0
 
 
 def choose_sample_distance(
@@ -71,15 +80,11 @@ def choose_sample_distance(
     views = spread(cameras, VIEWS)
     smallest = min(grid.spacing)
     limit = 0.5 if max(grid.spacing) > ANISOTROPIC * smallest else math.inf
-    reference = _pictures(grid, appearance, views, REFERENCE * smallest, float_output=True)
-    measured = SampleDistance(math.nan, -math.inf, math.nan)
-    for fraction in (c for c in CANDIDATES if c <= limit):
-        started = time.perf_counter()
-        pictures = _pictures(grid, appearance, views, fraction * smallest)
-        milliseconds = 1e3 * (time.perf_counter() - started) / len(views)
-        measured = SampleDistance(fraction * smallest, psnr(pictures / 255.0, reference), milliseconds)
-        if measured.decibels >= target_decibels + MARGIN:
-            return measured
+    fractions = [c for c in CANDIDATES if c <= limit]
+    measured = _first_enough(grid, appearance, views, fractions, [target_decibels + MARGIN] * len(fractions))
+    measured = replace(measured, change=mean_change(grid, appearance.transfer_function))
+    if measured.decibels >= target_decibels + MARGIN:
+        return measured
     note = (
         f"no sample distance reaches {target_decibels} dB with 1 dB in hand: {measured.distance:g} gives "
         f"{measured.decibels:.1f} dB; the transfer function has features finer than the grid"
@@ -87,6 +92,84 @@ def choose_sample_distance(
     if warn:
         warnings.warn(note, stacklevel=2)
     return replace(measured, note=note)
+
+
+def choose_for_ensemble(
+    grid: Grid, appearance: VolumeRendering | Isosurface, cameras: Sequence[Camera], target_decibels: float = 50.0
+) -> SampleDistance:
+    """A sample distance for `grid`, and for later fields on such a grid that show more of the transfer function.
+
+    As `choose_sample_distance`, without a warning.  Where the field shows next to nothing, such as one that is still at rest, the
+    distance must also do for a field that sweeps the transfer function's whole range in 8 samples (`render.steepness`).
+    """
+    chosen = choose_sample_distance(grid, appearance, cameras, target_decibels, warn=False)
+    if isinstance(appearance, Isosurface):
+        return chosen
+    trial = swept(grid, appearance.transfer_function)
+    change = mean_change(trial, appearance.transfer_function)
+    if chosen.change >= TRIVIAL * change:
+        return chosen
+    views = orbit(trial.center, trial.bounding_radius, width=CHECKED_PIXELS, height=CHECKED_PIXELS)
+    fractions = [c for c in CANDIDATES if c >= FINEST_SWEPT]
+    wanted = [target_decibels + MARGIN] * len(fractions)
+    tried = _first_enough(trial, appearance, spread(views, CHECKED_VIEWS), fractions, wanted)
+    if tried.distance >= chosen.distance:
+        return replace(chosen, change=change)
+    return replace(tried, milliseconds=chosen.milliseconds * chosen.distance / tried.distance, change=change)
+
+
+def checked_sample_distance(
+    grid: Grid, appearance: VolumeRendering, cameras: Sequence[Camera], planned: float, target_decibels: float
+) -> SampleDistance:
+    """`planned` (world units) where it gives `grid` the target, else the largest finer distance that does, with a `note`.
+
+    By two of `cameras` at no more than 96 pixels: the cost of about eight images of 256².
+    """
+    views = [_small(camera) for camera in spread(cameras, CHECKED_VIEWS)]
+    first = planned / min(grid.spacing)
+    fractions = [first, *(c for c in CANDIDATES if c < first)]
+    wanted = [target_decibels, *[target_decibels + MARGIN] * (len(fractions) - 1)]
+    before: list[SampleDistance] = []
+    found = _first_enough(grid, appearance, views, fractions, wanted, before)
+    found = replace(found, change=mean_change(grid, appearance.transfer_function))
+    if before[0].decibels >= target_decibels:
+        return found
+    return replace(
+        found,
+        note=f"{appearance.name}: the catalog's sample distance {planned:g} gives {before[0].decibels:.1f} dB of this member, "
+        f"whose field is harder than those that it was chosen on; {target_decibels:g} dB were asked for, so "
+        f"{found.distance:g} is taken, which gives {found.decibels:.1f} dB",
+    )
+
+
+def _first_enough(
+    grid: Grid,
+    appearance: VolumeRendering,
+    views: Sequence[Camera],
+    fractions: Sequence[float],
+    wanted: Sequence[float],
+    measured: list[SampleDistance] | None = None,
+) -> SampleDistance:
+    """The first of the distances, given in smallest spacings, that has the decibels wanted of it, else the last.
+
+    All that were measured are added to `measured`.
+    """
+    smallest = min(grid.spacing)
+    measured = [] if measured is None else measured
+    reference = _pictures(grid, appearance, views, min(REFERENCE, fractions[0] / 4) * smallest, float_output=True)
+    for fraction, enough in zip(fractions, wanted, strict=True):
+        started = time.perf_counter()
+        pictures = _pictures(grid, appearance, views, fraction * smallest)
+        milliseconds = 1e3 * (time.perf_counter() - started) / len(views)
+        measured.append(SampleDistance(fraction * smallest, psnr(pictures / 255.0, reference), milliseconds))
+        if measured[-1].decibels >= enough:
+            break
+    return measured[-1]
+
+
+def _small(camera: Camera) -> Camera:
+    shrink = min(1.0, CHECKED_PIXELS / max(camera.width, camera.height))
+    return camera.resized(max(1, round(shrink * camera.width)), max(1, round(shrink * camera.height)))
 
 
 def spread(cameras: Sequence[Camera], count: int) -> list[Camera]:

@@ -143,6 +143,8 @@ def _lit(
     colors: NDArray[np.float64], gradients: NDArray[np.float64], towards_eye: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """`colors` (A, 3) under a two-sided headlight: Blinn-Phong with light and eye in one direction."""
+    largest = np.abs(gradients).max(axis=-1, keepdims=True)
+    gradients = gradients / np.where(largest > 0, largest, 1.0)  # so that no square overflows
     steepness = np.linalg.norm(gradients, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         facing = np.abs(np.sum(gradients * towards_eye, axis=-1)) / steepness

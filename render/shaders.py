@@ -11,11 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from catalogs.appearance import TransferFunction
 
 # Shaded volumes: Phong weights of a headlight at the eye (the values of VTK's volume property).
 AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER = 0.1, 0.7, 0.2, 10.0
 
+DEEP = 50.0  # unit distances in the radius of a box from which on opacities below 1e-6 can be seen in the picture
 OPAQUE = 1.0 - 1.0 / 8192.0  # where a ray ends early: what is left changes no 8-bit value
 
 # Steps, in units of g_dirStep, from the entry to the slab exit (Kay & Kajiya 1986), made a whole number.
@@ -33,20 +36,24 @@ EQUAL_STEPS = """
 """
 
 
-def replacements(transfer: TransferFunction, scale: float, *, shaded: bool, holes: bool) -> dict[str, str]:
+def replacements(
+    transfer: TransferFunction, drawn: tuple[float, float], scale: float, *, shaded: bool, holes: bool
+) -> dict[str, str]:
     """VTK tag -> GLSL that takes its place, for a texture that holds `render.volume.texture_values`.
 
-    The texture's first component is the value with the transfer function's bounds mapped to 0 and 1 (not
-    clamped: trilinear interpolation comes first); with `holes` a second one is 1 at holes and 0 elsewhere.
+    That is the value with the `drawn` range mapped to 0 and 1 (not clamped: trilinear interpolation comes first); with
+    `holes` there is a mask besides, `render.volume.hidden_cells`.
     `scale` is the number of world units in one unit of the scene (see `render.placement`).
     """
-    low, high = transfer.bounds
-    opacity = [((v - low) / (high - low), (o,)) for v, o in transfer.opacity_points]
-    color = [((p[0] - low) / (high - low), p[1:]) for p in transfer.color_points]
+    opacity = _points_within(transfer.opacity_points, drawn)
+    color = _points_within(transfer.color_points, drawn)
     functions = _piecewise("float opacityAt", opacity) + _piecewise("vec3 colorAt", color)
     unused = ("ComputeColor::Dec", "ComputeGradient::Dec", "ComputeGradientOpacity1D::Dec", "ComputeLighting::Dec")
     return {
-        "//VTK::ComputeOpacity::Dec": functions + (LIGHTING if shaded else ""),
+        "//VTK::ComputeOpacity::Dec": (
+            functions + DEEP_FUNCTION + (LIGHTING if shaded else "") + (HIDDEN if holes else "")
+        ),
+        "//VTK::BinaryMask::Impl": "",
         **{f"//VTK::{part}": "" for part in (*unused, "Shading::Init")},
         "//VTK::Terminate::Init": EQUAL_STEPS,
         "//VTK::Terminate::Impl": (
@@ -57,20 +64,45 @@ def replacements(transfer: TransferFunction, scale: float, *, shaded: bool, hole
 
 
 def _sample(exponent: float, shaded: bool, holes: bool) -> str:
-    visible = "opacity > 1e-6 && sampled.g <= 0.0" if holes else "opacity > 1e-6"
+    """`exponent` is the number of unit distances in one unit of the scene, which has a radius of 1."""
+    deep = exponent > DEEP
+    visible = f"opacity > {'0.0' if deep else '1e-6'}" + (" && !hidden()" if holes else "")
+    alpha = DEEP_ALPHA if deep else "1.0 - pow(max(1.0 - opacity, 0.0), g_lengthStep * {exponent})"
     lit = "lit(color)" if shaded else "color"
     return f"""
-    vec4 sampled = texture3D(in_volume[0], g_dataPos);
-    float value = clamp(sampled.r, 0.0, 1.0);
+    float value = clamp(texture3D(in_volume[0], g_dataPos).r, 0.0, 1.0);
     float opacity = opacityAt(value);
     if ({visible})
       {{
-      float alpha = 1.0 - pow(max(1.0 - opacity, 0.0), g_lengthStep * {_number(exponent)});
+      float alpha = {alpha.format(exponent=_number(exponent))};
       vec3 color = colorAt(value);
       g_fragColor += (1.0 - g_fragColor.a) * alpha * vec4({lit}, 1.0);
       }}
 """
 
+
+# 1 - (1 - opacity)**(step / unit) where rays are so many units long that single precision loses 1 - opacity: by the series
+# of -log(1 - opacity) and of 1 - exp(-depth) where these are small.
+DEEP_ALPHA = "alphaOf(opacity, g_lengthStep * {exponent})"
+DEEP_FUNCTION = """
+float alphaOf(float opacity, float steps)
+{
+  float absorbed = opacity < 0.01 ? opacity * (1.0 + opacity * (0.5 + opacity * (1.0 / 3.0 + opacity * 0.25)))
+    : -log(max(1.0 - opacity, 1e-30));
+  float depth = absorbed * steps;
+  return depth < 0.01 ? depth * (1.0 - depth * (0.5 - depth * (1.0 / 6.0 - depth / 24.0))) : 1.0 - exp(-depth);
+}
+"""
+
+# Whether the grid cell at g_dataPos is hidden.
+HIDDEN = """
+bool hidden()
+{
+  ivec3 size = textureSize(in_mask, 0);
+  ivec3 cell = clamp(ivec3(floor(g_dataPos * vec3(size) - 0.5)), ivec3(0), size - 2);
+  return texelFetch(in_mask, cell, 0).r > 0.0;
+}
+"""
 
 LIGHTING = f"""
 vec3 lit(vec3 color)
@@ -90,6 +122,19 @@ vec3 lit(vec3 color)
   return clamp(shade, 0.0, 1.0);
 }}
 """
+
+
+def _points_within(
+    points: Sequence[tuple[float, ...]], drawn: tuple[float, float]
+) -> list[tuple[float, tuple[float, ...]]]:
+    """Control points (value, y...) as (x, y), x from 0 to 1 over the `drawn` range of values; none lies outside."""
+    low, high = drawn
+    inside = [p for p in points if low <= p[0] <= high]
+    if len(inside) < len(points):
+        values, *columns = zip(*points, strict=True)
+        ends = [(v, *(float(np.interp(v, values, column)) for column in columns)) for v in drawn]
+        inside = [ends[0], *(p for p in inside if low < p[0] < high), ends[1]]
+    return [((p[0] - low) / (high - low), p[1:]) for p in inside]
 
 
 def _piecewise(signature: str, points: Sequence[tuple[float, Sequence[float]]]) -> str:

@@ -25,12 +25,12 @@ class Renderer:
     """
 
     def __init__(self, grid: Grid, appearance: Appearance, *, sample_distance: float | None = None) -> None:
-        self._closed, self._supersampling = False, 1
+        self._closed, self._supersampling = False, supersampling(appearance)
         self._placement, self._window = Placement.of(grid), open_window()
         if isinstance(appearance, VolumeRendering):
             self._scene = volume_scene(grid, appearance, self._placement, sample_distance)
         elif isinstance(appearance, Isosurface):
-            self._scene, self._supersampling = surface_scene(grid, appearance, self._placement), SUPERSAMPLING
+            self._scene = surface_scene(grid, appearance, self._placement)
         else:
             raise TypeError(f"{type(appearance).__name__} {appearance.name!r} cannot be rendered from a field")
         if self._scene is not None:
@@ -40,6 +40,7 @@ class Renderer:
         """Premultiplied RGBA [height, width, 4], top row first: uint8, or float32 in [0, 1]."""
         if self._closed:
             raise RuntimeError("this renderer is closed")
+        check_size(camera, self._supersampling, self._window.longest_side)
         if self._scene is None:
             return np.zeros((camera.height, camera.width, 4), dtype=np.float32 if float_output else np.uint8)
         width, height = self._supersampling * camera.width, self._supersampling * camera.height
@@ -60,6 +61,28 @@ class Renderer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def supersampling(appearance: Appearance) -> int:
+    """How many pixels are drawn along each side of one of a picture's."""
+    return SUPERSAMPLING if isinstance(appearance, Isosurface) else 1
+
+
+def check_sizes(appearances: Iterable[Appearance], cameras: Iterable[Camera]) -> None:
+    """Raise ValueError where this machine's OpenGL can't draw pictures of a camera's size: it would leave them empty."""
+    most, longest = max(map(supersampling, appearances), default=1), open_window().longest_side
+    for camera in cameras:
+        check_size(camera, most, longest)
+
+
+def check_size(camera: Camera, supersampling: int, longest: int) -> None:
+    """Raise ValueError where a picture drawn at so many times its size is longer than `longest` pixels."""
+    if max(camera.width, camera.height) * supersampling > longest:
+        larger = f", which for isosurfaces are drawn {supersampling} times as large" if supersampling > 1 else ""
+        raise ValueError(
+            f"pictures of {camera.width} x {camera.height} pixels{larger}, are more than this machine's OpenGL draws: "
+            f"choose width and height up to {longest // supersampling}"
+        )
 
 
 def render_views(

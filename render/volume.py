@@ -13,7 +13,8 @@ from render.placement import Placement
 from render.shaders import replacements
 from render.window import open_window
 
-FARTHEST = 1e6  # widths of the transfer function
+FARTHEST = 1e6  # widths of the drawn range
+NARROW = 1 / 256  # a field that spans less of its transfer function than this is drawn over its own range
 
 
 def volume_scene(
@@ -39,8 +40,12 @@ def volume_scene(
             f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
             f"{longest}: render every second sample (field[::2, ::2, ::2], spacing doubled)"
         )
+    drawn = drawn_range(grid, appearance.transfer_function)
     mapper = vtkOpenGLGPUVolumeRayCastMapper()
-    mapper.SetInputData(image_data(texture_values(grid, appearance.transfer_function), placement))
+    mapper.SetInputData(image_data(texture_values(grid, drawn), placement))
+    if grid.holes is not None:
+        mapper.SetMaskInput(image_data(hidden_cells(grid.holes), placement))
+        mapper.SetMaskTypeToBinary()
     mapper.SetAutoAdjustSampleDistances(False)
     mapper.SetLockSampleDistanceToInputSpacing(False)
     mapper.SetUseJittering(False)
@@ -50,7 +55,7 @@ def volume_scene(
     volume.SetProperty(_plain_property(appearance.shaded))
     shader = volume.GetShaderProperty()
     code = replacements(
-        appearance.transfer_function, placement.scale, shaded=appearance.shaded, holes=grid.holes is not None
+        appearance.transfer_function, drawn, placement.scale, shaded=appearance.shaded, holes=grid.holes is not None
     )
     for tag, replacement in code.items():
         shader.AddFragmentShaderReplacement(tag, True, replacement, False)
@@ -72,22 +77,41 @@ def _plain_property(shaded: bool) -> Any:
     return form
 
 
-def texture_values(grid: Grid, transfer: TransferFunction) -> NDArray[np.float32]:
-    """Samples (nz, ny, nx, 1 or 2) as `render.shaders.replacements` expects them.
+def drawn_range(grid: Grid, transfer: TransferFunction) -> tuple[float, float]:
+    """The values (low, high) that become 0 and 1 in the texture: the bounds of the transfer function.
 
-    The transfer function's bounds become 0 and 1.  Values beyond them stay beyond, because interpolation comes
-    before clamping, but no further than `FARTHEST`, so that single precision never overflows in between.
+    Where the field spans a small part of them only, its own range, so that single precision resolves its gradient.
     """
-    low, high = transfer.bounds
-    texture = np.zeros((*grid.shape, 1 if grid.holes is None else 2), dtype=np.float32)
-    for plane, values in zip(texture, grid.values, strict=True):  # float64 for one plane at a time
-        plane[..., 0] = np.clip((values.astype(np.float64) - low) / (high - low), -FARTHEST, FARTHEST)
-    if grid.holes is not None:
-        texture[..., 1] = grid.holes
+    (low, high), (first, last) = grid.range, transfer.bounds
+    return (low, high) if 0.0 < high - low < NARROW * (last - first) else (first, last)
+
+
+def texture_values(grid: Grid, drawn: tuple[float, float]) -> NDArray[np.float32]:
+    """Samples (nz, ny, nx, 1) as `render.shaders.replacements` expects them, scaled in float64.
+
+    The `drawn` range becomes 0 to 1.  Values beyond it stay beyond, because interpolation comes before clamping, but no
+    further than `FARTHEST`, so that single precision never overflows in between: that moves where an interpolated value
+    enters the range by less than a millionth of a grid cell.
+    """
+    low, high = drawn
+    texture = np.empty((*grid.shape, 1), dtype=np.float32)
+    with np.errstate(over="ignore"):
+        for plane, differences in zip(texture, grid.minus(low), strict=True):  # float64 for one plane at a time
+            plane[..., 0] = np.clip(differences / (high - low), -FARTHEST, FARTHEST)
     return texture
 
 
-def image_data(values: NDArray[np.float32], placement: Placement) -> Any:
+def hidden_cells(holes: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """1 where a grid cell has a hole at a corner, (nz, ny, nx, 1) by its first corner; the last of each axis begins none."""
+    hidden = holes.astype(np.uint8)
+    for axis in range(3):
+        first, second = (np.moveaxis(hidden, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        for one, other in zip(first, second, strict=True):  # in place, in order: `other` is not yet changed
+            np.maximum(one, other, out=one)
+    return hidden[..., None]
+
+
+def image_data(values: NDArray[Any], placement: Placement) -> Any:
     """`values` (nz, ny, nx, components) as a vtkImageData that shares their memory, in the unit sphere."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkImageData

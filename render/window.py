@@ -7,6 +7,9 @@ import ctypes
 import os
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,46 +25,59 @@ class Window:
     """An off-screen OpenGL window that draws one `vtkRenderer` at a time.
 
     It opens with EGL, else OSMesa on Linux; with the platform's own window elsewhere.  A process needs one
-    (`open_window`): a new one costs about 25 ms, and every renderer can use it in turn.  An OpenGL context
-    belongs to the thread that made it, so a window refuses to draw in another thread or in a forked child.
+    (`open_window`): a new one costs about 25 ms, and every renderer can use it in turn.  Any thread may use it, one at a time:
+    an OpenGL context belongs to one thread, so each takes it and lets it go again.  A forked child may not.
 
     Raises RuntimeError where the machine offers no usable OpenGL, naming the system packages to install.
     """
 
     def __init__(self) -> None:
         self._window, self.backend = _usable_window()
-        self._process, self._thread = os.getpid(), threading.get_ident()
+        self._process, self._lock = os.getpid(), threading.RLock()
         self._float_pass: Any = None
+        self._window.ReleaseCurrent()
+
+    @contextmanager
+    def _current(self) -> Iterator[None]:
+        """OpenGL belongs to this thread meanwhile."""
+        with self._lock:
+            self._window.MakeCurrent()
+            try:
+                yield
+            finally:
+                self._window.ReleaseCurrent()
 
     def add(self, renderer: Any) -> None:
         """Take in a `vtkRenderer`: transparent black background, drawn only when asked."""
         renderer.SetBackground(0.0, 0.0, 0.0)  # any other colour would be added into the picture where alpha < 1
         renderer.SetBackgroundAlpha(0.0)
         renderer.DrawOff()
-        self._window.AddRenderer(renderer)
+        with self._lock:  # VTK draws without Python's own lock
+            self._window.AddRenderer(renderer)
 
     def remove(self, renderer: Any) -> None:
         """Let go of a `vtkRenderer` and free what it holds in graphics memory."""
         if self._usable_here():
-            renderer.SetPass(None)
-            self._window.RemoveRenderer(renderer)
+            with self._current():
+                renderer.SetPass(None)
+                self._window.RemoveRenderer(renderer)
 
     def draw(self, renderer: Any, width: int, height: int, *, float_output: bool = False) -> NDArray[Any]:
         """Draw `renderer` alone; premultiplied RGBA [height, width, 4], top row first, uint8 or float32 in [0, 1]."""
         if not self._usable_here():
             raise RuntimeError(
-                "the OpenGL window was opened in another thread or before a fork: render in the thread that opened it, "
-                "and start worker processes with the 'spawn' method"
+                "the OpenGL window was opened before a fork: start worker processes with the 'spawn' method"
             )
-        if self._window.GetSize() != (width, height):
-            self._window.SetSize(width, height)
-        renderer.SetPass(self._float_target() if float_output else None)
-        renderer.DrawOn()
-        try:
-            self._window.Render()
-            image = self._read_float(width, height) if float_output else self._read_bytes(width, height)
-        finally:
-            renderer.DrawOff()
+        with self._current():
+            if self._window.GetSize() != (width, height):
+                self._window.SetSize(width, height)
+            renderer.SetPass(self._float_target() if float_output else None)
+            renderer.DrawOn()
+            try:
+                self._window.Render()
+                image = self._read_float(width, height) if float_output else self._read_bytes(width, height)
+            finally:
+                renderer.DrawOff()
         return image[::-1].copy()  # OpenGL's rows start at the bottom
 
     @property
@@ -69,19 +85,29 @@ class Window:
         """Samples per axis that a volume's texture may have."""
         from vtkmodules.vtkRenderingOpenGL2 import vtkTextureObject
 
-        self._window.MakeCurrent()
-        return int(vtkTextureObject.GetMaximumTextureSize3D(self._window))
+        with self._current():
+            return int(vtkTextureObject.GetMaximumTextureSize3D(self._window))
+
+    @cached_property
+    def longest_side(self) -> int:
+        """Pixels that a picture may be wide or high."""
+        from vtkmodules.vtkRenderingOpenGL2 import vtkTextureObject
+
+        with self._current():
+            return int(vtkTextureObject.GetMaximumTextureSize(self._window))
 
     def close(self) -> None:
         """Free the OpenGL context; the window cannot be used afterwards."""
         if self._usable_here():
-            if self._float_pass is not None:
-                self._float_pass.ReleaseGraphicsResources(self._window)
-                self._float_pass = None
-            self._window.Finalize()
+            with self._lock:
+                self._window.MakeCurrent()
+                if self._float_pass is not None:
+                    self._float_pass.ReleaseGraphicsResources(self._window)
+                    self._float_pass = None
+                self._window.Finalize()
 
     def _usable_here(self) -> bool:
-        return (os.getpid(), threading.get_ident()) == (self._process, self._thread)
+        return os.getpid() == self._process
 
     def _float_target(self) -> Any:
         from vtkmodules.vtkRenderingOpenGL2 import vtkFramebufferPass, vtkRenderStepsPass, vtkTextureObject
@@ -111,21 +137,23 @@ class Window:
         return vtk_to_numpy(pixels).reshape(height, width, 4)
 
 
+_opening = threading.Lock()
 _opened: dict[int, Window] = {}  # process id -> its window: OpenGL contexts are per process and expensive
 
 
 def open_window() -> Window:
     """This process's window, opened at the first call."""
-    window = _opened.get(os.getpid())
-    if window is None:
-        if _opened:
-            raise RuntimeError(
-                "this process was forked after its parent had opened an OpenGL window, which breaks the driver's "
-                "threads: start worker processes with the 'spawn' method"
-            )
-        window = _opened[os.getpid()] = Window()
-        atexit.register(_close_all)
-    return window
+    with _opening:
+        window = _opened.get(os.getpid())
+        if window is None:
+            if _opened:
+                raise RuntimeError(
+                    "this process was forked after its parent had opened an OpenGL window, which breaks the driver's "
+                    "threads: start worker processes with the 'spawn' method"
+                )
+            window = _opened[os.getpid()] = Window()
+            atexit.register(_close_all)
+        return window
 
 
 def aim(renderer: Any, camera: Camera, near: float, far: float) -> None:

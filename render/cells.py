@@ -1,0 +1,242 @@
+"""Cells of VTK data sets: blocks joined, ghosts left out, and values of cells as a field.
+
+A cell's value belongs to its centre.  Cells that fill a box in rows are samples there (`lattice`); others are the second-order
+reconstruction of finite volumes: a linear function in each cell, through its value at its centre (`reconstructed`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NO_CELLS = (
+    1 | 8 | 16 | 32
+)  # vtkDataSetAttributes: duplicate (another block's), refined (finer cells lie there), exterior, hidden
+HIDDEN_CELLS = 8 | 32  # the same for grids, whose duplicates are the only ones there
+HIDDEN_POINTS = 2
+BOXES = (11, 12)  # VTK_VOXEL, VTK_HEXAHEDRON
+ON_LATTICE = 1e-5  # of a cell's edge: how far a corner may lie from where it belongs
+SOME = 1000  # cells that are looked at first, because one suffices to say no
+COINCIDENT = 1e-7  # of the data set's diagonal: points that close are one
+FLAT = 1e-9  # of the largest: a smaller squared extent of a cell's neighbourhood says nothing of the slope
+
+
+def blocks(data: Any) -> Iterator[Any]:
+    """The data sets with cells that a vtkCompositeDataSet holds, at any depth."""
+    iterator = data.NewIterator()
+    iterator.InitTraversal()
+    while not iterator.IsDoneWithTraversal():
+        block = iterator.GetCurrentDataObject()
+        if block.IsA("vtkDataSet") and block.GetNumberOfCells():
+            yield block
+        iterator.GoToNextItem()
+
+
+def ghosts(attributes: Any, flags: int) -> NDArray[np.bool_] | None:
+    """Which points or cells carry any of the flags; None where none does."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    held = attributes.GetArray("vtkGhostType")
+    found = None if held is None else (vtk_to_numpy(held) & flags) != 0
+    return found if found is not None and found.any() else None
+
+
+def joined(data: list[Any]) -> Any:
+    """One vtkUnstructuredGrid of the cells of all data sets that are no ghosts, points of several blocks not merged."""
+    from vtkmodules.vtkFiltersCore import vtkAppendFilter
+
+    append = vtkAppendFilter()
+    for block in data:
+        append.AddInputDataObject(_on_points(block) if block.IsA("vtkImageData") else block)
+    append.Update()
+    mesh = append.GetOutput()
+    absent = ghosts(mesh.GetCellData(), NO_CELLS)
+    return mesh if absent is None else _extracted(mesh, ~absent)
+
+
+def _on_points(image: Any) -> Any:
+    """A vtkImageData as a vtkStructuredGrid: appending would forget how it is turned in space."""
+    from vtkmodules.vtkFiltersGeneral import vtkImageDataToPointSet
+
+    converted = vtkImageDataToPointSet()
+    converted.SetInputData(image)
+    converted.Update()
+    return converted.GetOutput()
+
+
+def _extracted(mesh: Any, kept: NDArray[np.bool_]) -> Any:
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkDataObject
+    from vtkmodules.vtkFiltersCore import vtkThreshold
+
+    mesh.GetCellData().RemoveArray("vtkGhostType")  # filters would act on it
+    flags = numpy_to_vtk(kept.astype(np.uint8))
+    flags.SetName("vtkKept")
+    mesh.GetCellData().AddArray(flags)
+    threshold = vtkThreshold()
+    threshold.SetInputData(mesh)
+    threshold.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_CELLS, "vtkKept")
+    threshold.SetUpperThreshold(0.5)
+    threshold.SetThresholdFunction(vtkThreshold.THRESHOLD_UPPER)
+    threshold.Update()
+    return threshold.GetOutput()
+
+
+def lattice(mesh: Any, values: NDArray[Any]) -> tuple[NDArray[Any], list[NDArray[np.float64]]] | None:
+    """(values [nz, ny, nx], coordinates of their centres along x, y and z) of a vtkUnstructuredGrid's cells, values [C].
+
+    None unless the cells are boxes that fill a rectilinear grid; where two coincide the later one counts.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    if not np.isin(vtk_to_numpy(mesh.GetDistinctCellTypesArray()), BOXES).all():
+        return None
+    points = vtk_to_numpy(mesh.GetPoints().GetData()).astype(np.float64)  # [P, 3]
+    rounding = 4 * np.finfo(np.float32).eps * np.abs(points).max(axis=0)  # [3]
+    numbers = _connectivity(mesh)[0].reshape(-1, 8)  # [C, 8]
+    if not (_are_boxes(points[numbers[:SOME]], rounding) and _are_boxes(points[numbers], rounding)):
+        return None
+    corners = points[numbers]  # [C, 8, 3]
+    low, high = corners.min(axis=1), corners.max(axis=1)  # [C, 3]
+    slack = ON_LATTICE * (high - low) + rounding  # [C, 3]
+    centers, places = [], []
+    for axis in range(3):
+        ends = np.sort(np.concatenate([low[:, axis], high[:, axis]]))
+        planes = ends[np.append(True, np.diff(ends) > 2 * slack[:, axis].min())]  # [n + 1]
+        first = np.searchsorted(planes, low[:, axis] + slack[:, axis], side="right") - 1  # [C]
+        last = np.searchsorted(planes, high[:, axis] + slack[:, axis], side="right") - 1
+        if (last != first + 1).any():
+            return None
+        places.append(first)
+        centers.append((planes[1:] + planes[:-1]) / 2)
+    shape = [len(center) for center in reversed(centers)]
+    flat = np.ravel_multi_index(places[::-1], shape)  # [C]
+    if len(np.unique(flat)) < np.prod(shape):
+        return None
+    filled = np.empty(int(np.prod(shape)), dtype=values.dtype)
+    filled[flat] = values
+    return filled.reshape(shape), centers
+
+
+def _are_boxes(corners: NDArray[np.float64], rounding: NDArray[np.float64]) -> bool:
+    """Whether the corners [C, 8, 3] of cells are those of boxes along the axes, up to a slack."""
+    low, high = corners.min(axis=1, keepdims=True), corners.max(axis=1, keepdims=True)  # [C, 1, 3]
+    return bool((np.minimum(corners - low, high - corners) <= ON_LATTICE * (high - low) + rounding).all())
+
+
+def reconstructed(
+    mesh: Any, values: NDArray[np.float64], cells: NDArray[np.int64], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The field [N] at `points` [N, 3], each in the cell of its index in `cells` [N], from values [C] of a vtkUnstructuredGrid.
+
+    In each cell it is the plane through its value at its centre whose slope fits the cells around best (least squares; Barth &
+    Jespersen 1989, "The design and application of upwind schemes on unstructured meshes"), cut off at the smallest and largest
+    value around; at the mesh's boundary, where cells lie on one side only, as far above as below.  Linear fields come out exactly.
+    """
+    centers = _centers(mesh)  # [C, 3]
+    slopes, low, high = _slopes(mesh, centers, values)
+    found = np.sum((points - centers[cells]) * slopes[cells], axis=1) + values[cells]
+    return np.clip(found, low[cells], high[cells])
+
+
+def _slopes(
+    mesh: Any, centers: NDArray[np.float64], values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Each cell's slope [C, 3], and the smallest and largest value [C] that its field may reach."""
+    merged = _merged(mesh)
+    corners, offsets = _connectivity(merged)  # [K], [C + 1]
+    owners = np.repeat(np.arange(len(values)), np.diff(offsets))  # [K]
+    count = merged.GetNumberOfPoints()
+
+    def around(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums [C] over all cells at a cell's corners, those at several corners counted several times."""
+        return np.add.reduceat(np.bincount(corners, numbers[owners], count)[corners], offsets[:-1])
+
+    size = float(np.ptp(centers, axis=0).max()) or 1.0
+    x, f = (centers - centers.mean(axis=0)) / size, values - values.mean()  # [C, 3], [C]
+    number, total = around(np.ones(len(f))), around(f)
+    sums, products = (np.stack([around(w * x[:, i]) for i in range(3)], axis=1) for w in (np.ones(len(f)), f))
+    squares = np.empty((len(f), 3, 3))
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        about = around(x[:, i] * x[:, j]) - sums[:, i] * x[:, j] - sums[:, j] * x[:, i] + number * x[:, i] * x[:, j]
+        squares[:, i, j] = squares[:, j, i] = about
+    right = products - sums * f[:, None] - x * (total - number * f)[:, None]  # [C, 3]
+    extents, axes = np.linalg.eigh(squares)  # [C, 3], [C, 3, 3]
+    known = extents > FLAT * extents[:, 2:]
+    along = np.einsum("cij,ci->cj", axes, right) * np.where(known, 1.0 / np.where(known, extents, 1.0), 0.0)
+    low, high = (_extreme(reduce, start, corners, owners, offsets, values, count) for reduce, start in _EXTREMES)
+    reach = np.maximum(values - low, high - values)  # [C]
+    outermost = _outermost(merged)  # [C]
+    low, high = (np.where(outermost, values + sign * reach, end) for sign, end in ((-1, low), (1, high)))
+    return np.einsum("cij,cj->ci", axes, along) / size, low, high
+
+
+_EXTREMES: tuple[tuple[np.ufunc, float], ...] = ((np.minimum, np.inf), (np.maximum, -np.inf))
+
+
+def _extreme(
+    reduce: np.ufunc,
+    start: float,
+    corners: NDArray[np.int64],
+    owners: NDArray[np.int64],
+    offsets: NDArray[np.int64],
+    values: NDArray[np.float64],
+    count: int,
+) -> NDArray[np.float64]:
+    """The smallest or largest value [C] of all cells that share a corner with a cell."""
+    at_points = np.full(count, start)
+    reduce.at(at_points, corners, values[owners])
+    found: NDArray[np.float64] = reduce.reduceat(at_points[corners], offsets[:-1])
+    return found
+
+
+def _outermost(mesh: Any) -> NDArray[np.bool_]:
+    """Which cells [C] have a face that no other cell shares."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+    from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
+
+    plain = vtkUnstructuredGrid()
+    plain.CopyStructure(mesh)
+    surface = vtkGeometryFilter()
+    surface.SetInputData(plain)
+    surface.PassThroughCellIdsOn()
+    surface.Update()
+    found = np.zeros(mesh.GetNumberOfCells(), dtype=bool)
+    found[vtk_to_numpy(surface.GetOutput().GetCellData().GetArray("vtkOriginalCellIds"))] = True
+    return found
+
+
+def _merged(mesh: Any) -> Any:
+    """The same cells on points of which no two coincide, so that neighbours in other blocks are found."""
+    from vtkmodules.vtkFiltersCore import vtkStaticCleanUnstructuredGrid
+
+    clean = vtkStaticCleanUnstructuredGrid()
+    clean.SetInputData(mesh)
+    clean.ToleranceIsAbsoluteOff()
+    clean.SetTolerance(COINCIDENT)
+    clean.Update()
+    return clean.GetOutput()
+
+
+def _centers(mesh: Any) -> NDArray[np.float64]:
+    """The parametric centre of each cell [C, 3]."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkFiltersCore import vtkCellCenters
+
+    filter_ = vtkCellCenters()
+    filter_.SetInputData(mesh)
+    filter_.CopyArraysOff()
+    filter_.Update()
+    return vtk_to_numpy(filter_.GetOutput().GetPoints().GetData()).astype(np.float64)
+
+
+def _connectivity(mesh: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(point of each corner [K], where each cell's corners begin and the last one's end [C + 1])."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    cells = mesh.GetCells()
+    return vtk_to_numpy(cells.GetConnectivityArray()), vtk_to_numpy(cells.GetOffsetsArray())

@@ -1,0 +1,46 @@
+"""How fast what is seen of a field changes from sample to sample: what decides how far apart samples along a ray may lie."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.appearance import TransferFunction
+from render.grids import Grid
+
+CELLS = 10_000  # looked at in a field, however large
+SAMPLES = 48  # of the swept field, along each axis
+SWEPT_IN = 8  # samples
+
+
+def mean_change(grid: Grid, transfer: TransferFunction) -> float:
+    """Root-mean-square change of premultiplied colour and opacity between neighbouring samples, holes left out.
+
+    Over at most `CELLS` grid cells, drawn at random and always the same, so that it costs the same for any grid.
+    """
+    cells = np.array(grid.shape) - 1
+    count = int(cells.prod())
+    drawn = np.arange(count) if count <= CELLS else np.random.default_rng(0).integers(0, count, CELLS)
+    first = np.stack(np.unravel_index(drawn, tuple(cells)), axis=1)  # [N, 3]
+    if grid.holes is not None:
+        first = first[~grid.holes[tuple(first.T)]]
+
+    def shown(places: NDArray[np.int64]) -> NDArray[np.float64]:
+        values = grid.values[tuple(places.T)]
+        opacities = transfer.opacities(values)[:, None]  # [N, 1]
+        return np.concatenate([transfer.colors(values) * opacities, opacities], axis=1)  # [N, 4]
+
+    here, squares = shown(first), []
+    for step in np.eye(3, dtype=np.int64):
+        kept = np.ones(len(first), dtype=bool) if grid.holes is None else ~grid.holes[tuple((first + step).T)]
+        squares.append(((shown(first + step) - here)[kept] ** 2).ravel())
+    total = np.concatenate(squares)
+    return float(np.sqrt(total.mean())) if total.size else 0.0
+
+
+def swept(grid: Grid, transfer: TransferFunction) -> Grid:
+    """A field that shows all of a transfer function: shells that sweep its range in `SWEPT_IN` samples, spaced as in `grid`."""
+    low, high = transfer.bounds
+    axis = np.arange(SAMPLES) - (SAMPLES - 1) / 2
+    radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)  # in samples
+    return Grid(low + (high - low) * (0.5 - 0.5 * np.cos(np.pi * radius / SWEPT_IN)), grid.spacing)
