@@ -11,10 +11,13 @@ import numpy as np
 
 from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog, CatalogPlan, Member
+from catalogs.quantity import quantities_of
 from catalogs.scene import PlannedMember, ViewPlan
 from catalogs.words import shortened
 from insitu.boxes import Box, cameras_around, check_inside, is_smaller, same_box
 from insitu.planning import Pilot, PlanOptions, given_distances, is_catalog, plan_catalog
+
+SOURCE = "source"  # in the provenance of a plan, and of a member: where fields come from
 
 
 def agreeing_catalog(path: Path, options: PlanOptions) -> Catalog | None:
@@ -50,19 +53,40 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
     pairs: dict[str, tuple[Any, Any]] = {
         "space": (options.space and options.space.to_json(), plan.space.to_json()),
         "appearances": (options.appearances and _records(options.appearances), _records(plan.appearances)),
-        "variations": (options.variations and _records(options.variations), _records(plan.variations)),
+        "variations": (
+            options.variations and _records(plan.in_field_units(options.variations)),
+            _records(plan.variations),
+        ),
         "image_format": (options.image_format, plan.image_format),
         "target_decibels": (options.target_decibels, told.get("target_decibels")),
         "sample_distances": (distances, told.get("sample_distances")),
     }
     given = {place: pair for place, pair in pairs.items() if pair[0] is not None}
-    given |= {key: (value, told.get(key)) for key, value in options.provenance.items()}
+    given |= {key: (value, told.get(key)) for key, value in options.provenance.items() if key != SOURCE}
+    if SOURCE in options.provenance and SOURCE in told:  # catalogs had none once
+        given[SOURCE] = _place_of(options.provenance[SOURCE]), _place_of(told[SOURCE])
     differences = [s for place, (wanted, stored) in given.items() for s in differing(wanted, stored, place)]
+    differences += _other_labels(options, plan)
     if options.bounds is not None and not same_box(options.bounds, plan.bounds):
         differences.append(f"bounds: {options.bounds} here, {plan.bounds} in the catalog")
     if options.views is not None:
         differences += _differing_views(options.views, plan)
     return differences
+
+
+def _place_of(source: Mapping[str, Any]) -> dict[str, Any]:
+    """Where fields come from, but for what the files hold, which is compared member by member."""
+    return {key: value for key, value in source.items() if key != "contents"}
+
+
+def _other_labels(options: PlanOptions, plan: CatalogPlan) -> list[str]:
+    """Sentences about each field that `options` call otherwise than the plan does, or give another unit."""
+    try:
+        wanted = quantities_of(options.fields, plan.fields)
+    except ValueError as error:
+        return [str(error)]
+    known = {name: plan.field_label(name) for name in wanted}
+    return [f"fields: {q} here, {known[n] or 'none'} in the catalog" for n, q in wanted.items() if str(q) != known[n]]
 
 
 def _records(values: Sequence[Any]) -> list[Any]:
@@ -135,5 +159,5 @@ def _plain(value: Any) -> Any:
 
 
 def _short(value: Any) -> str:
-    text = json.dumps(value)
+    text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 80 else text[:77] + "..."

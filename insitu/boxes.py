@@ -56,7 +56,10 @@ def is_smaller(own: Box, bounds: Box) -> bool:
 
 def checked_box(bounds: Any) -> Box:
     """`bounds` as plain numbers; raises ValueError where it is no box."""
-    box = np.array(bounds, dtype=np.float64)  # [2, 3]
+    try:
+        box = np.array(bounds, dtype=np.float64)  # [2, 3]
+    except (TypeError, ValueError):
+        box = np.empty(0)
     if box.shape != (2, 3) or not np.isfinite(box).all() or not (box[0] < box[1]).all():
         raise ValueError(f"bounds must be ((x, y, z) low, (x, y, z) high) with low < high, got {bounds}")
     (a, b, c), (d, e, f) = box.tolist()

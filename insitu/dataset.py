@@ -49,6 +49,8 @@ def make_dataset(
     Raises ValueError or CatalogError, before anything is written, where the catalog was made from another scene file or the
     scene can't be had; FileNotFoundError where its data are absent.
     """
+    if scene.source["kind"] == "catalog":
+        return _checked(scene)
     folder = scene.run_directory(runs)
     stopwatch = _Stopwatch(folder)
 
@@ -67,11 +69,18 @@ def make_dataset(
     return DatasetResult(folder / CATALOG, members, made, stopwatch.seconds, failures)
 
 
+def _checked(scene: Scene) -> DatasetResult:
+    """What a scene's catalog holds, which is taken where it is; raises where it is none, or its members can't be read."""
+    catalog = Catalog.open(scene.catalog_path)
+    return DatasetResult(catalog.path, len(catalog.members), 0, 0.0, {})
+
+
 def _render(scene: Scene, folder: Path, **how: Any) -> tuple[int, dict[str, str]]:
     """How many members were rendered, and why others were not; `how` goes to `run_ensemble`."""
     ensemble = ensemble_of(scene)
     try:  # before any simulation runs
-        check_names(ensemble.fields, scene.appearances, scene.appearances)
+        if ensemble.fields != ("",):  # files of one field each, which has no name
+            check_names(ensemble.fields, scene.appearances, scene.appearances)
     except ValueError as error:
         raise ValueError(f"scene {scene.path}: {error}") from None
     members = scene.assigned(ensemble.members)

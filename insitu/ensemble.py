@@ -2,50 +2,33 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 
 from catalogs.catalog import Catalog
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
-from insitu.agreement import agreeing_catalog, create_catalog, misplaced
-from insitu.field_cache import drop_field, load_field, save_field
-from insitu.fields import as_fields, time_of
-from insitu.hook import Session, warn_caller
-from insitu.planning import Pilot, PlanOptions, check_complete, combine_pilots, measure_pilot
+from catalogs.words import shortened
+from insitu.agreement import SOURCE, agreeing_catalog, create_catalog, misplaced
+from insitu.callers import warn_caller
+from insitu.dumps import FieldSource, FileSource, Run, runs_of
+from insitu.existing import Existing
+from insitu.field_cache import drop_field
+from insitu.planning import Pilot, PlanOptions, check_complete, combine_pilots
 from insitu.progress import EnsembleProgress, Tracker
 from insitu.rendered import RenderedMember
-from insitu.workers import Report, WorkerPool, send, single_threaded
+from insitu.tasks import DiskError, Outcome, measure_pilots, reason_of, render_run
+from insitu.workers import Report, WorkerPool, single_threaded
 
 PILOTS = 2
-STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
-
-
-class FieldSource(Protocol):
-    """Where the fields of an ensemble's members come from; pickled into every worker process.
-
-    `identity` says in JSON values what a field depends on besides its parameters.  `expensive` fields are computed
-    only once: those of the pilot run are stored until they are rendered.
-    """
-
-    @property
-    def identity(self) -> Mapping[str, Any]: ...
-
-    @property
-    def expensive(self) -> bool: ...
-
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
-        """The member's field or fields (anything `as_fields` takes); `progress` is told the fraction done."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -67,7 +50,20 @@ class EnsembleResult:
         return "EnsembleResult: " + ", ".join(parts)
 
     def __str__(self) -> str:
-        return "\n".join([repr(self), *(f"  {name}: {why}" for name, why in self.failures.items())])
+        return "\n".join([repr(self), *failure_lines(self.failures)])
+
+
+def failure_lines(failures: Mapping[str, str]) -> list[str]:
+    """Why members failed, each reason once with how many it holds for."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in failures.items():
+        by_reason.setdefault(why, []).append(name)
+    return [f"  {counted_names(names)}: {why}" for why, names in by_reason.items()]
+
+
+def counted_names(names: Sequence[str]) -> str:
+    """One name, or how many and the first of them."""
+    return names[0] if len(names) == 1 else f"{len(names)} members ({shortened(names, 4)})"
 
 
 def run_ensemble(
@@ -78,8 +74,10 @@ def run_ensemble(
     *,
     workers: int | None = None,
     executor: Executor | None = None,
+    pool: WorkerPool | None = None,
     shard: tuple[int, int] | None = None,
     nan: str = "refuse",
+    existing: Existing = "error",
     cache: Path | None = None,
     progress: Callable[[EnsembleProgress], None] | None = None,
     warn: Callable[[Warning], None] | None = None,
@@ -93,13 +91,16 @@ def run_ensemble(
     ----------
     catalog : the `.cdb` directory, made when absent; `options` are what it fixes, or must agree with.
     members : all members of the ensemble; those already in the catalog are skipped.
-    source : yields their fields, in the worker processes.
+    source : yields their fields, in the worker processes; of one run (see `RunSource`) all in the same process.
     workers : processes of the default pool (spawned, one thread each); by default one per available core.
     executor : any `concurrent.futures.Executor` instead, such as mpi4py's or dask's; its workers must see the
-        same file system.  Progress then moves by whole members.
-    shard : (i, n), i from 1 to n: take only every n-th member, starting with the i-th.  n machines that write to one
-        shared catalog each take one.
+        same file system.  Progress then moves by whole runs.
+    pool : workers that are there already and stay; then `workers` and `executor` do not matter.
+    shard : (i, n), i from 1 to n: take only every n-th run, starting with the i-th; where the source knows of no runs, every n-th
+        member.  n machines that write to one shared catalog each take one.
     nan : as in `render_member`.
+    existing : what becomes of stored members whose file has changed since: "error" raises naming them, "skip" keeps them,
+        "replace" renders them anew; those whose file is the same are always skipped.
     cache : folder for the fields of expensive pilots until they are rendered.
     progress : called a few times a second.
     warn : called with each warning about a member, which otherwise is given at the caller's line.
@@ -111,23 +112,32 @@ def run_ensemble(
     """
     started = clock.perf_counter()
     path = Path(catalog)
-    mine = _shard(members, shard)
+    runs = runs_of(source, members)
+    mine = _shard(runs, shard)
+    options = replace(options, provenance={SOURCE: dict(source.identity), **options.provenance})
     made = _agreeing_catalog(path, options, members)
     present = set() if made is None else {m.name for m in made.members}
-    todo = [m for m in mine if m.name not in present]
-    skipped = tuple(m.name for m in mine if m.name in present)
+    changed = [] if made is None or existing == "skip" else _changed_members(made, members, source)
+    if existing == "error":
+        _refuse_changed(path, changed)
+    present -= set(changed)
+    todo = [[m for m in run if m.name not in present] for run in mine]
+    todo = [run for run in todo if run]
+    skipped = tuple(m.name for run in mine for m in run if m.name in present)
     if not todo:
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
-    with single_threaded(), WorkerPool(count, executor) as pool:
+    with single_threaded(), nullcontext(pool) if pool else WorkerPool(count, executor) as hands:
         kept = cache if source.expensive else None
-        run = _Run(path, source, nan, kept, pool, progress or (lambda state: None), warn or warn_caller)
+        show, tell = progress or (lambda state: None), warn or warn_caller
+        work = _Work(path, source, nan, kept, hands, show, tell, frozenset(changed))
         if made is None:
             space, _ = check_complete(options)
-            run.plan(pilot_members(members, space), options, len(todo))
-        rendered, failures = run.render(todo)
-    return EnsembleResult(tuple(rendered), skipped, failures, clock.perf_counter() - started)
+            work.plan(runs, pilot_members(members, space), options, sum(map(len, todo)))
+        rendered, there, failures = work.render(todo)
+    Catalog.open(path).rebuild_table()  # in the order of names, whoever was first
+    return EnsembleResult(tuple(rendered), (*skipped, *there), failures, clock.perf_counter() - started)
 
 
 def pilot_members(members: Sequence[PlannedMember], space: ParameterSpace, count: int = PILOTS) -> list[PlannedMember]:
@@ -151,7 +161,7 @@ def available_cores() -> int:
 
 
 @dataclass(frozen=True)
-class _Run:
+class _Work:
     """One call of `run_ensemble`: what its tasks share."""
 
     path: Path
@@ -161,50 +171,78 @@ class _Run:
     pool: WorkerPool
     show: Callable[[EnsembleProgress], None]
     warn: Callable[[Warning], None]
+    replaced: frozenset[str]  # stored members that are rendered anew
 
-    def plan(self, pilots: Sequence[PlannedMember], options: PlanOptions, members: int) -> None:
+    def plan(self, runs: Sequence[Run], pilots: Sequence[PlannedMember], options: PlanOptions, members: int) -> None:
         """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
         tracker = Tracker(members, 0, field_share=1.0)
+        names = {m.name for m in pilots}
         found: dict[str, Pilot] = {}
         failures: dict[str, BaseException] = {}
 
-        def done(name: str, pilot: Pilot) -> None:
-            tracker.idle(name)
-            found[name] = pilot
-            self._tell(name, pilot.notes)
+        def done(_: str, measured: dict[str, Pilot]) -> None:
+            found.update(measured)
+            for name, pilot in measured.items():
+                tracker.idle(name)
+                self._tell(name, pilot.notes)
 
-        tasks = {m.name: partial(_measure, self.source, m, self.nan, self.cache, options) for m in pilots}
+        tasks = {
+            run[0].name: partial(measure_pilots, self.source, run, names, self.nan, self.cache, options)
+            for run in runs
+            if names & {m.name for m in run}
+        }
         self.pool.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
         if not found:
             raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
         create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
 
-    def render(self, members: Sequence[PlannedMember]) -> tuple[list[RenderedMember], dict[str, str]]:
-        """What was rendered, and why others were not, by name."""
-        plan = Catalog.open(self.path).plan
+    def render(self, runs: Sequence[Run]) -> tuple[list[RenderedMember], list[str], dict[str, str]]:
+        """What was rendered; the names of what was found there all the same; and why others were not, by name."""
+        catalog = Catalog.open(self.path)
+        plan, members = catalog.plan, [m for run in runs for m in run]
         shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
         images = round(len(plan.cameras) * sum(shown) / max(1, len(shown)))
         tracker = Tracker(len(members), images, field_share=0.5 if self.source.expensive else 0.02)
+        by_task = {run[0].name: run for run in runs}
         rendered: list[RenderedMember] = []
+        there: list[str] = []
         failures: dict[str, str] = {}
 
-        def done(name: str, result: tuple[RenderedMember, float | None]) -> None:
-            member, field_seconds = result
-            tracker.done(name, member.images)
-            if field_seconds is not None:
-                tracker.timed(field_seconds, member.seconds)
-            rendered.append(member)
-            self._tell(name, member.warnings)
+        def made(outcome: Outcome) -> None:
+            if outcome.rendered is None:
+                failures[outcome.name] = outcome.failure
+                tracker.failed(outcome.name)
+                return
+            tracker.done(outcome.name, outcome.rendered.images)
+            if outcome.field_seconds is not None:
+                tracker.timed(outcome.field_seconds, outcome.rendered.seconds)
+            rendered.append(outcome.rendered)
+            self._tell(outcome.name, outcome.rendered.warnings)
             if self.cache is not None:
-                drop_field(self.cache, name)
+                drop_field(self.cache, outcome.name)
 
-        def failed(name: str, error: BaseException) -> None:
-            tracker.failed(name)
-            failures[name] = f"{type(error).__name__}: {error}"
+        def settle(task: str, outcomes: Sequence[Outcome], reason: str = "") -> None:
+            known = {outcome.name: outcome for outcome in outcomes}
+            for member in by_task[task]:
+                if member.name in known:
+                    made(known[member.name])
+                elif not reason or (
+                    member.name in catalog and member.name not in self.replaced
+                ):  # by a worker before it died, or by another process
+                    there.append(member.name)
+                    tracker.done(member.name, images)
+                else:
+                    made(Outcome(member.name, failure=reason))
 
-        tasks = {m.name: partial(_render, self.path, self.source, m, self.nan, self.cache) for m in members}
-        self.pool.run(tasks, done, failed, partial(self._tick, tracker), _is_hopeless)
-        return rendered, failures
+        def failed(task: str, error: BaseException) -> None:
+            settle(task, getattr(error, "outcomes", ()), reason_of(error))
+
+        tasks = {
+            name: partial(render_run, self.path, self.source, run, self.nan, self.cache, self.replaced)
+            for name, run in by_task.items()
+        }
+        self.pool.run(tasks, settle, failed, partial(self._tick, tracker), lambda error: isinstance(error, DiskError))
+        return rendered, there, failures
 
     def _tick(self, tracker: Tracker, reports: Iterable[Report]) -> None:
         for report in reports:
@@ -217,59 +255,6 @@ class _Run:
             self.warn(UserWarning(f"{name}: {note}"))
 
 
-def _measure(source: FieldSource, member: PlannedMember, nan: str, cache: Path | None, options: PlanOptions) -> Pilot:
-    """In a worker: what the plan needs of a pilot's field, which is stored if it is expensive."""
-    field, _ = _field(source, member, cache)
-    fields = as_fields(field, options.appearances or (), nan=nan)
-    if cache is not None:
-        save_field(cache, member.name, _identity(source, member), field)
-    send(Report(member.name, "pilot", 0.0))
-    pilot = measure_pilot(fields, options)
-    return replace(pilot, notes=(*fields.notes, *pilot.notes))
-
-
-def _render(
-    path: Path, source: FieldSource, member: PlannedMember, nan: str, cache: Path | None
-) -> tuple[RenderedMember, float | None]:
-    """In a worker: render a member into the catalog; returns it and the seconds that its field took (see `_field`)."""
-    field, seconds = _field(source, member, cache)
-
-    def progress(images: int) -> None:
-        send(Report(member.name, "render", 0.0, images))
-
-    progress(0)
-    with Session(path, nan=nan, progress=progress, warn=lambda note: None) as session:
-        rendered = session.render_member(
-            field,
-            member.parameters,
-            name=member.name,
-            split=member.split,
-            time=time_of(field),
-            provenance={"source": dict(source.identity)},
-            appearances=member.appearances,
-        )
-    return rendered, seconds
-
-
-def _field(source: FieldSource, member: PlannedMember, cache: Path | None) -> tuple[Any, float | None]:
-    """The member's field, and the seconds it took; None where the pilot run has stored it."""
-    started = clock.perf_counter()
-    field = None if cache is None else load_field(cache, member.name, _identity(source, member))
-    if field is not None:
-        return field, None
-    send(Report(member.name, "simulate" if source.expensive else "read", 0.0))
-    field = source.field(member, lambda fraction: send(Report(member.name, "simulate", fraction)))
-    return field, clock.perf_counter() - started
-
-
-def _identity(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
-    return {"source": dict(source.identity), "parameters": dict(member.parameters)}
-
-
-def _is_hopeless(error: BaseException) -> bool:
-    return isinstance(error, OSError) and error.errno in STOPPING
-
-
 def _agreeing_catalog(path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> Catalog | None:
     """The catalog at `path`, if there is one; raises ValueError where it is not this ensemble's."""
     catalog = agreeing_catalog(path, options)
@@ -279,10 +264,30 @@ def _agreeing_catalog(path: Path, options: PlanOptions, members: Sequence[Planne
     return catalog
 
 
-def _shard(members: Sequence[PlannedMember], shard: tuple[int, int] | None) -> list[PlannedMember]:
+def _changed_members(catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource) -> list[str]:
+    """Stored members whose file holds something else now; of a catalog without any of them, the first if the plan's does."""
+    if not isinstance(source, FileSource):
+        return []
+    planned = {m.name: m for m in members}
+    stored = [m for m in catalog.members if m.name in planned]
+    if not stored:
+        before = catalog.plan.provenance.get(SOURCE, {})
+        return [m.name for m in members[:1] if source.is_changed(m, before)]
+    return [m.name for m in stored if source.is_changed(planned[m.name], m.provenance.get(SOURCE, {}))]
+
+
+def _refuse_changed(path: Path, changed: Sequence[str]) -> None:
+    if changed:
+        raise ValueError(
+            f"catalog {path} holds pictures of other contents of the files than they have now, of {counted_names(changed)}: "
+            'keep these (existing="skip"), render them anew ("replace"), or write to a new catalog'
+        )
+
+
+def _shard(runs: Sequence[Run], shard: tuple[int, int] | None) -> list[Run]:
     if shard is None:
-        return list(members)
+        return list(runs)
     index, count = shard
     if not 1 <= index <= count:
         raise ValueError(f"shard must be i/n with 1 <= i <= n, got {index}/{count}")
-    return list(members[index - 1 :: count])
+    return list(runs[index - 1 :: count])

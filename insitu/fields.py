@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from catalogs.appearance import Appearance, check_fields, field_of, shown_fields
+from catalogs.numbers import finite
+from catalogs.quantity import Quantity
 from insitu.boxes import Box, box_of, same_box
 from render.datasets import to_grid
+from render.labelled import chosen as one_of_set
+from render.labelled import is_labelled, is_labelled_set
 
 if TYPE_CHECKING:
     from render.grids import Grid
@@ -21,9 +27,11 @@ class Fields:
     Attributes
     ----------
     grids : by name, at least one, in the order in which appearances show them; "" is an only one that they do not name.
+    quantities : the names and units that the data state, likewise by name; of some, of all, or of none.
     """
 
     grids: Mapping[str, Grid]
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     @property
     def box(self) -> Box:
@@ -42,7 +50,7 @@ class Fields:
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Smallest and largest finite value by name."""
-        return {name: (float(grid.values.min()), float(grid.values.max())) for name, grid in self.grids.items()}
+        return {name: grid.range for name, grid in self.grids.items()}
 
 
 def as_fields(
@@ -53,6 +61,7 @@ def as_fields(
     spacing: Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     array: str | None = None,
+    dims: Sequence[str] | None = None,
     nan: str = "refuse",
 ) -> Fields:
     """What `appearances` show of a member.
@@ -60,34 +69,40 @@ def as_fields(
     Parameters
     ----------
     data : one field, anything that `to_grid` takes; several of them by name, all of one shape and place; or a pyvista or VTK data
-        set, whose arrays are chosen by the names of the fields.
+        set or an xarray.Dataset, whose arrays are chosen by the names of the fields, each loaded when its turn comes.  `Fields`
+        are returned as they are.
     appearances : those that the member is shown with.
     known : all of the catalog's, by default the same; a mapping may hold what one of these shows.
-    spacing, origin, array, nan : as in `to_grid`, for all fields.
+    spacing, origin, array, dims, nan : as in `to_grid`, for all fields.
 
     Raises ValueError or TypeError naming the field and the appearance that shows it where one is missing, of another shape or
     place, or not acceptable; ValueError where a mapping holds a field that none shows, or several of which none is named.
     """
+    if isinstance(data, Fields):
+        return data
     check_fields(known or appearances)
     names = shown_fields(appearances) or ("",)
-    several = isinstance(data, Mapping)
+    several = isinstance(data, Mapping) and not is_labelled_set(data)
     if several:
         check_names(list(data), appearances, known or appearances)
     elif names != ("",):
         _check_nameable(data, appearances, array)
-    grids = {}
+    grids, quantities = {}, {}
     for name in names:
         held = data if not several else data[name] if name else next(iter(data.values()))
-        chosen = array if several else name or array
+        chosen = array if several or is_labelled(held) else name or array
         try:
-            grids[name] = to_grid(held, spacing=spacing, origin=origin, array=chosen, nan=nan, warn=False)
+            if is_labelled_set(held):
+                held, chosen = one_of_set(held, chosen), None
+            grids[name] = to_grid(held, spacing=spacing, origin=origin, array=chosen, dims=dims, nan=nan, warn=False)
         except (TypeError, ValueError) as error:
             if not name:
                 raise
             kind = TypeError if isinstance(error, TypeError) else ValueError
             raise kind(f"field {name!r}, which {_shows(name, appearances)} shows: {error}") from error
+        quantities[name] = quantity_of(held)
     _check_same_points(grids)
-    return Fields(grids)
+    return Fields(grids, {name: found for name, found in quantities.items() if found})
 
 
 def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: Sequence[Appearance]) -> None:
@@ -116,16 +131,32 @@ def check_names(names: Sequence[Any], appearances: Sequence[Appearance], known: 
         )
 
 
+def quantity_of(data: Any) -> Quantity:
+    """The name and the unit that one field states: a `Field` by itself, labelled arrays by their name and `attrs["units"]`."""
+    attributes = getattr(data, "attrs", None)
+    unit = getattr(data, "unit", None) or (attributes.get("units") if isinstance(attributes, Mapping) else None)
+    said = [value if isinstance(value, str) else "" for value in (getattr(data, "name", None), unit)]
+    return Quantity(*(value if value.strip().isprintable() else "" for value in said))
+
+
 def time_of(data: Any) -> float | None:
     """The simulation time that a field, or the first of several, states; None where it does not."""
-    time = getattr(next(iter(data.values()), None) if isinstance(data, Mapping) else data, "time", None)
-    return None if time is None else float(time)
+    several = isinstance(data, Mapping) and not is_labelled_set(data)
+    time: Any = getattr(next(iter(data.values()), None) if several else data, "time", None)
+    if hasattr(time, "dtype") and (np.size(time) != 1 or time.dtype.kind not in "fiu"):
+        return None  # a date, or several times
+    try:
+        return None if time is None else finite(time, "time")
+    except ValueError:  # a date, or no single time
+        return None
 
 
 def _check_nameable(data: Any, appearances: Sequence[Appearance], array: str | None) -> None:
     """Raise ValueError unless the names of fields say what to take of `data`."""
-    name = shown_fields(appearances)[0]
-    if not hasattr(data, "GetClassName"):
+    name, *others = shown_fields(appearances)
+    if is_labelled(data) and data.name == name and not others:
+        return
+    if not hasattr(data, "GetClassName") and not is_labelled_set(data):
         raise ValueError(
             f"appearance {_shows(name, appearances)} shows the field {name!r}, but the member is one {type(data).__name__} without "
             f"a name: pass {{{name!r}: ...}}, or a data set with an array of this name"

@@ -2,45 +2,48 @@
 
 from __future__ import annotations
 
-import hashlib
+import dataclasses
 import inspect
 import os
-import sys
 import time as clock
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
-from catalogs.appearance import Appearance, VolumeRendering, shown_fields
-from catalogs.catalog import Catalog, CatalogPlan, MemberWriter
-from catalogs.members import known_appearances
-from catalogs.parameters import SPLITS, ParameterSpace
-from catalogs.plan import CatalogError, json_values, name_problem
+from catalogs.appearance import Appearance
+from catalogs.catalog import Catalog
+from catalogs.parameters import ParameterSpace
+from catalogs.plan import CatalogError
 from catalogs.scene import ViewPlan
 from catalogs.variations import Variation
 from insitu.agreement import agreeing_catalog, create_catalog, notes_on_member
+from insitu.background import Background, members_held
 from insitu.boxes import Box
-from insitu.fields import Fields, as_fields
-from insitu.planning import PlanOptions, appearances_from, check_complete, measure_pilot, space_from
+from insitu.callers import warn_caller
+from insitu.distances import member_distances
+from insitu.drawing import write_member
+from insitu.existing import EXISTING, Existing, stored_name, under_stored_name
+from insitu.failures import ON_ERROR, Failures, OnError, named_disk_errors, tell
+from insitu.fields import Fields, as_fields, time_of
+from insitu.planning import (
+    PlanOptions,
+    Space,
+    appearances_from,
+    check_complete,
+    measure_pilot,
+    space_from,
+    variations_from,
+)
+from insitu.queued import queue_member
 from insitu.rendered import PeakMemory, RenderedMember
-from insitu.summarize import summarize_shown
+from insitu.request import MemberRequest, member_request, with_time
 from render.datasets import ResamplingWarning
 
-LONGEST_NAME = 80
+NAN = ("refuse", "transparent")
 # What `render_member` hands on to the method of its name; the rest goes to `Session`.
-OF_MEMBER = ("name", "split", "time", "spacing", "origin", "array")
-
-
-def warn_caller(note: Warning) -> None:
-    """Warn of `note` at the line that called into this package, however deep the call."""
-    frame: FrameType | None = sys._getframe()
-    level = 1
-    while frame is not None and frame.f_globals.get("__name__", "").startswith("insitu."):
-        frame, level = frame.f_back, level + 1
-    warnings.warn(note, stacklevel=level)
+OF_MEMBER = ("name", "split", "time", "spacing", "origin", "array", "dims")
 
 
 class Session:
@@ -55,9 +58,19 @@ class Session:
     One that is smaller is rendered where it is, with a warning unless `bounds` were given, since spacing or origin may
     have been forgotten.
 
-    Use it as a context manager.  Parameters are those of the function `render_member`; besides,
-    `progress` is called with the number of images drawn of a member, and `warn` with each warning, which otherwise is given
-    at the caller's line.
+    Parameters are those of the function `render_member`; besides, `progress` is called with the number of images drawn of a
+    member, and `warn` with each warning, which otherwise is given at the caller's line.  Use it as a context manager, from any
+    thread.
+
+    With `background=True` the loop does not wait for pictures: `render_member` checks what needs no look at the values, copies
+    the field, and returns; another process renders.  Two members may be held then (`background=3`: three), which bounds the
+    memory; one more waits until there is room.  What fails later, NaN for one, is a warning, and stands in `failures` when the
+    session is closed, whatever `on_error` says; `results` has what was rendered.  No crash of the renderer reaches the loop: its
+    member is tried once more.  Leaving the block waits for what is held, but after Ctrl-C.
+
+    A restarted run renders what is missing with `existing="skip"`; a long run that must not end for a picture takes
+    `on_error="warn"`.  What is wrong with the arguments of the session itself, or with the catalog that it finds, is raised at
+    once all the same, before the run has begun; from then on nothing is, but KeyboardInterrupt and SystemExit.
 
     Examples
     --------
@@ -70,7 +83,7 @@ class Session:
         self,
         catalog: str | os.PathLike[str],
         *,
-        space: ParameterSpace | Mapping[str, tuple[float, float]] | None = None,
+        space: Space | None = None,
         appearances: Appearance | Iterable[Appearance] | None = None,
         views: ViewPlan | None = None,
         bounds: Box | None = None,
@@ -79,7 +92,11 @@ class Session:
         image_format: str | None = None,
         provenance: Mapping[str, Any] | None = None,
         variations: Iterable[Variation] | None = None,
+        fields: Mapping[str, Any] | None = None,
         nan: str = "refuse",
+        existing: Existing = "error",
+        on_error: OnError = "raise",
+        background: bool | int = False,
         progress: Callable[[int], None] | None = None,
         warn: Callable[[Warning], None] | None = None,
     ) -> None:
@@ -93,28 +110,62 @@ class Session:
             sample_distance=sample_distance,
             image_format=image_format,
             provenance=provenance or {},
-            variations=None if variations is None else tuple(variations),
+            variations=variations_from(variations),
+            fields=fields or {},
         )
-        self._nan, self._progress, self._warn = nan, progress or (lambda images: None), warn or warn_caller
+        self._nan = one_of(nan, NAN, "nan")
+        self._existing, self._on_error = one_of(existing, EXISTING, "existing"), one_of(on_error, ON_ERROR, "on_error")
+        self._progress, self._warn = progress or (lambda images: None), warn or warn_caller
+        self._failures = Failures(self.path)
+        self._said: set[tuple[str, str]] = set()
         self._catalog = agreeing_catalog(self.path, self._options)
+        self._results: list[RenderedMember] = []
+        self._background = self._started(members_held(background))
 
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(at_once=kind is not None and issubclass(kind, KeyboardInterrupt))
 
     def __repr__(self) -> str:
         members = "not made yet" if self._catalog is None else f"{len(self._catalog.member_paths())} members"
-        return f"Session({str(self.path)!r}, {members})"
+        missing = f", {len(self.failures)} missing" if self.failures else ""
+        return f"Session({str(self.path)!r}, {members}{missing})"
 
     @property
     def catalog(self) -> Catalog | None:
         """The catalog, or None before its first member."""
         return self._catalog
 
-    def close(self) -> None:
-        """Let go of the catalog; the render window belongs to the process and serves the next session."""
+    @property
+    def failures(self) -> Mapping[str, str]:
+        """Why members that this session was to render are missing, by name; those that it rendered later are left out."""
+        return self._failures.reasons
+
+    def has(self, parameters: Mapping[str, float], *, time: float | None = None) -> bool:
+        """Whether the catalog has a member with these parameters; with `existing="skip"` it would be skipped."""
+        catalog = self._known_catalog()
+        if catalog is None:
+            return False
+        return catalog.find(with_time(parameters, time, catalog.plan.space)[0]) is not None
+
+    @property
+    def results(self) -> tuple[RenderedMember, ...]:
+        """The members that this session has rendered so far, in their order, whether the loop waited for them or not."""
+        if self._background is not None:
+            self._background.take_results()
+        return tuple(self._results)
+
+    def close(self, *, at_once: bool = False) -> None:
+        """Let go of the catalog, after what is rendered in the background, unless that is given up; `results` and `failures` are
+        complete then.  The render window belongs to the process and serves the next session.
+        """
+        if self._background is not None:
+            self._background.close(at_once=at_once)
+        if self._catalog is not None:
+            with suppress(OSError):  # a catalog that may only be read
+                self._catalog.update_table()
         self._catalog = None
 
     def render_member(
@@ -128,95 +179,132 @@ class Session:
         spacing: Sequence[float] | None = None,
         origin: Sequence[float] | None = None,
         array: str | None = None,
+        dims: Sequence[str] | None = None,
         nan: str | None = None,
         provenance: Mapping[str, Any] | None = None,
         appearances: Sequence[str] | None = None,
+        existing: Existing | None = None,
+        on_error: OnError | None = None,
     ) -> RenderedMember:
         """Render one member; arguments, result and errors as those of the function `render_member`.
 
-        `appearances` names those of the catalog's that this member is shown with, all by default.
+        `appearances` names those of the catalog's that this member is shown with, all by default.  `nan`, `existing` and
+        `on_error` are by default the session's.
         """
-        started, memory = clock.perf_counter(), PeakMemory()
-        catalog = self._catalog
-        space, known = (
-            check_complete(self._options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
-        )
-        space.values(parameters, outside="allow")  # wrong names are refused before the field is looked at
-        wanted = known_appearances(appearances, [a.name for a in known])
-        shown = [a for a in known if a.name in wanted]
-        name = name or member_name(parameters)
-        record = _record(name, split, provenance, time)
-        fields = as_fields(
-            field,
-            known if catalog is None else shown,  # a new catalog's sample distances need all fields
-            known=known,
-            spacing=spacing,
-            origin=origin,
-            array=array,
-            nan=nan or self._nan,
-        )
+        existing = one_of(existing or self._existing, EXISTING, "existing")
+        on_error = one_of(on_error or self._on_error, ON_ERROR, "on_error")
+        asked = {"name": name, "split": split, "provenance": provenance, "appearances": appearances}
+        place = {"spacing": spacing, "origin": origin, "array": array, "dims": dims, "nan": nan or self._nan}
+        try:
+            request = self.request(parameters, time=time_of(field) if time is None else time, **asked)
+            result = self._skipped(request, existing)
+            if result is None and self._background is not None:
+                return queue_member(
+                    self._background, field, request, existing, self._catalog, self._known()[1], **place
+                )
+            result = result or self._render(field, request, existing, **place)
+        except Exception as error:
+            if on_error == "raise":
+                raise
+            return self._failures.add(name, parameters, error, self._warn)
+        self._settled(result.name, parameters, result)
+        return result
+
+    def request(self, parameters: Mapping[str, float], **asked: Any) -> MemberRequest:
+        """What is asked of one member, checked without its field: see `insitu.request.member_request`."""
+        return member_request(*self._known(), parameters, **asked)
+
+    def _known(self) -> tuple[ParameterSpace, Sequence[Appearance]]:
+        catalog = self._known_catalog()
+        return check_complete(self._options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
+
+    def _known_catalog(self) -> Catalog | None:
+        """The catalog, if there is one, be it that another process has made it meanwhile."""
+        if self._catalog is None:
+            self._catalog = agreeing_catalog(self.path, self._options)
+        return self._catalog
+
+    def _skipped(self, request: MemberRequest, existing: Existing) -> RenderedMember | None:
+        """The result for a member that is there and may stay; None for one to render.  Raises where it must not be there."""
+        catalog = self._known_catalog()
+        name = None if catalog is None else stored_name(catalog, request, existing)
+        return None if name is None else RenderedMember(name, self.path / "members" / name, skipped=True)
+
+    def _render(self, field: Any, request: MemberRequest, existing: Existing, **place: Any) -> RenderedMember:
+        """Render what is not there yet, or is to be replaced."""
+        started, memory, replace = clock.perf_counter(), PeakMemory(), existing == "replace"
+        _, known = self._known()
+        needed = known if self._catalog is None else request.shown  # a new catalog's sample distances need all fields
+        fields = as_fields(field() if callable(field) else field, needed, known=known, **place)
         memory.sample()
-        with _named_disk_errors(name, self.path):
-            catalog = self._catalog = catalog or self._created(fields)
-            notes = notes_on_member(fields.box, parameters, catalog.plan)
+        with named_disk_errors(request.name, self.path):
+            catalog = self._catalog or self._created(fields)
+            request = under_stored_name(catalog, request) if replace else request
+            distances, coarse = member_distances(fields, request.shown, catalog.plan)
+            notes = [*notes_on_member(fields.box, request.parameters, catalog.plan), *coarse]
             for note in [*map(ResamplingWarning, fields.notes), *map(UserWarning, notes)]:
                 self._warn(note)
-            record["bounds"] = fields.box
-            if fields.notes or notes:
-                record["warnings"] = [*fields.notes, *notes]
+            warnings: tuple[str, ...] = (*fields.notes, *notes)
+            record = {"bounds": fields.box, **({"sample_distances": distances} if coarse else {})}
             with catalog.begin_member(
-                name, parameters, split=split, provenance=record, appearances=wanted, outside="allow"
+                request.name,
+                request.parameters,
+                split=request.split,
+                provenance={**request.record, **record},
+                appearances=[appearance.name for appearance in request.shown],
+                outside="allow",
+                replace=replace,
             ) as writer:
-                written = self._write(fields, shown, catalog.plan, writer, memory)
+                written, found = write_member(fields, request, distances, catalog.plan, writer, memory, self._progress)
+                warnings = (*warnings, *map(str, found))
+                if warnings:
+                    writer.add_provenance(warnings=warnings)
+        for picture in found:
+            if picture[:2] not in self._said:  # once, whatever the numbers
+                self._said.add(picture[:2])
+                self._warn(UserWarning(str(picture)))
         return RenderedMember(
-            name=name,
-            path=catalog.path / "members" / name,
+            name=request.name,
+            path=catalog.path / "members" / request.name,
             **written,
             seconds=clock.perf_counter() - started,
             extra_memory=memory.extra_bytes,
-            warnings=(*fields.notes, *notes),
+            warnings=warnings,
         )
+
+    def _started(self, held: int) -> Background | None:
+        """The renderer of a session that does not wait, unless no member is held."""
+        if not held:
+            return None
+        options = {option.name: getattr(self._options, option.name) for option in dataclasses.fields(self._options)}
+        warn = partial(tell, warn=self._warn)
+        options |= {"nan": self._nan}
+        return Background(self.path, options, held, settled=self._settled, warn=warn, progress=self._progress)
+
+    def _settled(self, name: str, parameters: Mapping[str, float], result: RenderedMember | str) -> None:
+        """A member is there, rendered or skipped, or missing for the reason that is given."""
+        if isinstance(result, str):
+            self._failures.report(name, parameters, result, self._warn)
+            return
+        self._failures.forget(name)
+        if not result.skipped:
+            self._results.append(result)
 
     def _created(self, fields: Fields) -> Catalog:
         """The catalog, made for its first member's fields."""
         pilot = measure_pilot(fields, self._options)
         for note in pilot.notes:
             self._warn(UserWarning(note))
-        return create_catalog(self.path, pilot, self._options)
+        self._catalog = create_catalog(self.path, pilot, self._options)
+        self._failures.record()
+        return self._catalog
 
-    def _write(
-        self, fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan, writer: MemberWriter, memory: PeakMemory
-    ) -> dict[str, Any]:
-        """Write a member's images, one in memory at a time, and its fields' summaries; returns figures for `RenderedMember`."""
-        from render import render_views
 
-        started, written, images = clock.perf_counter(), 0.0, 0
-        distances = plan.provenance.get("sample_distances", {})
-        for appearance in shown:
-            pictures = render_views(
-                fields.shown_by(appearance),
-                appearance,
-                plan.cameras,
-                sample_distance=distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None,
-                float_output=plan.image_format == "exr",
-            )
-            for view, rgba in enumerate(pictures):
-                before = clock.perf_counter()
-                writer.write_image(appearance.name, view, rgba)
-                written, images = written + clock.perf_counter() - before, images + 1
-                memory.sample()
-                self._progress(images)
-        rendered = clock.perf_counter() - started - written
-        summaries = summarize_shown({name: fields.grids[name] for name in shown_fields(shown)}, plan)
-        memory.sample()
-        writer.write_summaries(summaries)
-        return {
-            "images": images,
-            "render_seconds": rendered,
-            "write_seconds": written,
-            "ranges": {name: (kept.minimum, kept.maximum) for name, kept in summaries.items()},
-            "clipped_fractions": {name: kept.clipped_fraction for name, kept in summaries.items()},
-        }
+def one_of(value: Any, known: Sequence[str], what: str) -> Any:
+    """`value`; raises ValueError naming what it is unless it is one of the known ones."""
+    if value not in known:
+        raise ValueError(f"{what} must be one of {tuple(known)}, got {value!r}")
+    return value
 
 
 def render_member(
@@ -229,22 +317,33 @@ def render_member(
 
     Parameters
     ----------
-    field : numpy array (z, y, x), with `spacing`; or a pyvista or VTK data set; see `render.to_grid`.  Several fields are
-        a mapping {name: array}, all of one shape, or a data set: every appearance then names its own, `field="..."`.
+    field : numpy array (z, y, x), with `spacing`; a pyvista or VTK data set; or xarray's, taken by the names and coordinates
+        of its axes; see `render.to_grid`.  Several fields are a mapping {name: array}, all of one shape, or a data set: every
+        appearance then names its own, `field="..."`.  A function of no arguments that returns one of these is called only
+        where the member is rendered.
     parameters : the member's simulation parameters by name, in the units of `space`.  A value out of bounds is
         rendered, with a warning that is also recorded.
     catalog : the `.cdb` directory.
-    space : the ensemble's parameters, `ParameterSpace` or `{name: (low, high)}`; needed by the first call.
+    space : the ensemble's parameters, `{name: (low, high)}`, `{name: (low, high, unit)}`, `Parameter` objects, which have a
+        scale too, or a `ParameterSpace`; needed by the first call.
+    fields : what the shown field is called, and its unit, `{"Q": "1/s²"}`; of several, `{name: unit}` by the names that
+        appearances give them, or `{name: Quantity(name, unit)}` where they are called otherwise.
     appearances : transfer functions and isovalues, in the field's physical units; needed by the first call.
     views : viewpoints and frame, by default 252 on the icosphere at 256 x 256 pixels.
     spacing, origin : of an array, (x, y, z), world units.
     array : which array of a data set, where appearances name no field.
+    dims : what an array's axes are, in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as
+        xarray's are called.
     name : the member's name in the catalog, by default from its parameters.
     split : "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
     target_decibels, sample_distance : how exact volume rendering must be, as PSNR against a converged reference (50 dB), or the
         step of its rays in world units, one for all or by appearance.
-    time : the simulation's time, recorded.
+    time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump of a run is
+        a member.
+    existing : what to do where the catalog has a member with these parameters: raise an "error", "skip" it, before the field is
+        looked at, or "replace" it, atomically.
+    on_error : "raise"; or "warn", and report the member missing (see `Session`).
     bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
     variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
         (`catalogs.variations.isovalue_family`, `transfer_function_family`), or are to be learnt beside a base (`field_variation`).
@@ -253,8 +352,9 @@ def render_member(
     progress, warn : as in `Session`.
 
     Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
-    to the transfer function's range, and the texture), once each further field, and one image at a time.  All of it is freed again
-    but the first.
+    to the transfer function's range, and the texture), once each further field, and one image at a time.  Where float32 does not
+    hold the field exactly, the samples take its own size: with float64 four times the field in float32.  Transparent values
+    take three quarters of it more.  All of it is freed again but the first.
 
     Raises
     ------
@@ -262,7 +362,15 @@ def render_member(
     OSError : the disk is full or not writable; nothing of the member was kept.
     """
     of_member = {name: arguments.pop(name) for name in OF_MEMBER if name in arguments}
-    with Session(catalog, **arguments) as session:
+    try:
+        session = Session(catalog, **arguments)
+    except (CatalogError, OSError) as error:  # of the catalog that is there; an argument's own mistake is always raised
+        if arguments.get("on_error") != "warn":
+            raise
+        return Failures(Path(catalog)).add(
+            of_member.get("name"), parameters, error, arguments.get("warn") or warn_caller
+        )
+    with session:
         return session.render_member(field, parameters, **of_member)
 
 
@@ -278,38 +386,3 @@ def _signature_of_hook() -> inspect.Signature:
 
 
 render_member.__signature__ = _signature_of_hook()  # type: ignore[attr-defined]
-
-
-def member_name(parameters: Mapping[str, float]) -> str:
-    """A member's default name: its parameters, or a digest of them where that would be too long or not allowed."""
-    text = "_".join(f"{name}-{float(value)!r}" for name, value in parameters.items())
-    text = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
-    fits = len(text) <= LONGEST_NAME and name_problem(text) is None
-    return text if fits else "member-" + hashlib.sha256(text.encode()).hexdigest()[:12]
-
-
-def _record(name: str, split: str, provenance: Mapping[str, Any] | None, time: float | None) -> dict[str, Any]:
-    """The provenance of a member; refuses a bad name, split or value before a new catalog is made for it."""
-    if split not in SPLITS:
-        raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
-    problem = name_problem(name)
-    if problem:
-        raise CatalogError(f"a member can't be called so: {problem}")
-    told = {**(provenance or {}), **({} if time is None else {"time": float(time)})}
-    return json_values(told, f"the provenance of member {name}")
-
-
-@contextmanager
-def _named_disk_errors(name: str, path: Path) -> Iterator[None]:
-    """Adds member and remedy to an OSError on its way out."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno is None:
-            raise
-        raise OSError(
-            error.errno,
-            f"{error.strerror}: member {name} could not be stored and nothing of it was kept; "
-            "make room or permission, then render it again",
-            str(path),
-        ) from error

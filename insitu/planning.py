@@ -8,12 +8,15 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from catalogs import numbers
 from catalogs.appearance import (
     Appearance,
+    ImportedImages,
+    Isosurface,
+    TransferFunction,
     VolumeRendering,
     appearance_from_json,
     check_fields,
@@ -21,18 +24,27 @@ from catalogs.appearance import (
     shown_fields,
 )
 from catalogs.catalog import CatalogPlan
-from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.images import FORMATS
+from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.plan import json_values
+from catalogs.quantity import Quantity, quantities_from, quantities_of
 from catalogs.scene import Scene, ViewPlan
-from catalogs.variations import Variation
+from catalogs.variations import Family, Variation
 from insitu.boxes import Box, box_around, cameras_around, check_inside, checked_box
+from insitu.distances import finest_of_families, measured_distances
 from insitu.summarize import value_range
 
 if TYPE_CHECKING:
     from insitu.fields import Fields
     from render.quality import SampleDistance
 
+Space = ParameterSpace | Parameter | Iterable[Parameter] | Mapping[str, Any]
+
 TARGET_DECIBELS = 50.0
-CORNERS = 6  # settings of a variation whose sample distance is measured; the finest serves the whole variation
+SPACES = (
+    'space must be {name: (low, high)}, {name: (low, high, "unit")}, Parameter(name, low, high, unit, scale) or several of '
+    "them, or a ParameterSpace"
+)
 BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has no infinity
 
 
@@ -52,6 +64,7 @@ class PlanOptions:
     image_format: str | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     variations: tuple[Variation, ...] | None = field(default=None, repr=False)
+    fields: Mapping[str, Quantity] = field(default_factory=dict)
 
     @classmethod
     def of_scene(cls, scene: Scene, space: ParameterSpace, provenance: Mapping[str, Any] | None = None) -> PlanOptions:
@@ -67,32 +80,97 @@ class PlanOptions:
             sample_distance=distance,
             provenance=provenance or {},
             variations=scene.variations,
+            fields=scene.quantities,
         )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "fields", quantities_from(self.fields))
         if self.bounds is not None:
             object.__setattr__(self, "bounds", checked_box(self.bounds))
-        if self.target_decibels is not None and not self.target_decibels > 0:
-            raise ValueError(f"target_decibels must be positive, got {self.target_decibels}")
+        if self.views is not None and not isinstance(self.views, ViewPlan):
+            raise ValueError(f"views must be a ViewPlan(frequency, width, height), got {shortened(self.views)}")
+        if self.image_format is not None and self.image_format not in FORMATS:
+            raise ValueError(f"image_format must be one of {sorted(FORMATS)}, got {self.image_format!r}")
+        object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
+        if self.target_decibels is not None:
+            numbers.positive(self.target_decibels, "target_decibels")
         if self.sample_distance is not None and self.target_decibels is not None:
             raise ValueError("give target_decibels or sample_distance, not both: the one is chosen to reach the other")
         steps = self.sample_distance.values() if isinstance(self.sample_distance, Mapping) else [self.sample_distance]
-        if any(s is not None and not (np.isfinite(s) and s > 0) for s in steps):
-            raise ValueError(f"sample_distance must be positive (world units), got {self.sample_distance}")
+        for step in steps:
+            if step is not None:
+                numbers.positive(step, "sample_distance (world units)")
 
 
-def space_from(space: ParameterSpace | Mapping[str, tuple[float, float]] | None) -> ParameterSpace | None:
-    """A parameter space, also from `{name: (low, high)}`."""
+def space_from(space: Space | None) -> ParameterSpace | None:
+    """A parameter space, also from `{name: (low, high)}`, `{name: (low, high, unit)}` and from one or several `Parameter`.
+
+    Raises ValueError that says what may be given.
+    """
     if space is None or isinstance(space, ParameterSpace):
         return space
-    return ParameterSpace(tuple(Parameter(name, float(low), float(high)) for name, (low, high) in space.items()))
+    if isinstance(space, Parameter):
+        return ParameterSpace((space,))
+    if isinstance(space, Mapping):
+        return ParameterSpace(tuple(_parameter(name, bounds) for name, bounds in space.items()))
+    parameters = tuple(space) if isinstance(space, Iterable) else ()
+    if not parameters or not all(isinstance(parameter, Parameter) for parameter in parameters):
+        raise ValueError(f"{SPACES}, got space={shortened(space)}")
+    return ParameterSpace(parameters)
+
+
+def _parameter(name: Any, bounds: Any) -> Parameter:
+    if isinstance(bounds, Parameter):
+        if bounds.name != name:
+            raise ValueError(f"space names parameter {bounds.name!r} {name!r}: give it one name")
+        return bounds
+    if isinstance(bounds, str) or not isinstance(bounds, Iterable):
+        bounds = (bounds,)
+    values = tuple(bounds)
+    if len(values) not in (2, 3):
+        raise ValueError(f"{SPACES}, got {shortened(values)} for {name!r}")
+    return Parameter(name, *values)
 
 
 def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> tuple[Appearance, ...] | None:
-    """One appearance or several, as a tuple."""
+    """One appearance or several, as a tuple; raises ValueError with the remedy for what is none, or can't be rendered."""
     if appearances is None:
         return None
-    return tuple(appearances) if isinstance(appearances, Iterable) else (appearances,)
+    several = isinstance(appearances, Iterable) and not isinstance(appearances, str | bytes | Mapping)
+    found: tuple[Any, ...] = tuple(appearances) if several else (appearances,)  # type: ignore[arg-type]
+    for appearance in found:
+        if isinstance(appearance, TransferFunction):
+            raise ValueError(
+                "a TransferFunction is no appearance yet: say how it shows the field and what that is called, "
+                f'VolumeRendering("dvr", {shortened(appearance)})'
+            )
+        if isinstance(appearance, Family):
+            raise ValueError(
+                "a family is a variation and its appearances: pass appearances=[base, *family.appearances] and "
+                "variations=[family.variation]"
+            )
+        if isinstance(appearance, ImportedImages):
+            raise ValueError(
+                f"appearance {appearance.name!r} is of images made elsewhere, none can be rendered with it"
+            )
+        if not isinstance(appearance, VolumeRendering | Isosurface):
+            raise ValueError(
+                "appearances must be VolumeRendering(name, transfer_function), Isosurface(name, isovalue) or several of "
+                f"them, got {shortened(appearance)}"
+            )
+    return found
+
+
+def variations_from(variations: Iterable[Variation] | None) -> tuple[Variation, ...] | None:
+    """Variations as a tuple; raises ValueError for what is none."""
+    if variations is None:
+        return None
+    found = tuple(variations) if isinstance(variations, Iterable) else (variations,)
+    for variation in found:
+        if not isinstance(variation, Variation):
+            remedy = ": pass its .variation" if isinstance(variation, Family) else ""
+            raise ValueError(f"variations must be Variation objects, got {shortened(variation)}{remedy}")
+    return found
 
 
 def appearances_from_toml(path: Path) -> tuple[Appearance, ...]:
@@ -116,53 +194,41 @@ class Pilot:
     ranges : smallest and largest finite value by field, "" for an only one without a name.
     distances : by volume rendering, the sample distance that reaches the target; empty where it is given.
     notes : what the user should know of them.
+    quantities : what the fields say of their names and units.
+    changes : by volume rendering that was measured, how much the field it was measured on changes from sample to sample, as the
+        transfer function shows it (`render.steepness.mean_change`).
     """
 
     bounds: Box
     ranges: Mapping[str, tuple[float, float]]
     distances: Mapping[str, SampleDistance] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    changes: Mapping[str, float] = field(default_factory=dict)
 
 
 def measure_pilot(fields: Fields, options: PlanOptions) -> Pilot:
     """Measure one member: its box, its ranges and, unless given, the sample distances that its pictures need."""
+    from render.views import check_sizes
+
     _, appearances = check_complete(options)
     bounds = options.bounds or fields.box
     check_inside(fields.box, bounds)
     volumes = [a for a in appearances if isinstance(a, VolumeRendering)]
-    if options.sample_distance is not None or not volumes:
-        return Pilot(bounds, fields.ranges)
-    from render.quality import choose_sample_distance
-
-    variations = [v for v in options.variations or () if v.continuous]  # nothing is in common between fields
     cameras = cameras_around(bounds, options.views or ViewPlan())
-    target = options.target_decibels or TARGET_DECIBELS
-    found = {
-        a.name: choose_sample_distance(fields.shown_by(a), a, cameras, target, warn=False)
-        for a in _measured(volumes, variations)
-    }
-    related = {a.name: _related(a.name, variations) & found.keys() for a in volumes}
-    finest = {
-        name: min((found[other] for other in found if other in names), key=_length) for name, names in related.items()
-    }
-    return Pilot(bounds, fields.ranges, finest, tuple(distance.note for distance in found.values() if distance.note))
-
-
-def _measured(volumes: Sequence[VolumeRendering], variations: Sequence[Variation]) -> list[VolumeRendering]:
-    """The volume renderings whose sample distance is measured: of a variation, the base and a few that lie far from it."""
-    settings = {s.appearance for v in variations for s in v.settings}
-    kept = {name for v in variations for name in v.named("train")[:: max(1, len(v.named("train")) // CORNERS)]}
-    return [a for a in volumes if a.name not in settings or a.name in kept]
-
-
-def _related(name: str, variations: Sequence[Variation]) -> set[str]:
-    """The appearances whose finest sample distance an appearance takes: its own, and those of its variation."""
-    families = [{variation.base, *variation.named(*SPLITS)} for variation in variations]
-    return {name}.union(*(family for family in families if name in family))
-
-
-def _length(distance: SampleDistance) -> float:
-    return distance.distance
+    check_sizes(appearances, cameras)
+    if options.sample_distance is not None or not volumes:
+        return Pilot(bounds, fields.ranges, quantities=fields.quantities)
+    variations, target = options.variations or (), options.target_decibels or TARGET_DECIBELS
+    found = measured_distances(fields, appearances, variations, cameras, target)
+    return Pilot(
+        bounds,
+        fields.ranges,
+        finest_of_families(found, appearances, variations),
+        tuple(distance.note for distance in found.values() if distance.note),
+        fields.quantities,
+        {name: distance.change for name, distance in found.items()},
+    )
 
 
 def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
@@ -173,7 +239,9 @@ def combine_pilots(pilots: Sequence[Pilot]) -> Pilot:
             name: (min(p.ranges[name][0] for p in pilots), max(p.ranges[name][1] for p in pilots))
             for name in pilots[0].ranges
         },
-        {name: min((p.distances[name] for p in pilots), key=_length) for name in pilots[0].distances},
+        {name: min((p.distances[name] for p in pilots), key=lambda d: d.distance) for name in pilots[0].distances},
+        quantities=pilots[0].quantities,
+        changes={name: max(p.changes[name] for p in pilots) for name in pilots[0].changes},
     )
 
 
@@ -186,6 +254,7 @@ def check_complete(options: PlanOptions) -> tuple[ParameterSpace, tuple[Appearan
             "(`insitu probe` suggests a transfer function)"
         )
     check_fields(options.appearances)
+    quantities_of(options.fields, shown_fields(options.appearances))
     if isinstance(options.sample_distance, Mapping):
         given_distances(options.sample_distance, options.appearances)
     return options.space, options.appearances
@@ -209,6 +278,7 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
         provenance["measured_decibels"] = {
             name: round(min(float(d.decibels), BEST_DECIBELS), 2) for name, d in pilot.distances.items()
         }
+        provenance["measured_changes"] = {name: float(f"{change:.4g}") for name, change in pilot.changes.items()}
     return CatalogPlan(
         space=space,
         appearances=appearances,
@@ -218,6 +288,7 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
         image_format=options.image_format or "png",
         provenance=provenance,
         variations=options.variations or (),
+        quantities={**pilot.quantities, **quantities_of(options.fields, shown_fields(appearances))},
     )
 
 

@@ -24,12 +24,12 @@ class Probe:
     ----------
     names : (K,) the members looked at.
     ranges : (K, 2) smallest and largest value of each.
-    values : (K, S) float32 values drawn evenly from each.
+    values : (K, S) values drawn evenly from each.
     """
 
     names: tuple[str, ...]
     ranges: NDArray[np.float64]  # [K, 2]
-    values: NDArray[np.float32]  # [K, S]
+    values: NDArray[Any]  # [K, S]
 
     @property
     def range(self) -> tuple[float, float]:

@@ -53,12 +53,18 @@ class Tracker:
         self._fields: dict[str, float] = {}  # member -> fraction of its field computed
         self._images: dict[str, int] = {}  # member -> images drawn
         self._stages: dict[str, str] = {}  # members under way -> stage
-        self._done = 0
+        self._done: set[str] = set()
         self._rate = Rate()
         self._field_share = field_share  # of a member's time, before the first is measured
         self._field_seconds = self._render_seconds = 0.0
 
     def report(self, report: Report) -> None:
+        if report.stage == "done":
+            self.done(report.member, report.images)
+            return
+        if report.stage in ("failed", "stored"):
+            self.idle(report.member)
+            return
         self._stages[report.member] = report.stage
         if report.stage == "simulate":
             self._fields[report.member] = report.fraction
@@ -82,13 +88,13 @@ class Tracker:
 
     def done(self, member: str, images: int) -> None:
         self.idle(member)
-        self._done += 1
+        self._done.add(member)
         self._images[member] = images
 
     def snapshot(self) -> EnsembleProgress:
         images = sum(self._images.values())
         return EnsembleProgress(
-            members_done=self._done,
+            members_done=len(self._done),
             members=self._members,
             images_done=images,
             images=self._members * self._images_per_member,

@@ -2,39 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from catalogs.appearance import shown_fields
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember, Scene
-from insitu.ensemble import FieldSource
+from insitu.dumps import FieldSource
 from insitu.field import Field
-from insitu.readers.hdf5 import Hdf5Ensemble
-from insitu.simulations import simulation
+from insitu.file_ensemble import FileEnsemble
+from insitu.readers.layout import Mapped
+from insitu.readers.stored import StoredEnsemble
+from insitu.readers.tables import read_table
+from insitu.simulations import Simulation, simulation
 
+TIME = "time"
 KEYS = {  # of a scene's `[source]`: those that must be there, and those that may
-    "simulation": ({"simulation", "resolution", "time"}, {"fields"}),
+    "simulation": ({"simulation", "resolution"}, {"time", "fields", "solver_resolution"}),
     "hdf5": ({"path"}, {"dataset", "fields"}),
+    "files": ({"path"}, {"fields", "spacing", "origin", "dims"}),
 }
 
 
 @dataclass(frozen=True)
 class SimulationSource:
-    """Runs a bundled simulation for each member, in the worker that renders it.
+    """Runs a bundled simulation in the worker that renders its members.
 
-    `fields` names what is taken of it; () stands for its first field, and is not recorded.
+    Attributes
+    ----------
+    time : when a member is taken; None where that is the member's parameter "time".  Members equal in all other parameters are then
+        dumps of one run.
+    fields : what is taken of it; () stands for its first field, and is not recorded.
+    solver_resolution : points of the solver, where those are more than the field's.
     """
 
     name: str
     resolution: int
-    time: float
+    time: float | None
     expensive: bool = True
     fields: tuple[str, ...] = ()
+    solver_resolution: int | None = None
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        known = {"kind": "simulation", "simulation": self.name, "resolution": self.resolution, "time": self.time}
+        known = {"kind": "simulation", "simulation": self.name, "resolution": self.resolution}
+        if self.time is not None:
+            known["time"] = self.time
+        if self.solver_resolution is not None:
+            known["solver_resolution"] = self.solver_resolution
         return {**known, "fields": list(self.fields)} if self.fields else known
 
     @property
@@ -42,11 +58,34 @@ class SimulationSource:
         """What `field` returns for each member."""
         return self.fields or simulation(self.name).fields[:1]
 
-    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
+    def runs(self, members: Sequence[PlannedMember]) -> list[tuple[PlannedMember, ...]]:
+        """The members grouped by run, those of a run in the order of time."""
+        if self.time is not None:
+            return [(member,) for member in members]
+        found: dict[tuple[tuple[str, float], ...], list[PlannedMember]] = {}
+        for member in members:
+            found.setdefault(tuple(sorted(_but_time(member).items())), []).append(member)
+        return [tuple(sorted(run, key=lambda m: m.parameters[TIME])) for run in found.values()]
+
+    def dumps(self, run: Sequence[PlannedMember], progress: Callable[[float], None]) -> Iterator[dict[str, Field]]:
+        """The fields of some members of one run, one after the other; `progress` is told the fraction of the way to the next."""
         found = simulation(self.name)
-        return found.run_fields(
-            member.parameters, fields=self.names, resolution=self.resolution, time=self.time, progress=progress
-        )
+        how = {"fields": self.names, "resolution": self.resolution, "progress": progress}
+        how["solver_resolution"] = self.solver_resolution
+        if self.time is None:
+            times = [member.parameters[TIME] for member in run]
+            yield from found.dumps(_but_time(run[0]), times=times, **how)
+        else:
+            for member in run:
+                yield found.run_fields(member.parameters, time=self.time, **how)
+
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
+        """The fields of one member, by name."""
+        return next(self.dumps([member], progress))
+
+
+def _but_time(member: PlannedMember) -> dict[str, float]:
+    return {name: value for name, value in member.parameters.items() if name != TIME}
 
 
 @dataclass(frozen=True)
@@ -60,7 +99,7 @@ class Ensemble:
 
 
 def ensemble_of(scene: Scene) -> Ensemble:
-    """The ensemble behind a scene of kind "simulation" or "hdf5".
+    """The ensemble behind a scene of kind "simulation", "hdf5" or "files".
 
     Raises ValueError naming a wrong key of `[source]` or another kind, FileNotFoundError for absent data.
     """
@@ -86,16 +125,63 @@ def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
     if kind == "hdf5":
         if "dataset" in table and fields:
             raise ValueError("fields name the data sets of the file, several or one: leave dataset out")
-        stored = Hdf5Ensemble.open(scene.data_path(), fields or (table.get("dataset", "field"),))
-        return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, stored.datasets)
+        stored = StoredEnsemble.open(scene.data_path(), Mapped(tuple(fields or (table.get("dataset", "field"),))))
+        return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, stored.fields)
+    if kind == "files":
+        return _files(scene, table, tuple(fields))
     found = simulation(table["simulation"])
-    if set(found.parameters) != set(scene.space.names):
-        raise ValueError(
-            f"simulation {found.name} takes the parameters {list(found.parameters)}, the scene has {list(scene.space.names)}"
-        )
+    _check_parameters(found, scene.space.names, "time" in table)
     try:
         found.check_fields(fields or found.fields[:1])
     except ValueError as error:
         raise ValueError(f"source.{error}") from None
-    source = SimulationSource(found.name, int(table["resolution"]), float(table["time"]), fields=tuple(fields))
+    for key, kinds, words in (
+        ("resolution", (int,), "a whole number"),
+        ("solver_resolution", (int,), "a whole number"),
+        ("time", (int, float), "a number"),
+    ):
+        if key in table and type(table[key]) not in kinds:
+            raise ValueError(f"source.{key} must be {words}, got {table[key]!r}")
+    source = SimulationSource(
+        found.name,
+        table["resolution"],
+        float(table["time"]) if "time" in table else None,
+        fields=tuple(fields),
+        solver_resolution=table.get("solver_resolution"),
+    )
     return Ensemble(scene.space, scene.members, source, source.names)
+
+
+def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ensemble:
+    """The ensemble of a table of files; `[[parameters]]` may choose its columns and give their bounds and units."""
+    for key, kinds in (("spacing", (int, float)), ("origin", (int, float)), ("dims", (str,))):
+        value = table.get(key, [0, 0, 0] if kinds[0] is int else ["", "", ""])
+        if not isinstance(value, list) or len(value) != 3 or not all(type(v) in kinds for v in value):
+            raise ValueError(
+                f"source.{key} must be a list of three {'axes' if key == 'dims' else 'numbers'}, got {value!r}"
+            )
+    rows = read_table(scene.data_path(), scene.space.names)
+    place: dict[str, Any] = {key: tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims")}
+    bounds = {p.name: (p.low, p.high) for p in scene.space.parameters}
+    stored = FileEnsemble.of(
+        rows, bounds=bounds, arrays=fields or tuple(filter(None, shown_fields(scene.appearances))), **place
+    )
+    if len(scene.space):
+        stored = replace(stored, space=scene.space)
+    names = stored.arrays or ("",)
+    return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, names)
+
+
+def _check_parameters(found: Simulation, names: Sequence[str], with_time: bool) -> None:
+    """Raise ValueError unless these are the simulation's parameters, and time stands in one place."""
+    if set(names) - {TIME} != set(found.parameters):
+        raise ValueError(
+            f"simulation {found.name} takes the parameters {list(found.parameters)} and, maybe, {TIME!r}; "
+            f"the scene has {list(names)}"
+        )
+    if with_time and TIME in names:
+        raise ValueError("time is one of [[parameters]], so every member says its own: leave it out of [source]")
+    if not with_time and TIME not in names:
+        raise ValueError(
+            f"source of kind simulation lacks time: state it in [source], or make {TIME!r} one of [[parameters]]"
+        )

@@ -1,12 +1,13 @@
-"""What is kept of a member's field, in kilobytes: histogram, range, sampled points.
+"""What is kept of a member's field, in kilobytes: histogram, range, points where something is seen, and points everywhere.
 
 Works through the grid in slabs of whole z-slices, so that its extra memory does not grow with the field.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,11 @@ if TYPE_CHECKING:
 
 BINS = 256
 POINTS = 4000
+EVEN_POINTS = 2000
+EVEN_ROUNDS = 64  # so often is a full set drawn at most where holes swallow points
+GOLDEN = 1.2207440846057596  # g^4 = g + 1
 SLAB_VOXELS = 1 << 20
+ROUNDING = 1e-3
 SEED = 0  # the same field always leaves the same summary
 
 Weights = Callable[[int, int], NDArray[np.float64]]
@@ -60,13 +65,19 @@ def summarize_shown(grids: Mapping[str, Grid], plan: CatalogPlan) -> dict[str, F
 
 
 def summarize(
-    grid: Grid, appearances: Sequence[Appearance], bounds: tuple[float, float], *, points: int = POINTS
+    grid: Grid,
+    appearances: Sequence[Appearance],
+    bounds: tuple[float, float],
+    *,
+    points: int = POINTS,
+    even_points: int = EVEN_POINTS,
 ) -> FieldSummary:
     """The summary of `grid` under `appearances`, its histogram over the ensemble's value range `bounds`.
 
     The histogram counts the values within `bounds`, holes left out; `clipped_fraction` is the share outside.
     Of the points, each appearance gets an equal share: voxels drawn with probability proportional to their opacity
     and jittered within half a voxel (volume rendering), or crossings of the isovalue on grid edges (isosurface).
+    `even_points` more, whatever the appearances, fill the box evenly; there are fewer where it is nearly all holes.
     """
     values = grid.values  # [nz, ny, nx]
     edges = np.linspace(bounds[0], bounds[1], BINS + 1)  # [257]
@@ -82,16 +93,68 @@ def summarize(
     shown = [a for a in appearances if isinstance(a, VolumeRendering | Isosurface)]
     shares = [points // len(shown) + (i < points % len(shown)) for i in range(len(shown))]
     sampled = [_sample(grid, a, n, rng) for a, n in zip(shown, shares, strict=True)]
+    even = sample_evenly(grid, even_points, _shift(low, high, histogram))
     return FieldSummary(
         minimum=low,
         maximum=high,
         clipped_fraction=1.0 - float(histogram.sum()) / known,
         histogram=histogram,
         bin_edges=edges,
-        points=np.concatenate([s[0] for s in sampled]).astype(np.float32),  # [M, 3]
-        point_values=np.concatenate([s[1] for s in sampled]).astype(np.float32),  # [M]
+        points=_narrowed(np.concatenate([s[0] for s in sampled]), min(grid.spacing)),  # [M, 3]
+        point_values=_narrowed(np.concatenate([s[1] for s in sampled]), edges[-1] - edges[0]),  # [M]
         point_opacities=np.concatenate([s[2] for s in sampled]).astype(np.float32),  # [M]
+        even_points=_narrowed(even[0], min(grid.spacing)),  # [E, 3]
+        even_values=_narrowed(even[1], edges[-1] - edges[0]),  # [E]
     )
+
+
+def sample_evenly(
+    grid: Grid, count: int, shift: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """World points (M, 3) that fill the grid's box evenly, none in a cell with a hole at a corner, and values (M,); M <= `count`.
+
+    They are the first ones of a low-discrepancy sequence, the multiples of the generalized golden ratio (Roberts 2018, "The
+    Unreasonable Effectiveness of Quasirandom Sequences"), moved by `shift` (3,) around the box (Cranley and Patterson 1976).
+    """
+    steps = GOLDEN ** -np.arange(1.0, 4.0)  # [3]
+    last = np.array(grid.shape) - 1  # [3]
+    kept = np.empty((0, 3))  # z, y, x
+    for draw in range(EVEN_ROUNDS if grid.holes is not None else 1):
+        numbers = np.arange(draw * count, (draw + 1) * count)[:, None]  # [count, 1]
+        index = (shift + numbers * steps) % 1.0 * last  # [count, 3]
+        kept = np.concatenate([kept, index[_in_whole_cells(grid, index)]])[:count]
+        if len(kept) == count:
+            break
+    return _world(grid, kept), _interpolate(grid.values, kept)
+
+
+def _shift(low: float, high: float, histogram: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Three numbers in [0, 1) that differ from field to field and are always the same for the same one."""
+    content = np.array([low, high], dtype="<f8").tobytes() + histogram.astype("<i8").tobytes()
+    key = int.from_bytes(hashlib.sha256(content).digest()[:16], "little")
+    return np.random.default_rng(key).random(3)
+
+
+def _in_whole_cells(grid: Grid, index: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether no corner of the cell around each fractional index (M, 3) is a hole, (M,)."""
+    whole = np.ones(len(index), dtype=bool)
+    if grid.holes is not None:
+        low = np.minimum(np.floor(index).astype(np.int64), np.array(grid.shape) - 2)  # [M, 3]
+        for corner in np.ndindex(2, 2, 2):
+            whole &= ~grid.holes[tuple((low + corner).T)]
+    return whole
+
+
+def _world(grid: Grid, index: NDArray[np.float64]) -> NDArray[np.float64]:
+    """World points (M, 3) x, y, z of fractional indices (M, 3) z, y, x."""
+    return np.asarray(grid.origin) + index[:, ::-1] * np.asarray(grid.spacing)
+
+
+def _narrowed(numbers: NDArray[np.float64], unit: float) -> NDArray[np.floating]:
+    """`numbers` in float32 where that moves none by more than `ROUNDING` units."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        single = numbers.astype(np.float32)
+        return single if (np.abs(single - numbers) <= ROUNDING * unit).all() else numbers
 
 
 def _sample(
@@ -106,8 +169,7 @@ def _sample(
         index = _opaque_voxels(grid, appearance.transfer_function, count, rng)  # [M, 3]
         values = _interpolate(grid.values, index)  # [M]
         opacities = appearance.transfer_function.opacities(values)  # [M]
-    points = np.asarray(grid.origin) + index[:, ::-1] * np.asarray(grid.spacing)  # [M, 3] x, y, z
-    return points, values, opacities
+    return _world(grid, index), values, opacities
 
 
 def _opaque_voxels(
@@ -180,7 +242,7 @@ def _draw(shape: tuple[int, ...], weights: Weights, count: int, rng: np.random.G
     return np.concatenate(drawn).astype(np.int64)
 
 
-def _interpolate(values: NDArray[np.float32], index: NDArray[np.float64]) -> NDArray[np.float64]:
+def _interpolate(values: NDArray[Any], index: NDArray[np.float64]) -> NDArray[np.float64]:
     """Trilinear values (M,) at fractional indices (M, 3); the nearest voxel's where a neighbour is not finite."""
     low = np.floor(index).astype(np.int64)  # [M, 3]
     high = np.minimum(low + 1, np.array(values.shape) - 1)

@@ -29,7 +29,10 @@ class StopRequested(Exception):
 
 @dataclass(frozen=True)
 class Report:
-    """What a worker did for a member: a `stage` ("simulate", "pilot" or "render") entered and its fraction done."""
+    """What a worker did for a member: a `stage` ("simulate", "pilot", "render") entered and its fraction done, or the member left.
+
+    It leaves one that is "done", has "failed" or is "stored" for later.
+    """
 
     member: str
     stage: str

@@ -1,45 +1,224 @@
-"""One field from one file: numpy's .npy, or anything that pyvista reads (VTK, XDMF, EnSight, CGNS, ...)."""
+"""One field from one file: numpy's .npy and .npz, HDF5, netCDF, Zarr, or anything that pyvista reads (VTK, XDMF, EnSight, ...)."""
 
 from __future__ import annotations
 
+import gzip
 import os
-from collections.abc import Sequence
+import re
+import shutil
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from insitu.field import Field
+from insitu.readers.arrays import ZARR, Arrays, StoredArray, check_room, is_store, open_arrays
+from insitu.readers.attributes import wanted_array
+from insitu.readers.placing import placed_field
 from render.datasets import to_grid
+from render.labelled import axis_order
 
 if TYPE_CHECKING:
     from render.grids import Grid
+
+Triple = Sequence[float] | None
+PICKLES = {".pkl", ".pickle"}  # which pyvista would run
+HEADER = 1 << 16  # bytes in which a VTK file says how large it is
+READING = (ValueError, TypeError, OSError, EOFError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile)
 
 
 def read_field(
     path: str | os.PathLike[str],
     *,
     array: str | None = None,
-    spacing: Sequence[float] | None = None,
+    spacing: Triple = None,
+    origin: Triple = None,
+    dims: Sequence[str] | None = None,
     nan: str = "refuse",
 ) -> Grid:
-    """The field stored in `path` as a grid.
+    """The field stored in `path` as a grid; arguments are those of `read_data`, `nan` as in `render_member`."""
+    found = read_data(path, array=array, spacing=spacing, origin=origin, dims=dims)
+    try:
+        return to_grid(found, nan=nan, warn=False)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def read_data(
+    path: str | os.PathLike[str],
+    *,
+    array: str | None = None,
+    spacing: Triple = None,
+    origin: Triple = None,
+    dims: Sequence[str] | None = None,
+) -> Any:
+    """One field of a file, as `to_grid` takes it, with its place.
 
     Parameters
     ----------
-    array : which array of a VTK file; may be left out where there is only one.
-    spacing : (x, y, z) world units, for .npy files, which hold (z, y, x) values and nothing else.
-    nan : as in `render_member`.
+    array : which of several; may be left out where there is only one.
+    spacing, origin : (x, y, z), world units, for files that do not say: .npy files, and arrays without coordinates.
+    dims : what the axes of an array are, in its own order, as in `render_member`.
 
-    Raises FileNotFoundError, or ValueError naming the file and what is wrong with it.
+    Files ending with .gz are unpacked first.  No code of a file is run, and what it claims to hold is compared with the memory
+    that is free before it is read.  Raises FileNotFoundError, or ValueError naming the file and what is wrong with it.
     """
     path = Path(path)
-    if not path.is_file():
+    if not is_field_file(path):
         raise FileNotFoundError(f"there is no file {path}")
     try:
+        if path.suffix == ".gz":
+            with _unpacked(path) as inner:
+                return read_data(inner, array=array, spacing=spacing, origin=origin, dims=dims)
         if path.suffix == ".npy":
-            return to_grid(np.load(path, mmap_mode="r", allow_pickle=False), spacing=spacing, nan=nan, warn=False)
-        import pyvista
+            check_room(path.stat().st_size, "it")
+            values = np.load(path, mmap_mode="r", allow_pickle=False)
+            return _plain(values, "", spacing, origin, dims)
+        if path.suffix == ".npz":
+            return _packed(path, array, spacing, origin, dims)
+        if is_store(path):
+            with open_arrays(path) as arrays:
+                return placed_field(arrays, _volume(arrays, array), spacing=spacing, origin=origin, dims=dims)
+        if spacing is not None or origin is not None or dims is not None:
+            raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
+        return _vtk(path, array)
+    except READING as error:
+        told = str(error).removeprefix(f"{path}: ") or type(error).__name__
+        raise ValueError(f"{path}: {told}") from error
 
-        return to_grid(pyvista.read(path), array=array, nan=nan, warn=False)
-    except (ValueError, TypeError, OSError, EOFError, KeyError) as error:
-        raise ValueError(f"{path}: {error}") from error
+
+def is_field_file(path: Path) -> bool:
+    """Whether a path is a file, or a folder that counts as one; a pipe or a device is none."""
+    return path.is_file() or (path.is_dir() and path.suffix in ZARR)
+
+
+def _plain(values: NDArray[Any], name: str, spacing: Triple, origin: Triple, dims: Sequence[str] | None) -> Field:
+    """Values without a place of their own."""
+    if dims is not None and values.ndim == 3:
+        order = axis_order("012", dims)
+        values = values.transpose([int(order[letter]) for letter in "zyx"])
+    one, zero = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+    return Field(values, tuple(spacing or one), tuple(origin or zero), name)  # type: ignore[arg-type]
+
+
+def _packed(path: Path, array: str | None, spacing: Triple, origin: Triple, dims: Sequence[str] | None) -> Field:
+    """An array of a .npz file; `spacing` and `origin` may be arrays beside it."""
+    with np.load(path, mmap_mode=None, allow_pickle=False) as held:
+        shapes = {name: _claimed(held, name) for name in held.files}
+        volumes = [name for name, shape in shapes.items() if len(shape) == 3]
+        if array is None and len(volumes) != 1:
+            raise ValueError(f"name the array to render: it has {shapes or 'none'}")
+        if array is not None and array not in shapes:
+            raise ValueError(f"no array {array!r}: it has {shapes or 'none'}")
+        if spacing is None and shapes.get("spacing") == (3,):
+            spacing = [float(v) for v in held["spacing"]]
+        if origin is None and shapes.get("origin") == (3,):
+            origin = [float(v) for v in held["origin"]]
+        name = volumes[0] if array is None else array
+        return _plain(held[name], name, spacing, origin, dims)
+
+
+def _claimed(held: Any, name: str) -> tuple[int, ...]:
+    """The shape that an array of a .npz file claims; raises ValueError where its bytes are others, or too many."""
+    inner = name if name in held.zip.namelist() else f"{name}.npy"
+    with held.zip.open(inner) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(stream)
+    size = float(np.prod(shape, dtype=np.float64)) * kind.itemsize
+    check_room(int(size), f"array {name!r}")
+    if size > held.zip.getinfo(inner).file_size:
+        raise ValueError(f"array {name!r} claims {size:.3g} bytes, more than are stored")
+    return tuple(shape)
+
+
+def _volume(arrays: Arrays, name: str | None) -> StoredArray:
+    """The array with three axes (others have one value each) that is asked for, or the only one."""
+    if name is not None:
+        found = wanted_array(arrays, name)
+        if found is None or not found.is_real:
+            raise ValueError(f"there is no array {name!r} of numbers; the file holds {arrays}")
+        return found
+    volumes = [a for a in arrays.arrays.values() if a.is_real and sum(size > 1 for size in a.shape) == 3]
+    if len(volumes) != 1:
+        raise ValueError(f"name the array to render; the file holds {arrays}")
+    return volumes[0]
+
+
+def _vtk(path: Path, array: str | None) -> Any:
+    """A data set that pyvista reads, with the one array alone."""
+    import pyvista
+
+    if path.suffix.lower() in PICKLES:
+        raise ValueError("pickled files run code when they are read: save the data set as .vti, .vtu or the like")
+    _check_claims(path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found: Any = pyvista.read(path)
+    failed = [str(w.message) for w in caught if "raised an error" in str(w.message)]
+    if failed:
+        raise ValueError(" ".join(failed[0].split())[:300])
+    if isinstance(found, pyvista.MultiBlock):
+        blocks = [block for block in found.recursive_iterator() if block is not None and block.n_cells]
+        if not blocks:
+            raise ValueError("it holds no block with cells")
+        found = blocks[0] if len(blocks) == 1 else found
+    else:
+        blocks = [found]
+    if array is not None:
+        _keep_only(array, blocks)
+    return found
+
+
+def _keep_only(array: str, blocks: Sequence[Any]) -> None:
+    """Remove the other arrays of data sets; raises ValueError listing them where there is no such array."""
+    held = sorted({name for block in blocks for name in [*block.point_data.keys(), *block.cell_data.keys()]})
+    if array not in held:
+        raise ValueError(f"no array {array!r}: it has {held or 'none'}")
+    for data in [part for block in blocks for part in (block.point_data, block.cell_data)]:
+        for name in data.keys():  # noqa: SIM118 - they change on the way
+            if name != array and not name.startswith("vtk"):
+                del data[name]
+
+
+def _check_claims(path: Path) -> None:
+    """Raise ValueError where the file, or the extent in its header, takes more memory than there is."""
+    check_room(path.stat().st_size, "it")
+    with path.open("rb") as file:
+        head = file.read(HEADER).decode("latin-1")
+    extents = re.findall(r'WholeExtent="\s*([-\d\s]+?)\s*"', head)
+    for extent in (list(map(int, found.split())) for found in extents):
+        if len(extent) == 6:
+            check_room(
+                _samples([high - low + 1 for low, high in zip(extent[::2], extent[1::2], strict=True)]), "its extent"
+            )
+    for found in re.findall(r"(?m)^DIMENSIONS\s+(\d+)\s+(\d+)\s+(\d+)", head):
+        check_room(_samples(list(map(int, found))), "its DIMENSIONS")
+    for found in re.findall(r'NumberOf(?:Points|Cells)="\s*(\d+)\s*"|(?m:^POINTS\s+(\d+))', head):
+        check_room(12 * int(found[0] or found[1]), "its number of points or cells")
+
+
+def _samples(counts: Sequence[int]) -> int:
+    """Bytes of as many float32."""
+    return 4 * int(np.prod([float(max(0, count)) for count in counts]))
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[Path]:
+    """A temporary copy of what a .gz file holds, under its inner name."""
+    with tempfile.TemporaryDirectory() as folder:
+        inner = Path(folder, path.stem)
+        with gzip.open(path) as packed, inner.open("wb") as file:
+            room = shutil.disk_usage(folder).free
+            while block := packed.read(1 << 20):
+                if (room := room - len(block)) < 0:
+                    raise ValueError(f"unpacked, it has no room in {folder}")
+                check_room(file.tell() + len(block), "unpacked, it")
+                file.write(block)
+        yield inner

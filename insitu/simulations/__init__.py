@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -11,7 +11,7 @@ from insitu.field import Field
 
 __all__ = ["Field", "Simulation", "simulation"]
 
-_HOMES = {"taylor_green": "insitu.simulations.taylor_green"}
+_HOMES = {"taylor_green": "insitu.simulations.taylor_green_fields"}
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,15 @@ class Simulation:
     fields : the names of what it can tell of a member.
     run_fields : (parameters, *, fields, resolution, time, progress=None, solver_resolution=None) gives the fields of these names
         at `time` on `resolution`³ points, solved on `solver_resolution`³; `progress` is called with the finished fraction.
+    dumps : the same for several ascending `times` in place of `time`: yields the fields at one after the other, of a single run.
+        What it gives at a time does not depend on the other times; `progress` is told the fraction of the way to the next.
     """
 
     name: str
     parameters: tuple[str, ...]
     fields: tuple[str, ...]
     run_fields: Callable[..., dict[str, Field]]
+    dumps: Callable[..., Iterator[dict[str, Field]]]
 
     def run(self, parameters: Mapping[str, float], **how: Any) -> Field:
         """The first of its fields; the other arguments are those of `run_fields`."""

@@ -19,7 +19,7 @@ such sizes a transform is cheapest as three small matrix products, which also le
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.simulations import Field, Simulation
 from insitu.simulations.runge_kutta import Modes, State, Tendency, last_of
 from insitu.simulations.runge_kutta import steps as runge_kutta_steps
 
@@ -41,6 +40,7 @@ Matrices = tuple[NDArray[Any], ...]
 
 U, V, W = (True, False, False), (False, True, False), (False, False, True)
 U_U, U_V, U_W = (False, False, False), (True, True, False), (True, False, True)
+NEVER = 1e4  # a time beyond all runs: on the way there, steps are as long as the CFL number allows
 PARITY_SIGN = np.array([1.0, -1.0], dtype=np.float32).reshape(2, 1, 1, 1)
 
 
@@ -298,57 +298,3 @@ def _transform(values: NDArray[Any], matrices: Sequence[NDArray[Any]]) -> NDArra
         flat = values.reshape(*batch, first, second * third).swapaxes(-1, -2)
         values = (flat @ matrix).reshape(*batch, second, third, matrix.shape[-1])
     return values
-
-
-def _magnitude(vector: NDArray[Any]) -> NDArray[Any]:
-    """(3, z, y, x) to (z, y, x)."""
-    return np.asarray(np.sqrt(np.einsum("i...,i...->...", vector, vector)))
-
-
-FIELDS: dict[str, tuple[str, Callable[[TaylorGreen, State], NDArray[Any]]]] = {
-    "q_criterion": ("Q", lambda flow, state: flow.q_criterion(state)),
-    "speed": ("|u|", lambda flow, state: _magnitude(flow.velocity(state))),
-    "vorticity": ("|∇ x u|", lambda flow, state: _magnitude(flow.vorticity(state))),
-}
-"""What a scene may show of the flow: a symbol, and how it is had on the grid points (z, y, x)."""
-
-
-def run_fields(
-    parameters: Mapping[str, float],
-    *,
-    fields: Sequence[str],
-    resolution: int,
-    time: float,
-    progress: Callable[[float], Any] | None = None,
-    solver_resolution: int | None = None,
-) -> dict[str, Field]:
-    """Some of `FIELDS` at `time` for the Reynolds number `parameters["Re"]`, on `resolution`³ points.
-
-    With a finer `solver_resolution` the flow is solved on more points and then coarsened: small eddies that the field
-    cannot hold still act on those it does.  At t = 5 that is what makes 64³ a converged field (docs/taylor_green.md).
-
-    Raises ValueError where parameters other than Re are given or Re is missing, for resolutions that cannot be and for unknown
-    fields.
-    """
-    if set(parameters) != {"Re"}:
-        raise ValueError(f"the Taylor-Green vortex has the one parameter Re, got {sorted(parameters)}")
-    SIMULATION.check_fields(fields)
-    field_flow = TaylorGreen(resolution=resolution, reynolds=float(parameters["Re"]))
-    flow = field_flow if solver_resolution is None else replace(field_flow, resolution=solver_resolution)
-    if flow.resolution < resolution:
-        raise ValueError(f"solver_resolution must be at least the field's {resolution}, got {solver_resolution}")
-    state = start = flow.initial()
-    for state in flow.steps(start, time):
-        if progress is not None:
-            progress(state.time / time)
-    flow, state = flow.coarsened(state, resolution)
-    return {name: _field(name, flow, state) for name in fields}
-
-
-def _field(name: str, flow: TaylorGreen, state: State) -> Field:
-    symbol, values = FIELDS[name]
-    return Field(values(flow, state), flow.spacing, flow.origin, name=symbol, unit="", time=state.time)
-
-
-SIMULATION = Simulation("taylor_green", ("Re",), tuple(FIELDS), run_fields)
-run = SIMULATION.run

@@ -1,0 +1,28 @@
+"""`insitu dataset`: a scene's catalog."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from insitu.commands.shell import NAMED_FILE, PATH, SHARD, WORKERS, command, fail_on, how_to_run
+
+
+@click.command()
+@click.argument("scene", type=NAMED_FILE)
+@click.option("--runs", default="runs", show_default=True, type=PATH, help="Folder of all results.")
+@WORKERS
+@SHARD
+def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> None:
+    """Make the data set of SCENE (a TOML file); goes on where it was interrupted."""
+    with command() as line:
+        from catalogs.scene import Scene
+        from insitu.dataset import make_dataset
+
+        result = make_dataset(Scene.load(scene), runs, **how_to_run(line, workers, shard))
+        fail_on(result.failures)
+    if result.made:
+        click.echo(f"{result.catalog}: {result.members} members, {result.made} new, {result.seconds:.0f} s in all")
+    else:
+        click.echo(f"{result.catalog}: nothing to do")

@@ -1,0 +1,82 @@
+"""`insitu ensemble`: an ensemble that is stored already."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from insitu.commands import shell
+from insitu.commands.reading import Reading, appearances_of, pilots, reading_options, suggested
+from insitu.commands.shell import command, fail_on, how_to_run
+
+
+@click.command()
+@click.argument("source")
+@shell.CATALOG
+@shell.SCENE
+@shell.APPEARANCE
+@reading_options
+@shell.SIZE
+@shell.DECIBELS
+@click.option("--validation", default=0, show_default=True, help="Training members to set aside for validation.")
+@click.option("--seed", default=0, show_default=True, help="Draws the validation members.")
+@shell.EXISTING
+@shell.NAN
+@shell.WORKERS
+@shell.SHARD
+def ensemble(
+    source: str,
+    catalog: Path,
+    scene: Path | None,
+    appearance: Path | None,
+    size: int | None,
+    target_decibels: float | None,
+    validation: int,
+    seed: int,
+    existing: Any,
+    nan: str,
+    workers: int | None,
+    shard: str | None,
+    **reading: Any,
+) -> None:
+    """Render a stored ensemble.
+
+    \b
+    SOURCE is one of
+      TABLE.csv                       path,Re,time: a file and its parameters a row; also split, name
+      'run_{Re}/dump_{time}.vti'      files whose paths name the parameters
+      ENSEMBLE.h5 (.nc, .zarr)        one file with all members, found by its structure
+
+    Files may be of any format that pyvista reads, .npy, .npz, HDF5, netCDF or Zarr.  A new catalog is shown as --scene or
+    --appearance say, else as `insitu probe` suggests, which is printed.  With a catalog that exists, what is left out is the
+    catalog's; members that it holds are skipped.
+    """
+    with command() as line:
+        from catalogs.scene import Scene, ViewPlan
+        from insitu.ensemble import run_ensemble
+        from insitu.planning import PlanOptions
+
+        if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
+            raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
+        how = how_to_run(line, workers, shard)
+        asked = None if scene is None else Scene.load(scene)
+        given, known = appearances_of(catalog, appearance, asked)
+        stored = Reading(**reading).open(source, given or known)
+        members = stored.members(validation, seed)
+        click.echo(str(stored))
+        if asked is not None:
+            members, options = asked.assigned(members), PlanOptions.of_scene(asked, stored.space)
+        else:
+            if not given and not known:
+                suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
+                click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
+                given = tuple(suggestion.appearance for suggestion in suggestions)
+            size = size or (None if known else 256)
+            views = None if size is None else ViewPlan(width=size, height=size)
+            options = PlanOptions(stored.space, given, views, target_decibels=target_decibels)
+        result = run_ensemble(catalog, members, stored, options, nan=nan, existing=existing, **how)
+        line.close()
+        click.echo(repr(result))
+        fail_on(result.failures)

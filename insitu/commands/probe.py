@@ -1,0 +1,91 @@
+"""`insitu probe`: what is in a field, and how it may be shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from insitu.commands import shell
+from insitu.commands.reading import Reading, is_ensemble, pilots, suggested
+from insitu.commands.shell import command
+
+
+@click.command()
+@click.argument("sources", nargs=-1, required=True, type=shell.PATH)
+@click.option("--members", "count", default=5, show_default=True, help="Pilot members of an ensemble to look at.")
+@click.option("--alpha", default=0.5, show_default=True, help="Mean alpha that the foreground should have.")
+@click.option(
+    "--array",
+    "arrays",
+    multiple=True,
+    help="Which of several fields: an array of VTK files, a data set of HDF5, a field of a scene; several, one by one.",
+)
+@click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
+@shell.NAN
+@click.option("--preview", type=shell.PATH, help="Write a picture of the suggestion (PNG).")
+def probe(
+    sources: tuple[Path, ...],
+    count: int,
+    alpha: float,
+    arrays: tuple[str, ...],
+    spacing: tuple[float, float, float] | None,
+    nan: str,
+    preview: Path | None,
+) -> None:
+    """Look at pilot members and suggest a transfer function.
+
+    SOURCES: a scene's TOML file (its simulation is run, or its file read); an ensemble, as `insitu ensemble` takes it; or one file
+    per member (.npy, .npz, HDF5, netCDF, Zarr, or whatever pyvista reads).
+    """
+    with command():
+        fields = _read(sources, count, arrays, spacing or None, nan)
+        for name, (found, suggestion) in suggested(fields, alpha).items():
+            if len(fields) > 1:
+                click.echo(f"field {name}")
+            click.echo(str(found))
+            click.echo(f"mean foreground alpha by member: {', '.join(f'{a:.2f}' for a in suggestion.alphas)}\n")
+            click.echo(suggestion.toml())
+            if preview is not None:
+                _preview(preview, fields[name], suggestion.appearance, name if len(fields) > 1 else "")
+
+
+def _preview(path: Path, grids: dict[str, Any], appearance: Any, field: str) -> None:
+    """A picture of the suggestion; of one of several fields beside `path`, with the appearance in its name."""
+    from catalogs.images import write_image
+    from insitu.suggestion import contact_sheet
+
+    path = path.with_stem(f"{path.stem}-{appearance.name}") if field else path
+    write_image(path, contact_sheet(list(grids.values()), appearance))
+    click.echo(f"# {path}: one member per row")
+
+
+def _read(
+    sources: tuple[Path, ...], count: int, arrays: tuple[str, ...], spacing: tuple[float, float, float] | None, nan: str
+) -> dict[str, dict[str, Any]]:
+    """Grids by field and member of what is to be looked at."""
+    first = sources[0]
+    if len(sources) == 1 and first.suffix == ".toml":
+        from catalogs.scene import Scene
+        from insitu.sources import ensemble_of
+
+        asked = ensemble_of(Scene.load(first))
+        return _chosen(pilots(asked.source, asked.members, count, nan, asked.space), arrays)
+    from insitu.readers.files import read_field
+
+    if len(sources) == 1 and is_ensemble(first):
+        stored = Reading(arrays=arrays, spacing=spacing).open(str(first))
+        return pilots(stored, stored.members(), count, nan)
+    return {
+        array or "": {p.name: read_field(p, array=array, spacing=spacing, nan=nan) for p in sources}
+        for array in arrays or (None,)
+    }
+
+
+def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """The fields asked for by name, all by default."""
+    unknown = [name for name in names if name not in fields]
+    if unknown:
+        raise ValueError(f"--array: the scene's fields are {list(fields)}, got {unknown}: name more in source.fields")
+    return {name: fields[name] for name in names} or fields

@@ -1,0 +1,176 @@
+"""Where the members of an ensemble lie: options that several commands share, and what they open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from insitu.file_ensemble import FileEnsemble
+    from insitu.readers.stored import StoredEnsemble
+
+TABLES = {".csv", ".tsv", ".txt"}
+TRIPLE = (float, float, float)
+OPTIONS = (
+    click.option(
+        "--array",
+        "--dataset",
+        "--field",
+        "arrays",
+        multiple=True,
+        help="Array that holds the field; several, one by one.  [default: those that appearances name, else the only one]",
+    ),
+    click.option("--parameters", metavar="A,B", help="Arrays, attributes or columns that are the parameters."),
+    click.option("--names", metavar="A,B", help="Names of the columns of one array of parameters."),
+    click.option("--units", metavar="U,V", help="Units of the parameters."),
+    click.option("--split", metavar="ARRAY", help="Array of train, validation and test."),
+    click.option(
+        "--bounds",
+        type=(str, float, float),
+        multiple=True,
+        metavar="NAME LOW HIGH",
+        help="Range of a parameter.  [default: as the file says, else that of the members]",
+    ),
+    click.option("--spacing", type=TRIPLE, metavar="X Y Z", help="Distance between values, where files do not say."),
+    click.option("--origin", type=TRIPLE, metavar="X Y Z", help="Place of the first value, where files do not say."),
+    click.option("--dims", metavar="z,y,x", help="What the last axes of arrays are, in the arrays' own order."),
+)
+
+
+def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of `Reading`, as the keyword arguments that it takes."""
+    for option in reversed(OPTIONS):
+        function = option(function)
+    return function
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The options, as click hands them over."""
+
+    arrays: tuple[str, ...] = ()
+    parameters: str | None = None
+    names: str | None = None
+    units: str | None = None
+    split: str | None = None
+    bounds: tuple[tuple[str, float, float], ...] = ()
+    spacing: tuple[float, float, float] | None = None
+    origin: tuple[float, float, float] | None = None
+    dims: str | None = None
+
+    def open(self, source: str, shown: Any = ()) -> StoredEnsemble | FileEnsemble:
+        """The ensemble of a table, a pattern or one file; `shown` are the appearances that name its fields, if any.
+
+        Raises ValueError or FileNotFoundError naming what is missing.
+        """
+        from catalogs.appearance import shown_fields
+        from insitu.fields import check_names
+        from insitu.readers.arrays import is_store
+        from insitu.readers.layout import Mapped
+        from insitu.readers.stored import StoredEnsemble
+        from insitu.readers.tables import is_pattern
+
+        arrays = self.arrays or tuple(filter(None, shown_fields(shown)))
+        if is_pattern(source) or Path(source).suffix.lower() in TABLES:
+            return self._files(source, arrays)
+        if not is_store(Path(source)):
+            raise ValueError(
+                f"{source} is no ensemble: name a table of files (.csv), a pattern of files such as 'run_{{Re}}.vti', or one HDF5, "
+                "netCDF or Zarr file"
+            )
+        mapped = Mapped(
+            arrays,
+            listed(self.parameters),
+            listed(self.names),
+            listed(self.units),
+            self.split,
+            listed(self.dims) or None,
+        )
+        stored = StoredEnsemble.open(source, mapped, spacing=self.spacing, origin=self.origin, bounds=self.ranges)
+        if shown:
+            check_names(stored.fields, shown, shown)
+        return stored
+
+    def _files(self, source: str, arrays: tuple[str, ...]) -> FileEnsemble:
+        from insitu.file_ensemble import FileEnsemble
+        from insitu.readers.tables import is_pattern, match_files, read_table
+
+        if self.names or self.split:
+            raise ValueError("--names and --split are of one file that holds all members; a table has columns")
+        wanted = listed(self.parameters)
+        table = match_files(source).only(wanted) if is_pattern(source) else read_table(source, wanted)
+        return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **self.place)
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Bounds by parameter."""
+        return {name: (low, high) for name, low, high in self.bounds}
+
+    @property
+    def place(self) -> dict[str, Any]:
+        """Where values lie in files that do not say."""
+        return {"spacing": self.spacing, "origin": self.origin, "dims": listed(self.dims) or None}
+
+
+def is_ensemble(path: Path) -> bool:
+    """Whether a path is a table, a pattern, or one file with several members."""
+    from insitu.readers.arrays import is_store, open_arrays
+    from insitu.readers.tables import is_pattern
+
+    if is_pattern(str(path)) or path.suffix.lower() in TABLES:
+        return True
+    if not is_store(path):
+        return False
+    with open_arrays(path) as arrays:
+        volumes = [a for a in arrays.arrays.values() if a.is_real and len(a.shape) >= 3 and min(a.shape[-3:]) > 1]
+        return any(len(a.shape) > 3 for a in volumes) or len({a.group for a in volumes}) > 1
+
+
+def listed(text: str | None) -> tuple[str, ...]:
+    """The words between commas."""
+    return tuple(word.strip() for word in text.split(",")) if text else ()
+
+
+def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -> dict[str, dict[str, Any]]:
+    """Grids by field and member of `count` members that lie far apart."""
+    from insitu.ensemble import pilot_members
+    from render.datasets import to_grid
+    from render.labelled import is_labelled_set
+
+    fields: dict[str, dict[str, Any]] = {}
+    for member in pilot_members(members, space or source.space, count):
+        click.echo(f"reading {member.name} {dict(member.parameters)}", err=True)
+        held = source.field(member, lambda fraction: None)
+        held = held if isinstance(held, dict) and not is_labelled_set(held) else {"": held}
+        for name, field in held.items():
+            try:
+                fields.setdefault(name, {})[member.name] = to_grid(field, nan=nan, warn=False)
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"field {name!r} of {member.name}: {error}") from error
+    return fields
+
+
+def suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str, tuple[Any, Any]]:
+    """What is in each field, and how it may be shown; one of several fields is named by its appearance."""
+    from insitu.probe import probe_fields
+    from insitu.suggestion import appearance_names, suggest
+
+    found, names = {}, appearance_names(list(fields))
+    for name, grids in fields.items():
+        probe = probe_fields(grids)
+        of = {"name": names[name], "field": name} if len(fields) > 1 else {}
+        found[name] = probe, suggest(probe, list(grids.values()), alpha=alpha, **of)
+    return found
+
+
+def appearances_of(catalog: Path, appearance: Path | None, scene: Any) -> tuple[Any, Any]:
+    """(given, known): the appearances that a file or a scene states, None without; and those of the catalog, if it exists."""
+    from catalogs.catalog import Catalog
+    from insitu.planning import appearances_from_toml, is_catalog
+
+    known: Sequence[Any] = Catalog.open(catalog).plan.appearances if is_catalog(catalog) else ()
+    return (appearances_from_toml(appearance) if appearance else scene.appearances if scene else None), known

@@ -1,0 +1,81 @@
+"""What all commands share: types of arguments, how work is told and how it ends."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from catalogs.progress import ProgressLine
+
+PATH = click.Path(path_type=Path)
+NAMED_FILE = click.Path(dir_okay=False, path_type=Path)  # whose absence is told in our own words
+FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+NAN = click.option(
+    "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
+)
+WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
+SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
+CATALOG = click.option("--catalog", required=True, type=PATH, help="The .cdb folder to write.")
+SCENE = click.option("--scene", type=NAMED_FILE, help="Take appearances and views from this scene.")
+APPEARANCE = click.option(
+    "--appearance",
+    "--appearances",
+    "appearance",
+    type=FILE,
+    help="TOML file of [[appearance]] tables, as `insitu probe` prints them.",
+)
+SIZE = click.option(
+    "--size", type=click.IntRange(min=1), help="Width and height of the images in pixels.  [default: 256]"
+)
+EXISTING = click.option(
+    "--existing",
+    type=click.Choice(["error", "skip", "replace"]),
+    default="error",
+    show_default=True,
+    help="Stored members whose file has changed: name them and stop, keep them, or render them anew.",
+)
+DECIBELS = click.option("--target-decibels", type=float, help="PSNR that volume rendering must reach.  [default: 50]")
+
+
+def how_to_run(line: ProgressLine, workers: int | None, shard: str | None) -> dict[str, Any]:
+    """Arguments of `run_ensemble`; `line` tells progress and warnings."""
+    index, sign, count = ("1/1" if shard is None else shard).partition("/")
+    if not sign or not index.isdigit() or not count.isdigit():
+        raise ValueError(f"--shard takes I/N, such as 1/4, got {shard!r}")
+    part = int(index), int(count)
+    return {"workers": workers, "shard": part, "progress": line, "warn": lambda note: line.say(f"Warning: {note}")}
+
+
+def fail_on(failures: Mapping[str, str]) -> None:
+    """End the command with an error that tells why members failed, if any did."""
+    if failures:
+        from insitu.ensemble import failure_lines
+
+        lines = "\n".join(failure_lines(failures))
+        raise click.ClickException(f"{len(failures)} members failed; the same command tries them again:\n{lines}")
+
+
+@contextmanager
+def command() -> Iterator[ProgressLine]:
+    """Run a command with a progress line; mistakes that a user can mend are told in one plain line.
+
+    SIGTERM, as batch systems send it, ends the work like Ctrl-C.
+    """
+    in_main = threading.current_thread() is threading.main_thread()  # signals are its alone
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
+    try:
+        with ProgressLine() as line:
+            yield line
+    except (ValueError, OSError, RuntimeError) as error:
+        raise click.ClickException(str(error)) from error
+    except KeyboardInterrupt:
+        raise click.ClickException("interrupted; the same command goes on from here") from None
+    finally:
+        if in_main:
+            signal.signal(signal.SIGTERM, previous)

@@ -1,0 +1,154 @@
+"""What the attributes and small arrays of a file say of its parameters: names, units, bounds and splits."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.parameters import SPLITS
+from insitu.readers.arrays import Arrays, StoredArray
+
+SPLIT = "split"
+SPLIT_WORDS = {"training": "train", "val": "validation", "valid": "validation", "testing": "test"}
+LOWER, UPPER = ("lower", "low", "min", "lower_bounds", "minimum"), ("upper", "high", "max", "upper_bounds", "maximum")
+BOTH = ("bounds", "ranges", "limits", "parameter_bounds", "parameter_ranges", "param_bounds")
+NAMES = ("names", "parameter_names", "param_names", "columns", "labels")
+
+
+def asking(arrays: Arrays, missing: Iterable[str]) -> ValueError:
+    """The error that asks for what is missing, in one sentence, with what is there."""
+    return ValueError(f"please give {' and '.join(missing)}; the file holds {arrays}")
+
+
+def wanted_array(arrays: Arrays, name: str) -> StoredArray | None:
+    """The array of this name: its path, or the only one whose path ends so."""
+    if name in arrays.arrays:
+        return arrays.arrays[name]
+    ends = [a for a in arrays.arrays.values() if a.stem == name]
+    return ends[0] if len(ends) == 1 else None
+
+
+def table_of(array: StoredArray) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Parameters [M, P] and, where the array names its columns, their names."""
+    held = array.read()
+    if array.dtype.names:
+        return np.stack([held[n] for n in array.dtype.names], axis=1).astype(np.float64), tuple(array.dtype.names)
+    if held.ndim == 1:
+        held = held[:, None]
+    if held.ndim != 2 or held.dtype.kind not in "fiu":
+        raise ValueError(f"{array!r} must hold one row of numbers a member")
+    return held.astype(np.float64), ()
+
+
+def numbers_of(array: StoredArray) -> NDArray[np.float64]:
+    """One parameter of every member [M]."""
+    if len(array.shape) != 1 or array.dtype.kind not in "fiu":
+        raise ValueError(f"{array!r} must hold one number a member")
+    return array.read().astype(np.float64)
+
+
+def attributes_about(arrays: Arrays, array: StoredArray) -> dict[str, Any]:
+    """The attributes of the file, of the groups above an array, and its own: the nearest hold."""
+    found = dict(arrays.attrs.get("", {}))
+    path = ""
+    for part in array.group.split("/") if array.group else ():
+        path = f"{path}/{part}" if path else part
+        found.update(arrays.attrs.get(path, {}))
+    return {**found, **array.attrs}
+
+
+def column_names(arrays: Arrays, columns: StoredArray, count: int, fields: Sequence[StoredArray]) -> tuple[str, ...]:
+    """Names of `count` columns; raises ValueError asking for them."""
+    found: dict[str, tuple[str, ...]] = {}
+    for array in (*fields, columns):
+        about = attributes_about(arrays, array)
+        found |= {
+            k: words for k, v in about.items() if "unit" not in k.lower() and len(words := words_of(v, count)) == count
+        }
+    for array in arrays.arrays.values():  # names may be an array of words
+        if array.shape == (count,) and array.dtype.kind in "OSUT":
+            found[array.name] = tuple(map(as_text, array.read()))
+    ranked = [k for k in found if k.lower().rpartition("/")[2] in NAMES]
+    ranked += [k for k in found if "name" in k.lower()] + [
+        k for k in found if re.search("param|column|label|variable", k.lower())
+    ]
+    candidates = ranked or (list(found) if len(found) == 1 else [])
+    if not candidates:
+        more = f": attributes {sorted(found)} could be they" if found else ""
+        raise asking(arrays, [f"--names, the names of the {count} columns of {columns.name!r}{more}"])
+    return found[candidates[0]]
+
+
+def column_units(arrays: Arrays, columns: StoredArray, count: int, fields: Sequence[StoredArray]) -> tuple[str, ...]:
+    """Units of `count` columns, from attributes of the parameters, else of the file; "" where these say nothing of each."""
+    about = {**attributes_about(arrays, fields[0] if fields else columns), **columns.attrs}
+    own = {**arrays.attrs.get("", {}), **columns.attrs}
+    keys = [k for k in about if "unit" in k.lower() and (k in own or "param" in k.lower())]
+    found = (words_of(about[k], count, empty=True) for k in sorted(keys, key=lambda k: "param" not in k.lower()))
+    return next((words for words in found if len(words) == count), ("",) * count)
+
+
+def words_of(value: Any, count: int, *, empty: bool = False) -> tuple[str, ...]:
+    """The words of an attribute: an array of them, a JSON list, or one text that separates them by comma, semicolon or space."""
+    held = np.asarray(value)
+    if held.dtype.kind in "OSUT" and held.ndim == 1:
+        return tuple(map(as_text, held))
+    if held.ndim or held.dtype.kind not in "OSUT":
+        return ()
+    text = as_text(held.item() if held.dtype.kind != "T" else str(held)).strip()
+    if text.startswith("["):
+        try:
+            listed = json.loads(text)
+            return tuple(map(str, listed)) if all(isinstance(w, str) for w in listed) else ()
+        except ValueError:
+            text = text.strip("[]").replace("'", "")
+    for separator in (";", ",", r"\s+|\|"):
+        words = tuple(w.strip() for w in re.split(separator, text))
+        if len(words) == count and (empty or all(words)):
+            return words
+    return ()
+
+
+def bounds_about(
+    arrays: Arrays, columns: StoredArray | None, field: StoredArray, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """(low, high) of each of `count` parameters as attributes say; None where they don't."""
+    about = attributes_about(arrays, columns or field) | attributes_about(arrays, field)
+    held = {k.lower(): np.asarray(v) for k, v in about.items()}
+    numbers = {k: v.astype(np.float64) for k, v in held.items() if v.dtype.kind in "fiu"}
+    low, high = (next((np.atleast_1d(numbers[k]) for k in keys if k in numbers), None) for keys in (LOWER, UPPER))
+    if low is None or high is None:
+        both = next(
+            (numbers[k] for k in BOTH if k in numbers and numbers[k].size == 2 * count and numbers[k].ndim == 2), None
+        )
+        if both is None:
+            return None
+        low, high = both.T if both.shape == (count, 2) else both
+    for name, values in (("lower", low), ("upper", high)):
+        if values.shape != (count,):
+            raise ValueError(f"attribute {name!r} must hold {count} values, got shape {values.shape}")
+    return low, high
+
+
+def splits_of(arrays: Arrays, name: str | None, count: int) -> tuple[str, ...] | None:
+    """The splits of `count` members, from the array of this name or "split"; None where there is none."""
+    found = wanted_array(arrays, name or SPLIT)
+    if found is None:
+        if name:
+            raise ValueError(f"--split: there is no array {name!r}; the file holds {arrays}")
+        return None
+    words = [as_text(word).lower() for word in found.read().ravel()]
+    splits = tuple(SPLIT_WORDS.get(word, word) for word in words)
+    wrong = sorted(set(splits) - set(SPLITS))
+    if len(splits) != count or wrong:
+        raise ValueError(f"{found.name!r} must hold {count} of {SPLITS}, got {len(splits)} with {wrong or 'no others'}")
+    return splits
+
+
+def as_text(value: Any) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,328 @@
+"""How an ensemble lies in one file: which arrays are its fields, and where its members' parameters and their names stand.
+
+Three layouts are found by their structure, whatever things are called:
+
+    one array (member, z, y, x) beside parameters (member, parameter), or one array (member,) for each of them
+    one array (a, b, ..., z, y, x) whose first axes have coordinates: these are the parameters
+    one array (z, y, x) a member, or one group of them a member, with the parameters as attributes or single values
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insitu.readers.arrays import Arrays, StoredArray
+from insitu.readers.attributes import (
+    SPLIT,
+    as_text,
+    asking,
+    column_names,
+    column_units,
+    numbers_of,
+    table_of,
+    wanted_array,
+)
+from render.labelled import NAMES
+
+FIELD = "field"  # what our own layout calls its fields, parameters and splits
+TABLES = ("params", "parameters", "param", "theta", "inputs", "design", "samples")
+NUMBERING = {"index", "id", "idx", "member", "members", "sample", "run", "realization", "case", "seed", "step", "steps"}
+NO_PARAMETERS = {
+    "spacing",
+    "origin",
+    "dx",
+    "dy",
+    "dz",
+    "time_step",
+    "scale_factor",
+    "add_offset",
+    "_FillValue",
+    "missing_value",
+}
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What the user says of a file; what is left empty is found.
+
+    Attributes
+    ----------
+    fields, parameters : names of arrays in the file (or, of parameters, of attributes).
+    names, units : of the columns of one array of parameters.
+    split : name of the array of splits.
+    dims : what the last three axes are, in the arrays' own order.
+    """
+
+    fields: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    split: str | None = None
+    dims: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a member's fields lie: in arrays below a group (`prefix` ends with "/", or is an array's name), at an index."""
+
+    prefix: str = ""
+    index: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What was found: arrays of fields, and by member their place and parameters [M, P].
+
+    `units` are "" where unknown; `columns` is the array that holds all parameters, where there is one.
+    """
+
+    fields: tuple[str, ...]
+    places: tuple[Place, ...]
+    names: tuple[str, ...]
+    values: NDArray[np.float64]  # [M, P]
+    units: tuple[str, ...] = ()
+    columns: StoredArray | None = field(default=None, repr=False)
+
+    def array(self, arrays: Arrays, name: str, member: int = 0) -> StoredArray:
+        """The array in which a member's field of this name lies."""
+        return arrays.arrays[self.places[member].prefix + (name if not self.is_bare else "")]
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether each member is an array of its own, which bears its name and not a field's."""
+        prefix = self.places[0].prefix
+        return bool(prefix) and not prefix.endswith("/")
+
+
+def find_layout(arrays: Arrays, mapped: Mapped) -> Layout:
+    """The layout of a file; raises ValueError asking, in one sentence, for what is missing, with a list of what is there."""
+    wanted = [held for name in mapped.fields if (held := wanted_array(arrays, name)) is not None]
+    if not mapped.fields and FIELD in arrays.arrays:
+        wanted = [arrays.arrays[FIELD]]
+    for array in wanted:
+        if not array.is_real:
+            raise ValueError(f"dataset {array.name!r} must hold real numbers, got {array.dtype}")
+    if wanted and len(wanted) == max(1, len(mapped.fields)) and all(len(a.shape) >= 4 for a in wanted):
+        return _stacked(arrays, mapped, wanted)
+    stacked = [a for a in arrays.arrays.values() if a.is_real and len(a.shape) >= 4 and min(a.shape[-3:]) >= 2]
+    if len(stacked) > 1 and not mapped.fields:
+        raise asking(arrays, [f"--array, which of {[a.name for a in stacked]} holds the field"])
+    if stacked and not mapped.fields:
+        return _stacked(arrays, mapped, stacked)
+    found = _separate(arrays, mapped)
+    if found is None:
+        if wanted and len(wanted) == max(1, len(mapped.fields)):
+            raise ValueError(
+                f"dataset {wanted[0].name!r} must have the axes (member, z, y, x), got shape {wanted[0].shape}; the file "
+                f"holds {arrays}"
+            )
+        lacking = [name for name in mapped.fields if wanted_array(arrays, name) is None]
+        asked = lacking or "(member, z, y, x), nor one (z, y, x) for each member"
+        raise ValueError(f"there is no field {asked}; the file holds {arrays}")
+    return found
+
+
+# ---- one array for all members ---------------------------------------------------------------------------------------
+
+
+def _stacked(arrays: Arrays, mapped: Mapped, fields: Sequence[StoredArray]) -> Layout:
+    leads = {a.shape[:-3] for a in fields}
+    if len(leads) > 1:
+        raise ValueError(f"the fields' members must agree, got {', '.join(map(repr, fields))}")
+    flat = [a for a in fields if min(a.shape[-3:]) < 2]
+    if flat:
+        raise ValueError(f"a volume needs at least 2 values along every axis, {flat[0].name!r} is {flat[0].shape}")
+    lead = fields[0].shape[:-3]
+    places = tuple(Place(index=index) for index in itertools.product(*map(range, lead)))
+    if not places:
+        raise ValueError(f"{fields[0]!r} has no members")
+    names = tuple(a.name for a in fields)
+    if len(lead) == 1:
+        columns, single = _columns(arrays, mapped, lead[0], fields[0])
+        if columns is not None:
+            values, own = table_of(columns)
+            told = tuple(mapped.names) or own or column_names(arrays, columns, values.shape[1], fields)
+            units = tuple(mapped.units) or column_units(arrays, columns, values.shape[1], fields)
+            return Layout(names, places, told, values, units, columns)
+        if single:
+            values = np.stack([numbers_of(a) for a in single], axis=1)  # [M, P]
+            return Layout(names, places, *_renamed(mapped, single), values, _own_units(mapped, single))
+    along = _lead_coordinates(arrays, mapped, fields[0])
+    grid = np.meshgrid(*[numbers_of(a) for a in along], indexing="ij")
+    values = np.stack([g.ravel() for g in grid], axis=1)  # [M, P]
+    return Layout(names, places, *_renamed(mapped, along), values, _own_units(mapped, along))
+
+
+def _columns(
+    arrays: Arrays, mapped: Mapped, count: int, field: StoredArray
+) -> tuple[StoredArray | None, list[StoredArray]]:
+    """The one array that holds all parameters of `count` members, or the arrays of one each."""
+    if mapped.parameters:
+        found = [wanted_array(arrays, name) for name in mapped.parameters]
+        lacking = [n for n, a in zip(mapped.parameters, found, strict=True) if a is None or a.shape[:1] != (count,)]
+        if lacking:
+            raise ValueError(f"--parameters {lacking} are no arrays of {count} members; the file holds {arrays}")
+        held = [a for a in found if a is not None]
+        return (held[0], []) if len(held) == 1 and (len(held[0].shape) == 2 or held[0].dtype.names) else (None, held)
+    known = [a for a in arrays.arrays.values() if a.stem in TABLES and (len(a.shape) == 2 or a.dtype.names)]
+    if len(known) == 1 and known[0].shape[0] != count:
+        raise ValueError(
+            f"{field.name!r} has {count} members and {known[0].name!r} {known[0].shape[0]}: they must agree"
+        )
+    tables = [a for a in arrays.arrays.values() if _is_table(a, count)]
+    tables = [a for a in tables if a.stem in TABLES] or tables
+    if len(tables) == 1:
+        return tables[0], []
+    if tables:
+        raise asking(arrays, [f"--parameters, which of {[a.name for a in tables]} holds the members' parameters"])
+    single = [a for a in arrays.arrays.values() if _is_single(a, count) and _along_members(a, field)]
+    if not single:
+        named = field.dims[0] if field.dims else ""
+        if not named:
+            raise asking(arrays, [f"--parameters, an array ({count}, parameter) or some of ({count},)"])
+    return None, single
+
+
+def _is_table(array: StoredArray, count: int) -> bool:
+    if array.dtype.names:
+        return array.shape == (count,) and all(array.dtype[n].kind in "fiu" for n in array.dtype.names)
+    return len(array.shape) == 2 and array.shape[0] == count and array.dtype.kind in "fiu" and array.shape[1] <= 100
+
+
+def _is_single(array: StoredArray, count: int) -> bool:
+    if array.shape != (count,) or array.dtype.kind not in "fiu" or array.stem.lower() in NUMBERING | {SPLIT}:
+        return False
+    return len(np.unique(array.read())) > 1 or count == 1
+
+
+def _along_members(array: StoredArray, field: StoredArray) -> bool:
+    """Whether the one axis of `array` may be the members', as far as axes have names."""
+    named, other = (field.dims or ("",))[0], (array.dims or ("",))[0]
+    coordinates = {letter for names in NAMES.values() for letter in names} | set(field.dims[-3:])
+    return (other == named if named else not other) or (
+        not named and other not in coordinates and array.stem not in coordinates
+    )
+
+
+def _lead_coordinates(arrays: Arrays, mapped: Mapped, field: StoredArray) -> list[StoredArray]:
+    found = []
+    for number, (dim, size) in enumerate(zip(field.dims, field.shape[:-3], strict=False)):
+        along = (
+            wanted_array(arrays, mapped.parameters[number])
+            if number < len(mapped.parameters)
+            else arrays.coordinate(field, dim)
+        )
+        if along is None or along.shape != (size,):
+            raise asking(
+                arrays, [f"--parameters, the values along each of the first {len(field.shape) - 3} axes of {field!r}"]
+            )
+        found.append(along)
+    return found
+
+
+def _renamed(mapped: Mapped, arrays: Sequence[StoredArray]) -> tuple[tuple[str, ...]]:
+    if mapped.names and len(mapped.names) != len(arrays):
+        raise ValueError(
+            f"--names must name the {len(arrays)} parameters {[a.name for a in arrays]}, got {list(mapped.names)}"
+        )
+    return (tuple(mapped.names) or tuple(a.stem for a in arrays),)
+
+
+def _own_units(mapped: Mapped, arrays: Sequence[StoredArray]) -> tuple[str, ...]:
+    return tuple(mapped.units) or tuple(as_text(a.attrs.get("units", a.attrs.get("unit", ""))) for a in arrays)
+
+
+# ---- an array or a group for each member -----------------------------------------------------------------------------
+
+
+def _separate(arrays: Arrays, mapped: Mapped) -> Layout | None:
+    """The layout where members lie apart; None where no array could be one's field."""
+    volumes = [a for a in arrays.arrays.values() if a.is_real and len(a.shape) == 3 and min(a.shape) >= 2]
+    groups: dict[str, list[StoredArray]] = {}
+    for array in volumes:
+        groups.setdefault(array.group, []).append(array)
+    if len(groups) > 1:
+        common = [
+            n
+            for n in (a.stem for a in next(iter(groups.values())))
+            if all(n in {a.stem for a in g} for g in groups.values())
+        ]
+        fields = tuple(mapped.fields) or tuple(common)
+        if not fields or not set(fields) <= set(common):
+            return None
+        if len(fields) > 1 and not mapped.fields:
+            raise asking(arrays, [f"--array, which of {list(fields)} is the field"])
+        members = sorted(groups, key=_natural)
+        places = tuple(Place(f"{group}/") for group in members)
+        of = [
+            {**arrays.attrs.get(g, {}), **_single_values(arrays, g), **_only(groups[g], fields[0]).attrs}
+            for g in members
+        ]
+    elif len(volumes) > 1:
+        chosen = sorted(volumes, key=lambda a: _natural(a.name))
+        if mapped.fields:
+            return None
+        fields, places = ("field",), tuple(Place(a.name) for a in chosen)
+        members, of = [a.name for a in chosen], [dict(a.attrs) for a in chosen]
+    else:
+        return None
+    names, values = _parameters_of(arrays, mapped, members, of)
+    return Layout(fields, places, tuple(mapped.names) or names, values, tuple(mapped.units) or ("",) * len(names))
+
+
+def _only(held: Sequence[StoredArray], stem: str) -> StoredArray:
+    return next(a for a in held if a.stem == stem)
+
+
+def _single_values(arrays: Arrays, group: str) -> dict[str, Any]:
+    """The single numbers that a group holds as arrays."""
+    held = [a for a in arrays.arrays.values() if a.group == group and np.prod(a.shape) == 1 and a.dtype.kind in "fiu"]
+    return {a.stem: a.read().ravel()[0] for a in held}
+
+
+def _parameters_of(
+    arrays: Arrays, mapped: Mapped, members: Sequence[str], of: Sequence[Mapping[str, Any]]
+) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """The attributes that are numbers of every member and differ between some; else the rows of a table."""
+    numbers = [{k: v for k, v in attrs.items() if _is_number(v)} for attrs in of]
+    common = [k for k in numbers[0] if all(k in n for n in numbers)]
+    lacking = [name for name in mapped.parameters if name not in common]
+    if mapped.parameters and not lacking:
+        names = list(mapped.parameters)
+    else:
+        tables = [
+            a
+            for a in arrays.arrays.values()
+            if _is_table(a, len(members)) and a.name in (mapped.parameters or [a.name])
+        ]
+        if len(tables) == 1:
+            values, own = table_of(tables[0])
+            return tuple(mapped.names) or own or column_names(arrays, tables[0], values.shape[1], ()), values
+        if lacking:
+            raise ValueError(
+                f"--parameters {lacking} are no numbers of every member; they have {common or 'none'} in common"
+            )
+        names = [k for k in common if k not in NO_PARAMETERS and k.lower() not in NUMBERING]
+        names = [k for k in names if len({float(np.ravel(n[k])[0]) for n in numbers}) > 1]
+    if not names:
+        raise asking(
+            arrays,
+            [f"--parameters: the {len(members)} members, such as {members[0]!r}, have the attributes {sorted(of[0])}"],
+        )
+    return tuple(names), np.array([[float(np.ravel(n[k])[0]) for k in names] for n in numbers])
+
+
+def _is_number(value: Any) -> bool:
+    held = np.asarray(value)
+    return held.size == 1 and held.dtype.kind in "fiu"
+
+
+def _natural(name: str) -> list[Any]:
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name) if part]

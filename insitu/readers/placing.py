@@ -1,0 +1,111 @@
+"""Where the values of an array in a file lie: by the coordinates of its axes, else by attributes, else as the user says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from insitu.field import Field
+from insitu.readers.arrays import Arrays, LabelledArray, StoredArray
+from insitu.readers.attributes import as_text, asking, attributes_about
+from render.labelled import AXES, axis_order, placed
+
+SPACINGS = ("spacing", "grid_spacing", "voxel_size", "cell_size", "delta")
+ORDERS = ("axes", "dims", "dimensions", "axis_order", "order")
+
+
+def placed_field(
+    arrays: Arrays,
+    array: StoredArray,
+    index: tuple[int, ...] = (),
+    *,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    dims: Sequence[str] | None = None,
+    name: str = "",
+) -> Field | LabelledArray:
+    """What lies at indices of the first axes of `array`, (z, y, x), as a field called `name`, by default as the array.
+
+    Raises ValueError where the axes do not say what they are, or the file not how far apart its values are.
+    """
+    names = axis_names(arrays, array)
+    labelled = arrays.labelled(array, index, names)
+    if len(labelled.shape) > 3:  # axes of one value, which `placed` drops
+        names = tuple(n for n, size in zip(names, array.shape, strict=True) if size != 1)
+    place = place_of(arrays, array, names[-3:], spacing, origin, dims)
+    found = placed(labelled, dims, *place)
+    called, about = name or array.stem, attributes_about(arrays, array)
+    time = float(about["time"]) if isinstance(about.get("time"), int | float | np.number) else None
+    if found.axes is None:
+        steps, starts = place[0] or (1.0, 1.0, 1.0), place[1] or (0.0, 0.0, 0.0)
+        return Field(found.values, steps, starts, called, found.unit, time)
+    coords = dict(zip(AXES, found.axes, strict=True))
+    return LabelledArray(found.values, ("z", "y", "x"), coords, called, array.attrs, time)
+
+
+def place_of(
+    arrays: Arrays,
+    array: StoredArray,
+    names: Sequence[str],
+    spacing: Sequence[float] | None,
+    origin: Sequence[float] | None,
+    dims: Sequence[str] | None,
+) -> tuple[Any, Any]:
+    """(spacing, origin) of the axes called `names`, (x, y, z), world units; as given, maybe None, where all have coordinates.
+
+    Of axes without coordinates they are as given, else as attributes say.
+    """
+    along = {name: arrays.coordinate(array, name) for name in names}
+    order = axis_order(names, dims, {n: a.attrs for n, a in along.items() if a is not None})
+    if all(along[order[letter]] is not None for letter in AXES):
+        return spacing, origin
+    about = attributes_about(arrays, array)
+    steps, starts = spacing or _triple(about, SPACINGS) or _steps(about), origin or _triple(about, ("origin",))
+    if steps is None:
+        raise asking(arrays, ["--spacing, the distances between values along x, y and z (attribute 'spacing')"])
+    return _filled(steps, starts or (0.0, 0.0, 0.0), [along[order[letter]] for letter in AXES])
+
+
+def axis_names(arrays: Arrays, array: StoredArray) -> tuple[str, ...]:
+    """Names of all axes: their own, else those that an attribute lists ("member,z,y,x"), else z, y, x for the last three."""
+    if all(array.dims[-3:]):
+        return array.dims
+    told = attributes_about(arrays, array)
+    for key in ORDERS:
+        words = re.findall(r"\w+", ",".join(map(as_text, np.atleast_1d(told.get(key, "")))))[: len(array.shape)]
+        if sorted(w.lower() for w in words[-3:]) == sorted(AXES):
+            return (*array.dims[:-3], *words[-3:])
+    return (*array.dims[:-3], "z", "y", "x")
+
+
+def _filled(
+    spacing: Sequence[float], origin: Sequence[float], along: Sequence[StoredArray | None]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Spacing and origin, those of an axis with coordinates by these."""
+    steps, starts = list(spacing), list(origin)
+    for number, coordinate in enumerate(along):
+        if coordinate is not None and coordinate.shape[0] > 1:
+            values = coordinate.read()
+            steps[number] = abs(float(values[-1]) - float(values[0])) / (len(values) - 1)
+            starts[number] = float(min(values[0], values[-1]))
+    return tuple(steps), tuple(starts)
+
+
+def _triple(about: Mapping[str, Any], names: Sequence[str]) -> tuple[float, ...] | None:
+    for name in names:
+        values = np.asarray(about.get(name, ()))
+        if values.dtype.kind in "fiu" and values.size in (1, 3):
+            if not np.isfinite(values).all():
+                raise ValueError(f"attribute {name!r} must hold finite numbers, got {values}")
+            return tuple(float(v) for v in np.broadcast_to(values.ravel(), 3))
+    return None
+
+
+def _steps(about: Mapping[str, Any]) -> tuple[float, ...] | None:
+    found = [np.asarray(about.get(f"d{letter}", ())) for letter in AXES]
+    if all(v.size == 1 and v.dtype.kind in "fiu" for v in found):
+        return tuple(float(v.ravel()[0]) for v in found)
+    return None

@@ -1,0 +1,237 @@
+"""Ensembles of many files: a table with a path and parameters a row, or a pattern of paths that name the parameters.
+
+A table is CSV (commas, semicolons or tabs) with a header:
+
+    path, Re, nu [m^2/s], split, name
+    run1/dump_0010.vti, 100, 0.01, train, first
+
+`path` (or `file`) is relative to the table's folder; every other column but `split` and `name` is a parameter, its unit in
+brackets.  A pattern names parameters in braces, `run_{Re}/dump_{time}.vti`, where `*` stands for anything; or it is a regular
+expression with named groups, `run_(?P<Re>\\d+)/.*`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from catalogs.parameters import SPLITS
+from catalogs.words import shortened
+from insitu.readers.arrays import ZARR
+from insitu.readers.attributes import SPLIT_WORDS
+
+PATH_COLUMNS = ("path", "file", "filename", "filepath")
+HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+BRACES = re.compile(r"\{(\w*)\}|\*\*|\*")
+NAMED_GROUP = "(?P<"
+LARGEST_TABLE = 1 << 28  # bytes
+
+
+@dataclass(frozen=True)
+class Row:
+    """A member: its file, its parameters by name, and what the table says of it besides ("" where nothing)."""
+
+    path: Path
+    parameters: Mapping[str, float]
+    split: str = ""
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Members with files of their own; `units` by parameter, where they are known."""
+
+    rows: tuple[Row, ...]
+    units: Mapping[str, str]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters, in the table's order."""
+        return tuple(self.rows[0].parameters)
+
+    def only(self, names: Sequence[str]) -> Table:
+        """The same members with some of their parameters, all where none is named; raises ValueError for others."""
+        unknown = [name for name in names if name not in self.names]
+        if unknown:
+            raise ValueError(f"--parameters {unknown} are none of {list(self.names)}")
+        rows = [replace(row, parameters={n: row.parameters[n] for n in names or self.names}) for row in self.rows]
+        return Table(_distinct(rows), self.units)
+
+
+def is_pattern(text: str) -> bool:
+    """Whether `text` is a pattern of paths, not one path."""
+    return NAMED_GROUP in text or bool(re.search(r"\{\w*\}", text))
+
+
+def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = ()) -> Table:
+    """The members of a CSV table; `parameters` names the columns that are, by default all but path, split and name.
+
+    Raises FileNotFoundError naming all files that are absent at once, ValueError naming the table, its line and the column.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no table {path}")
+    try:
+        if path.stat().st_size > LARGEST_TABLE:
+            raise ValueError(f"it has {path.stat().st_size} bytes, more than a table of members")
+        table = _parsed(path.read_text(encoding="utf-8-sig"), path.parent, parameters)
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: {error}") from None
+    absent = [str(row.path) for row in table.rows if not (row.path.is_file() or row.path.is_dir())]
+    if absent:
+        raise FileNotFoundError(f"{path} names {len(absent)} files that are absent: {shortened(absent, 10)}")
+    return table
+
+
+def _parsed(text: str, folder: Path, wanted: Sequence[str]) -> Table:
+    first = text.partition("\n")[0]
+    delimiter = max(",;\t", key=first.count)
+    lines = list(csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True))
+    if not lines:
+        raise ValueError("it is empty: a header is needed, such as path,Re,time")
+    heads = [HEADER.fullmatch(cell) for cell in lines[0]]
+    names = [head["name"] if head else "" for head in heads]
+    units = {head["name"]: head["unit"].strip() for head in heads if head and head["unit"]}
+    if len(set(names)) != len(names) or not all(names):
+        raise ValueError(f"its columns must have names, each another, got {names}")
+    column = next((i for i, name in enumerate(names) if name.lower() in PATH_COLUMNS), None)
+    if column is None:
+        raise ValueError(f"it needs a column 'path', got {names}")
+    other = [n for i, n in enumerate(names) if i != column and n.lower() not in ("split", "name")]
+    unknown = [name for name in wanted if name not in other]
+    if unknown or not other:
+        raise ValueError(f"there are no columns {unknown or 'of parameters'}: beside the path it has {other}")
+    rows = []
+    for number, cells in enumerate(lines[1:], start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        if len(cells) != len(names):
+            raise ValueError(f"line {number} has {len(cells)} cells, the header {len(names)}")
+        held = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
+        by_lower = {name.lower(): cell for name, cell in held.items()}
+        values = {name: _number(held[name], f"line {number}, column {name!r}") for name in wanted or other}
+        rows.append(
+            Row(
+                folder / held[names[column]],
+                values,
+                _split(by_lower.get("split", ""), number),
+                by_lower.get("name", ""),
+            )
+        )
+    return Table(_distinct(rows), {name: units[name] for name in wanted or other if name in units})
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{what} must be a finite number, got {text!r}; --parameters names the columns that are")
+    return value
+
+
+def _split(text: str, line: int) -> str:
+    split = SPLIT_WORDS.get(text.lower(), text.lower())
+    if split and split not in SPLITS:
+        raise ValueError(f"line {line}: split must be one of {SPLITS}, got {text!r}")
+    return split
+
+
+def match_files(pattern: str, folder: str | os.PathLike[str] = ".") -> Table:
+    """The files below `folder` whose paths match a pattern, in the order of their paths.
+
+    Raises ValueError where the pattern names no parameter or matches nothing.
+    """
+    found = [*matching(pattern, folder)]
+    if not found:
+        raise ValueError(f"no file below {Path(folder).resolve()} matches the pattern {pattern!r}")
+    return Table(_distinct(found), {})
+
+
+def pattern_names(pattern: str) -> tuple[str, ...]:
+    """The parameters that a pattern names; raises ValueError for a wrong pattern."""
+    _, expression = _split_pattern(pattern, Path())
+    if not expression.groupindex:
+        raise ValueError(f"the pattern {pattern!r} names no parameter in braces, as run_{{Re}}/dump_{{time}}.vti does")
+    return tuple(expression.groupindex)
+
+
+def matching(pattern: str, folder: str | os.PathLike[str] = ".") -> list[Row]:
+    """The files of now that match, maybe none; raises ValueError for a wrong pattern."""
+    pattern_names(pattern)
+    base, expression = _split_pattern(pattern, Path(folder))
+    rows = []
+    for path in _files(base):
+        if match := expression.fullmatch(path.relative_to(base).as_posix()):
+            values = {name: _number(text, f"{path}: {name}") for name, text in match.groupdict().items()}
+            rows.append(Row(path, values))
+    return rows
+
+
+def _split_pattern(pattern: str, folder: Path) -> tuple[Path, re.Pattern[str]]:
+    """The folder that all matches lie in, and the expression for what follows."""
+    if NAMED_GROUP in pattern:
+        try:
+            return folder, re.compile(pattern)
+        except re.error as error:
+            raise ValueError(f"the pattern {pattern!r} is no regular expression: {error}") from None
+    parts = pattern.split("/")
+    fixed = next((i for i, part in enumerate(parts[:-1]) if BRACES.search(part)), len(parts) - 1)
+    base = folder / "/".join(parts[:fixed]) if parts[0] else Path("/".join(parts[:fixed]) or "/")
+    seen: set[str] = set()
+
+    def group(match: re.Match[str]) -> str:
+        name = match[1]
+        if not name:
+            return ".*" if match[0] == "**" else "[^/]*"
+        if not name.isidentifier():
+            raise ValueError(f"the pattern {pattern!r} names a parameter {name!r}: begin it with a letter")
+        again = name in seen
+        seen.add(name)
+        return f"(?P={name})" if again else f"(?P<{name}>{NUMBER})"
+
+    expression, end = "", 0
+    rest = "/".join(parts[fixed:])
+    for match in BRACES.finditer(rest):
+        expression += re.escape(rest[end : match.start()]) + group(match)
+        end = match.end()
+    return base, re.compile(expression + re.escape(rest[end:]))
+
+
+def _files(base: Path) -> Iterable[Path]:
+    """All files below a folder, and Zarr folders, which count as one, by path; hidden ones are left out."""
+    found: list[Path] = []
+    for folder, folders, files in os.walk(base):
+        stores = [name for name in folders if Path(name).suffix in ZARR]
+        found += [Path(folder, name) for name in [*files, *stores] if not name.startswith(".")]
+        folders[:] = [name for name in folders if name not in stores and not name.startswith(".")]
+    return sorted(found, key=lambda path: _natural(path.as_posix()))
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", text)]
+
+
+def _distinct(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """The rows; raises ValueError where there are none, or two have the same parameters, file or name."""
+    if not rows:
+        raise ValueError("it names no file")
+    for what, key in (
+        ("parameters", lambda row: tuple(row.parameters.values())),
+        ("file", lambda row: os.path.normpath(row.path)),
+        ("name", lambda row: row.name or row.path),
+    ):
+        seen: dict[object, Row] = {}
+        for row in rows:
+            if (other := seen.setdefault(key(row), row)) is not row:
+                raise ValueError(
+                    f"{other.path} and {row.path} have the same {what}, {dict(row.parameters)}: members must differ"
+                )
+    return tuple(rows)
