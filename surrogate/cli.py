@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from catalogs.version import version_option
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.report.commands import evaluate
@@ -12,6 +13,7 @@ from surrogate.training.commands import show, train
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@version_option
 def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
 

@@ -1,4 +1,4 @@
-"""What the commands of all rooms share: their arguments, a scene with its data set, and errors told in one line."""
+"""What the commands of all rooms share: their arguments, a run with its catalog, and errors told in one line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from surrogate.settings import TrainingSettings
 
 RESULTS, MEASURED = Path("runs"), Path("docs/records")
-SCENE = click.argument("scene", type=click.Path(dir_okay=False, path_type=Path))
+SCENE = click.argument("scene", metavar="SCENE|RUN", type=click.Path(path_type=Path))
 RUN = click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
 RUNS = click.option(
     "--runs", default=RESULTS, show_default=True, help="Folder of all results.", type=click.Path(path_type=Path)
@@ -30,13 +30,14 @@ RECORDS = click.option(
 
 
 @dataclass(frozen=True, eq=False)
-class OpenScene:
-    """A scene with its data set.
+class OpenRun:
+    """A run with its catalog, as a scene or a run's folder names it.
 
     Attributes
     ----------
-    folder : of its results, such as runs/tgv-dvr.
-    records : of what was measured of it, such as docs/records/tgv-dvr.
+    folder : of its results, such as runs/tgv.
+    records : of what was measured of it, such as docs/records/tgv.
+    source : what named it on the command line.
     """
 
     name: str
@@ -44,34 +45,89 @@ class OpenScene:
     catalog: Catalog
     folder: Path
     records: Path
+    source: Path
 
     @classmethod
-    def open(cls, path: Path, runs: Path, records: Path | None = None) -> OpenScene:
-        """Read the scene file at `path` and find what is there; raises ClickException for what the user can mend."""
+    def open(cls, path: Path, runs: Path, records: Path | None = None) -> OpenRun:
+        """The run that `path` names, a scene file or a run's folder; raises ClickException for what the user can mend."""
+        kind = kind_of(path)
+        if kind == "catalog":
+            raise click.ClickException(
+                f"{path} is a catalog: `surrogate train {path}` makes a run of it, which goes here"
+            )
+        return cls._of_scene(path, runs, records) if kind == "scene" else cls._of_folder(path, records)
+
+    @classmethod
+    def _of_scene(cls, path: Path, runs: Path, records: Path | None) -> OpenRun:
         from catalogs.catalog import Catalog
         from catalogs.scene import Scene
         from surrogate.settings import TrainingSettings
+        from surrogate.storage.runs import with_chosen_splits
 
         with one_line_errors():
             scene = Scene.load(path)
-            folder = scene.run_directory(runs)
-            if not (folder / "catalog.cdb").is_dir():
-                raise FileNotFoundError(
-                    f"{folder / 'catalog.cdb'} does not exist yet: make it with `make dataset SCENE={scene.name}`"
-                )
-            catalog = Catalog.open(folder / "catalog.cdb")
-        try:
+            folder, in_place = scene.run_directory(runs), scene.source["kind"] == "catalog"
+            place = scene.catalog_path if in_place else folder / "catalog.cdb"
+            if not in_place and not place.is_dir():
+                raise FileNotFoundError(f"{place} does not exist yet: make it with `make dataset SCENE={scene.name}`")
+            catalog = Catalog.open(place)
+        with scene_errors(scene.path):
             settings = TrainingSettings(**scene.training)
-        except ValueError as error:
-            raise click.ClickException(f"scene {scene.path}: {error}") from error
+            if in_place:
+                catalog = with_chosen_splits(catalog, settings.appearance, scene.source.get("hold_out"), scene.seed)
         if records is None:
             records = MEASURED if runs == RESULTS and MEASURED.is_dir() else runs
-        return cls(scene.name, settings, catalog, folder, records / scene.name)
+        return cls(scene.name, settings, catalog, folder, records / scene.name, path)
+
+    @classmethod
+    def _of_folder(cls, path: Path, records: Path | None) -> OpenRun:
+        from surrogate.storage.runs import RunFolder
+
+        with one_line_errors():
+            run = RunFolder.open(path)
+            beside = run.folder if records is None else records / run.name
+            return cls(run.name, run.settings, run.catalog, run.folder, beside, path)
+
+    @property
+    def is_of_catalog(self) -> bool:
+        """Whether no scene file, but its folder names it."""
+        return self.source.is_dir()
 
     @property
     def model(self) -> Path:
         """Where its surrogate is kept."""
         return self.folder / "surrogate"
+
+    def keep_record(self) -> None:
+        """Let the run's folder say what it was trained on, as `surrogate.storage.runs` has it, where it does not yet."""
+        from surrogate.storage.checkpoints import fingerprint
+        from surrogate.storage.runs import RunRecord, path_between
+
+        place, mark = path_between(self.folder, self.catalog.path), fingerprint(self.settings, self.catalog)
+        with one_line_errors():
+            known = RunRecord.load(self.folder)
+            if known is None or (known.catalog, known.fingerprint) != (place, mark):
+                RunRecord(place, self.settings.to_json(), self.catalog.splits, mark).save(self.folder)
+
+
+def kind_of(path: Path) -> str:
+    """Whether a path is a "scene", a "catalog", or the folder of a "run"; raises ClickException where it is none of them."""
+    if path.is_dir():
+        is_run = (path / "run.json").is_file() or (path / "surrogate").is_dir()
+        return "catalog" if (path / "catalog.json").is_file() or (path.suffix == ".cdb" and not is_run) else "run"
+    if path.suffix == ".toml":
+        return "scene"
+    what = "is neither a scene (a file FILE.toml), a catalog (a folder NAME.cdb) nor the folder of a run"
+    raise click.ClickException(f"{path} {what if path.exists() else 'does not exist'}")
+
+
+@contextlib.contextmanager
+def scene_errors(path: Path) -> Iterator[None]:
+    """Tell ValueError in one line that names the scene."""
+    try:
+        yield
+    except ValueError as error:
+        raise click.ClickException(f"scene {path}: {error}") from error
 
 
 def load_surrogate(directory: Path) -> Surrogate:

@@ -6,8 +6,8 @@ a covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,14 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from catalogs.appearance import TransferFunction
 from catalogs.cameras import Camera
+from catalogs.numbers import positive, row
 from catalogs.words import one_line
+from surrogate.lighting import Lighting
 
-NAMES = ("means", "log_scales", "quats", "opacity_logits", "colors")
-WIDTHS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns; those of colours vary
+GEOMETRY = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns of what all Gaussians have
+NAMES = (*GEOMETRY, "colors")
 SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
 
 
@@ -34,7 +37,8 @@ class Gaussians:
     quats : (N, 4), rotations as w, x, y, z, of any length but zero.
     opacity_logits : (N,), opacity is their sigmoid.
     colors : (N, 3 K), K spherical-harmonics coefficients of 3 channels each; K = 1 (the colour itself) or 4 (and the
-        three of degree 1, ordered y, z, x as is usual).
+        three of degree 1, ordered y, z, x as is usual).  Where there is a `lighting`, K = 1 and these are normals.
+    lighting : of the surface that they show, which then says their colours by `colors` as normals; it is not trained.
     """
 
     means: Tensor  # [N, 3]
@@ -42,8 +46,24 @@ class Gaussians:
     quats: Tensor  # [N, 4]
     opacity_logits: Tensor  # [N]
     colors: Tensor  # [N, 3 K]
+    lighting: Lighting | None = field(default=None, kw_only=True)
 
     __repr__ = one_line
+
+    @classmethod
+    def of_tensors(cls, tensors: Mapping[str, Tensor]) -> Gaussians:
+        """The Gaussians that had these `tensors()`; raises ValueError naming the tensor whose shape is another."""
+        if set(tensors) != set(NAMES):
+            raise ValueError(f"they must consist of {list(NAMES)}, got {sorted(tensors)}")
+        count = len(tensors["means"]) if tensors["means"].ndim else 0
+        shapes: dict[str, list[tuple[int, ...]]] = {name: [(count, width)] for name, width in GEOMETRY.items()}
+        shapes |= {"opacity_logits": [(count,)], "colors": [(count, 3), (count, 12)]}
+        for name, allowed in shapes.items():
+            if tuple(tensors[name].shape) not in allowed:
+                raise ValueError(
+                    f"{name} must be of shape {' or '.join(map(str, allowed))}, got {tuple(tensors[name].shape)}"
+                )
+        return cls(*(tensors[name] for name in NAMES))
 
     def __len__(self) -> int:
         return self.means.shape[0]
@@ -65,15 +85,31 @@ class Gaussians:
 
     def of(self, rows: Tensor) -> Gaussians:
         """Some of them, by index (M,)."""
-        return Gaussians(*(tensor[rows] for tensor in self.tensors().values()))
+        return Gaussians(*(tensor[rows] for tensor in self.tensors().values()), lighting=self.lighting)
 
-    def to(self, device: torch.device) -> Gaussians:
-        """The same on another device."""
-        return Gaussians(*(tensor.to(device) for tensor in self.tensors().values()))
+    def to(self, device: torch.device | torch.dtype) -> Gaussians:
+        """The same on another device, or in another precision."""
+        return Gaussians(*(tensor.to(device) for tensor in self.tensors().values()), lighting=self.lighting)
 
     def copy(self) -> Gaussians:
         """The same numbers in tensors of their own."""
-        return Gaussians(*(tensor.detach().clone() for tensor in self.tensors().values()))
+        return Gaussians(*(tensor.detach().clone() for tensor in self.tensors().values()), lighting=self.lighting)
+
+    def record(self) -> dict[str, Any]:
+        """JSON values that are needed beside the tensors: none."""
+        return {}
+
+    def with_tensors(self, tensors: Sequence[Tensor]) -> Gaussians:
+        """The same with other tensors, in the order of `tensors()`."""
+        return Gaussians(*tensors)
+
+    def drawn(self, function: TransferFunction | None = None) -> Gaussians:
+        """What is drawn: these; raises ValueError for a transfer function, of which colours know nothing."""
+        if function is not None:
+            raise ValueError(
+                'these Gaussians carry colours and know no transfer functions: train with carried = "values" for any'
+            )
+        return self
 
     def scales(self) -> Tensor:
         """Standard deviations along the principal axes, (N, 3)."""
@@ -85,10 +121,12 @@ class Gaussians:
 
     def colors_from(self, position: Tensor) -> Tensor:
         """Colours (N, 3) as seen from `position` (3,), in the Gaussians' coordinates; not clamped."""
-        if self.color_degree == 0:
+        if self.lighting is None and self.color_degree == 0:
             return self.colors
-        towards = SH_C1 * torch.nn.functional.normalize(self.means - position, dim=1)  # [N, 3]
-        x, y, z = towards.split(1, dim=1)  # [N, 1] each
+        directions = torch.nn.functional.normalize(self.means - position, dim=1)  # [N, 3]
+        if self.lighting is not None:
+            return self.lighting.colors(self.colors, directions)
+        x, y, z = (SH_C1 * directions).split(1, dim=1)  # [N, 1] each
         constant, by_y, by_z, by_x = self.colors.split(3, dim=1)  # [N, 3] each
         return constant - y * by_y + z * by_z - x * by_x
 
@@ -117,8 +155,8 @@ class Normalization:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Normalization:
-        """The normalization that `to_json` described."""
-        return cls(np.array(values["center"]), float(values["extent"]))
+        """The normalization that `to_json` described; raises ValueError for a centre or an extent that none can have."""
+        return cls(np.array(row(values["center"], 3, "center")), positive(values["extent"], "extent"))
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""

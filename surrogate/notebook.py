@@ -71,7 +71,7 @@ def _deformed_card(deformed: Any) -> str:
 
 
 def _middle(surrogate: Any) -> Picture:
-    values = {p.name: (p.low + p.high) / 2.0 for p in surrogate.space.parameters}
+    values = {p.name: p.middle for p in surrogate.space.parameters}
     rgb = on_background(_seen(surrogate.at(**values)), surrogate.background or WHITE)
     words = _listed(values)
     caption = f"at {words}" if 0 < len(values) <= CAPTIONED else "at the middle of the parameters"
@@ -99,7 +99,8 @@ def _followed(visualization: Visualization) -> str:
         low, high = visualization.deformation.base.bounds
         return f"any transfer function over field values {low:g} to {high:g}"
     bounds = ", ".join(_bounds(variation.space))
-    return f"displacements of the transfer function: {bounds}" if variation.edits_base else bounds
+    own = "" if visualization.gaussians is None else f", {len(visualization.gaussians):,} Gaussians of its own"
+    return f"displacements of the transfer function: {bounds}" if variation.edits_base else bounds + own
 
 
 def _trained(training: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -9,9 +9,12 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+
+from catalogs.version import commit
+
+__all__ = ["code", "commit", "machine"]
 
 PACKAGES = ("surrogate", "catalogs", "native")
 # What they import decides how a model comes out.
@@ -24,23 +27,9 @@ SHOWING = (
     "catalogs.notebook",
     "catalogs.exchange",
     "catalogs.progress",
+    "catalogs.version",
 )
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-
-
-def commit() -> str:
-    """The commit of this checkout, with "+dirty" when it has changes (but for measured records); "unknown" outside one."""
-    try:
-        found = _git("rev-parse", "--short=12", "HEAD")
-        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":(top,exclude)docs/records")
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return f"{found}+dirty" if changed else found
-
-
-def _git(*arguments: str) -> str:
-    command = ["git", "-C", str(Path(__file__).resolve().parent), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples")
+PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples", "normals")
 
 
 def generator(seed: int, purpose: str, step: int = 0) -> np.random.Generator:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import functools
 import math
+import tomllib
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from catalogs.appearance import Appearance, VolumeRendering
 from surrogate.gaussians import NAMES
 from surrogate.splatting.rendering import Constants
 
@@ -30,7 +33,7 @@ NOT_NEGATIVE = Bound("at least 0", lambda value: value >= 0)
 POSITIVE = Bound("positive", lambda value: value > 0)
 FRACTION = Bound("in [0, 1]", lambda value: 0 <= value <= 1)
 BETWEEN = Bound("between 0 and 1", lambda value: 0 < value < 1)
-ATTRIBUTES = Bound(f"some of {list(NAMES)}", lambda value: set(value) <= set(NAMES))
+ATTRIBUTES = Bound(f"some of {[*NAMES, 'values']}", lambda value: set(value) <= {*NAMES, "values"})
 
 
 def _setting(default: Any, bound: Bound | None = None, key: str = "", *, optional: bool = False) -> Any:
@@ -76,11 +79,17 @@ class DeformationSize:
 
 @dataclass(frozen=True)
 class Designs:
-    """Which of `surrogate.deformation.READABLE` F_sim and F_vis are.
+    """What Gaussians carry, and which of `surrogate.deformation.READABLE` F_sim and F_vis are.
+
+    Gaussians carry "colors", or the field's "values", to which transfer functions are applied; "auto" chooses values for unshaded
+    volume renderings.  On the `scales` "auto" parameters that span a decade or more are learnt by their logarithms, on "given" ones
+    as the catalog says.
 
     With "auto" F_vis is "values" for transfer functions, which it applies, and "bilinear" for all else, which it learns.
     """
 
+    carried: Literal["auto", "colors", "values"] = _setting("auto", optional=True)
+    scales: Literal["auto", "given"] = _setting("auto", key="parameter_scales", optional=True)
     simulation: Literal["bilinear", "paper"] = _setting("bilinear", key="deformation")
     held_still: tuple[str, ...] = _setting((), ATTRIBUTES, optional=True)  # what F_sim does not move
     visualization: VisualizationKind = _setting("auto", key="visualization_deformation")  # noqa: RUF009
@@ -88,6 +97,19 @@ class Designs:
     value_bins: int = _setting(32, TWO_OR_MORE)  # of "values": for how many every Gaussian has weights
     latent_spread: float = _setting(0.25, POSITIVE)  # of "bilinear": standard deviation at the start
     precision: Literal["float32", "bfloat16"] = _setting("float32", key="field_precision", optional=True)  # of "paper"
+
+    def carry_values(self, shown: Appearance) -> bool:
+        """Whether Gaussians that are to look like `shown` carry values of the field, rather than colours.
+
+        Raises ValueError where values are asked for, but no transfer function alone says how these look.
+        """
+        fits = isinstance(shown, VolumeRendering) and not shown.shaded and self.simulation == "bilinear"
+        if self.carried == "values" and not fits:
+            raise ValueError(
+                'training.carried = "values" needs an unshaded volume rendering and deformation = "bilinear", but '
+                f'{shown.name} is {shown} and the deformation {self.simulation}: leave it out, or say "colors"'
+            )
+        return fits and self.carried != "colors"
 
 
 @dataclass(frozen=True)
@@ -99,11 +121,15 @@ class Rates:
     quats: float = _setting(3e-3, POSITIVE, "quat_rate")
     opacity_logits: float = _setting(6e-2, POSITIVE, "opacity_rate")
     colors: float = _setting(5e-3, POSITIVE, "color_rate")
+    values: float = _setting(1e-3, POSITIVE, "field_value_rate", optional=True)
     latent: float = _setting(5e-2, POSITIVE, "latent_rate")
     embedding: float = _setting(1e-2, POSITIVE, "embedding_rate")
     value: float = _setting(2e-3, POSITIVE, "value_rate")
     canonical_factor: float = _setting(1.0, POSITIVE, "canonical_rate_factor")  # of the Gaussians in stage 2
     simulation_factor: float = _setting(0.1, NOT_NEGATIVE, "simulation_rate_factor")  # of F_sim in stage 3; 0: frozen
+    refinement_factor: float = _setting(
+        0.3, POSITIVE, "refinement_rate_factor", optional=True
+    )  # of values under more functions
     final_factor: float = _setting(0.05, POSITIVE, "final_rate_factor")  # of all, reached exponentially in each stage
 
 
@@ -116,6 +142,7 @@ class OffsetUnits:
     quats: float = _setting(0.1, POSITIVE, "quat_offset")
     opacity_logits: float = _setting(1.0, POSITIVE, "opacity_offset")
     colors: float = _setting(0.5, POSITIVE, "color_offset")
+    values: float = _setting(0.1, POSITIVE, "field_value_offset", optional=True)
 
 
 @dataclass(frozen=True)
@@ -182,6 +209,7 @@ class TrainingSettings:
     seed : seeds everything that is drawn at random.
     appearance : which of the catalog's appearances is learnt; "" means the first.
     gaussians : how many Gaussians, constant through training (dead ones are relocated).
+    visualization_gaussians : how many isosurfaces have, of their own; 0 for as many as the base.
     color_degree : 0 for one colour per Gaussian; 1 adds a linear dependence on the viewing direction (shading); "auto" lets
         validation images decide.
     simulation_size, visualization_size : of F_sim and of F_vis, whose keys begin with `visualization_`.
@@ -192,6 +220,7 @@ class TrainingSettings:
     seed: int = _setting(0, NOT_NEGATIVE)
     appearance: str = ""
     gaussians: int = _setting(10_000, ONE_OR_MORE)
+    visualization_gaussians: int = _setting(0, NOT_NEGATIVE, optional=True)
     start: Start = Start()
     color_degree: ColorDegree = "auto"
     steps: Steps = Steps()
@@ -214,7 +243,7 @@ class TrainingSettings:
         Raises ValueError naming an unknown key, a value of the wrong type or one out of bounds.
         """
         if unknown := sorted(set(values) - set(_keys())):
-            raise ValueError(f"training: unknown keys {unknown}; known are {sorted(_keys())}")
+            raise ValueError(f"training: unknown keys {unknown}{_meant(unknown)}; known are {sorted(_keys())}")
         given: dict[str, dict[str, Any]] = {}
         for key, value in values.items():
             record, field, kind = _keys()[key]
@@ -224,6 +253,11 @@ class TrainingSettings:
         own |= {record: dataclasses.replace(getattr(self, record), **changes) for record, changes in given.items()}
         for name, value in own.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def count_on_surfaces(self) -> int:
+        """How many Gaussians isosurfaces have."""
+        return self.visualization_gaussians or self.gaussians
 
     def changed(self, /, **values: Any) -> TrainingSettings:
         """The same with other values of some keys."""
@@ -237,6 +271,41 @@ class TrainingSettings:
     def __repr__(self) -> str:
         other = [f"{key}={value!r}" for key, value in self.to_json().items() if value != _keys()[key].field.default]
         return f"TrainingSettings({', '.join(other)})"
+
+
+def values_of_words(words: Iterable[str]) -> dict[str, Any]:
+    """The values by key that words such as "gaussians=20000" or "held_still=quats,colors" say, each of its key's type.
+
+    Raises ValueError for a word that is none such, a key that is not known or stands twice, and a value of another type.
+    """
+    found: dict[str, Any] = {}
+    for word in words:
+        key, sign, text = word.partition("=")
+        if not sign or not key:
+            raise ValueError(f"settings are KEY=VALUE, such as gaussians=20000, got {word!r}")
+        if key in found:
+            raise ValueError(f"training.{key} is given twice: {found[key]!r} and {text!r}")
+        found[key] = _of_text(text, _keys()[key].kind) if key in _keys() else text
+    TrainingSettings(**found)  # says what is wrong
+    return found
+
+
+def _of_text(text: str, kind: Any) -> Any:
+    """What a text says as a value of a key's type; the text where it says none."""
+    if kind == tuple[str, ...]:
+        return tuple(filter(None, text.split(",")))
+    if kind is str:
+        return text
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _meant(unknown: Sequence[str]) -> str:
+    """The known keys that unknown ones look like, as a question; "" where they look like none."""
+    found = [match for key in unknown for match in difflib.get_close_matches(key, _keys(), n=1)]
+    return f" (did you mean {' and '.join(found)}?)" if found else ""
 
 
 class _Key(NamedTuple):

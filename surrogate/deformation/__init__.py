@@ -32,6 +32,6 @@ __all__ = [
 def load_deformation(tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Deformation:
     """The deformation of `stored()` and `record()`; raises ValueError for a kind that this version does not know."""
     kind = record["kind"]
-    if kind not in READABLE:
+    if not isinstance(kind, str) or kind not in READABLE:
         raise ValueError(f"unknown deformation {kind!r}: this version knows {sorted(READABLE)}")
     return READABLE[kind].load(tensors, record)

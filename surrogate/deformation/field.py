@@ -22,8 +22,9 @@ from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
 from catalogs.words import one_line
+from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.offsets import Offsets
-from surrogate.gaussians import NAMES, WIDTHS, Gaussians
+from surrogate.gaussians import GEOMETRY, NAMES
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
@@ -99,6 +100,8 @@ class Architecture:
         if self.heads != tuple(name for name in NAMES if name in self.heads):
             raise ValueError(f"heads must be some of {NAMES} in this order, got {self.heads}")
         smallest = {"color_columns": 1, "feature_width": 1, "head_width": 1}
+        if self.color_columns not in (3, 12):
+            raise ValueError(f"color_columns must be 3 or 12, got {self.color_columns!r}")
         for name, value in asdict(self).items():
             if name not in ("heads", "bfloat16") and (type(value) is not int or value < smallest.get(name, 0)):
                 raise ValueError(f"{name} can't be {value!r}")
@@ -120,7 +123,7 @@ class Architecture:
 
     def columns(self, attribute: str) -> int:
         """How many columns of this attribute move."""
-        return WIDTHS.get(attribute, self.color_columns)
+        return GEOMETRY.get(attribute, self.color_columns)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each tensor, by name."""
@@ -170,7 +173,7 @@ class FieldDeformation:
     @classmethod
     def create(
         cls,
-        gaussians: Gaussians,
+        gaussians: AnyGaussians,
         parameters: int,
         settings: TrainingSettings,
         *,
@@ -189,7 +192,8 @@ class FieldDeformation:
             backbone_width=0 if for_visualization else BACKBONE_WIDTH,
             bfloat16=settings.designs.precision == "bfloat16",
         )
-        return cls(architecture.initial(generator(settings.seed, "latents")), architecture, asdict(settings.units))
+        units = {name: getattr(settings.units, name) for name in NAMES}
+        return cls(architecture.initial(generator(settings.seed, "latents")), architecture, units)
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> FieldDeformation:
@@ -204,14 +208,14 @@ class FieldDeformation:
                 raise ValueError(f"{name} must be real of shape {shape}, got {found.dtype}, {tuple(found.shape)}")
         return cls({name: tensors[name] for name in expected}, architecture, units)
 
-    def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
+    def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
         """Offsets at normalized `parameters` (P,), from the Gaussians' means alone."""
         means = gaussians.means.detach()  # [N, 3]; the gradient through 2^9 pi x would drown that of the picture
         found = self._found(means, parameters) if self.architecture.heads else {}
         tables = {name: found.get(name, means.new_zeros(len(means), self.architecture.columns(name))) for name in NAMES}
         return Offsets(**tables | {"opacity_logits": tables["opacity_logits"].squeeze(1)})
 
-    def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
+    def deformed(self, gaussians: AnyGaussians, parameters: Tensor) -> AnyGaussians:
         """The Gaussians with their offsets."""
         return self.offsets(gaussians, parameters).applied_to(gaussians)
 
@@ -238,13 +242,17 @@ class FieldDeformation:
         """The same, for it knows Gaussians by their position only."""
         return self
 
-    def to(self, device: torch.device) -> FieldDeformation:
-        """The same on another device."""
-        return replace(self, networks={name: tensor.to(device) for name, tensor in self.networks.items()})
+    def to(self, device: torch.device | torch.dtype) -> FieldDeformation:
+        """The same on another device, or in another precision."""
+        return self.with_tensors({name: tensor.to(device) for name, tensor in self.networks.items()})
 
     def copy(self) -> FieldDeformation:
         """The same numbers in tensors of their own."""
-        return replace(self, networks={name: tensor.detach().clone() for name, tensor in self.networks.items()})
+        return self.with_tensors({name: tensor.detach().clone() for name, tensor in self.networks.items()})
+
+    def with_tensors(self, tensors: Mapping[str, Tensor]) -> FieldDeformation:
+        """The same with others for all of `tensors`."""
+        return replace(self, networks=dict(tensors))
 
     @property
     def latent_size(self) -> int:

@@ -9,33 +9,23 @@ import torch
 from torch import Tensor
 
 import native
-from surrogate.gaussians import Gaussians
+from surrogate.appearance.field_gaussians import AnyGaussians
+from surrogate.derivatives import require_no_second_derivative
 from surrogate.splatting.threads import cores
 
 Factors = tuple[Tensor, Tensor]  # latents [N, L] and modes [L, C]
 
 
-def require_no_second_derivative() -> None:
-    """Raise RuntimeError in a backward pass that is itself to be differentiated, where a kernel would count as constant.
-
-    torch's `once_differentiable` lets such a pass through where the gradient that comes in is itself a constant.
-    """
-    if torch.is_grad_enabled():  # as it is there with `create_graph` alone
-        raise RuntimeError(
-            "the C++ kernels can be differentiated once only, and create_graph asks for more: leave it out, or apply `offsets`, "
-            "which torch computes, in place of `deformed`"
-        )
-
-
-def add_products(gaussians: Gaussians, factors: Sequence[Factors]) -> Gaussians:
+def add_products(gaussians: AnyGaussians, factors: Sequence[Factors]) -> AnyGaussians:
     """The Gaussians with one product or two of latents (N, L) and modes (L, C) added to their parameters, one after the other.
 
-    The C columns are those of means, log_scales, quats, opacity_logits and colours side by side; colours with fewer columns than
-    the modes have are as if followed by zeros, and of more, the last stay.  In main memory and float32; differentiable.
+    The C columns are those of means, log_scales, quats, opacity_logits and colours (or values) side by side; colours with fewer
+    columns than the modes have are as if followed by zeros, and of more, the last stay.  In main memory and float32;
+    differentiable.
     """
     tensors = [*(tensor for pair in factors for tensor in pair), *gaussians.tensors().values()]
     added = _AddProducts.apply if torch.is_grad_enabled() else _added  # a torch function takes 0.02 ms more
-    return Gaussians(*added(len(factors), *tensors))
+    return gaussians.with_tensors(added(len(factors), *tensors))
 
 
 def _added(number: int, *tensors: Tensor) -> tuple[Tensor, ...]:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from catalogs.words import one_line
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
@@ -19,27 +20,29 @@ class Offsets:
     """What is added to the unconstrained parameters of N Gaussians; shapes as in `Gaussians`.
 
     Of the colours it is the first columns, usually 3: how a colour depends on the direction stays the same (Nyx, 5,000 steps:
-    32.28 dB; 32.19 with all columns deformed).
+    32.28 dB; 32.19 with all columns deformed).  Where Gaussians carry values of a field, these stand in the colours' place.
     """
 
     means: Tensor  # [N, 3]
     log_scales: Tensor  # [N, 3]
     quats: Tensor  # [N, 4]
     opacity_logits: Tensor  # [N]
-    colors: Tensor  # [N, 3] or more
+    colors: Tensor  # [N, 3] or more; [N, 2] of values
 
     __repr__ = one_line
 
-    def applied_to(self, gaussians: Gaussians) -> Gaussians:
+    def applied_to(self, gaussians: AnyGaussians) -> AnyGaussians:
         """The deformed Gaussians, with as many colour columns as the one or the other have: zeros fill the narrower."""
-        columns = max(gaussians.colors.shape[1], self.colors.shape[1])
-        return Gaussians(
+        geometry = (
             gaussians.means + self.means,
             gaussians.log_scales + self.log_scales,
             gaussians.quats + self.quats,
             gaussians.opacity_logits + self.opacity_logits,
-            _widened(gaussians.colors, columns) + _widened(self.colors, columns),
         )
+        if isinstance(gaussians, FieldGaussians):
+            return gaussians.with_tensors((*geometry, gaussians.values + self.colors))
+        columns = max(gaussians.colors.shape[1], self.colors.shape[1])
+        return Gaussians(*geometry, _widened(gaussians.colors, columns) + _widened(self.colors, columns))
 
 
 def _widened(table: Tensor, columns: int) -> Tensor:
@@ -60,20 +63,23 @@ class Deformation(Protocol):
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Deformation:
         """The deformation that had these `tensors` and this `record`."""
 
-    def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
+    def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
         """Offsets at `parameters` (P,), float32, normalized to [-1, 1] over their bounds."""
 
-    def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
+    def deformed(self, gaussians: AnyGaussians, parameters: Tensor) -> AnyGaussians:
         """`offsets` applied to the Gaussians, perhaps faster."""
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""
 
+    def with_tensors(self, tensors: Mapping[str, Tensor]) -> Deformation:
+        """The same with others for all of `tensors`."""
+
     def stored(self) -> dict[str, Tensor]:
         """What `load` needs: `tensors()` without what holds still."""
 
     def moves(self, attribute: str) -> bool:
-        """Whether this attribute of the Gaussians, one of `surrogate.gaussians.NAMES`, follows the parameters."""
+        """Whether this attribute of the Gaussians, one of their `tensors`, follows the parameters."""
 
     def without(self, attribute: str) -> Deformation:
         """The same, but that attribute holds still."""
@@ -81,8 +87,8 @@ class Deformation(Protocol):
     def of(self, rows: Tensor) -> Deformation:
         """The deformation of some of the Gaussians, by index (M,)."""
 
-    def to(self, device: torch.device) -> Deformation:
-        """The same on another device."""
+    def to(self, device: torch.device | torch.dtype) -> Deformation:
+        """The same on another device, or in another precision."""
 
     def copy(self) -> Deformation:
         """The same numbers in tensors of their own."""

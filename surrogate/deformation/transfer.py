@@ -19,12 +19,11 @@ from torch import Tensor
 
 import native
 from catalogs.words import one_line
-from surrogate.deformation.kernels import require_no_second_derivative
+from surrogate.appearance.transferred import LEAST_DEPTH, logit_of_depth
 from surrogate.deformation.offsets import Offsets
+from surrogate.derivatives import require_no_second_derivative
 from surrogate.gaussians import Gaussians
 from surrogate.splatting.threads import cores
-
-LEAST_DEPTH = 1e-4  # a Gaussian thinner than this is never drawn (alpha 1/255)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +33,11 @@ class Transfer:
     Attributes
     ----------
     changes : (B, 4) what is added to the extinction, and to the extinction times each colour, at B field values, in the unit
-        distance of the base.
+        distance of the base; a tensor where gradients by it are asked for, which `offsets` has.
     palette : red, green and blue of each of the function's control points.
     """
 
-    changes: NDArray[np.float64]
+    changes: NDArray[np.float64] | Tensor
     palette: Sequence[tuple[float, float, float]]
 
     __repr__ = one_line
@@ -53,19 +52,20 @@ class Transfer:
         moving = torch.is_grad_enabled() and (logits.requires_grad or colors.requires_grad)
         single = weights.dtype == logits.dtype == colors.dtype == torch.float32
         if moving or not single or not weights.is_cpu:
-            return self.offsets(gaussians, weights).applied_to(gaussians)
+            return self.offsets(gaussians, weights).applied_to(gaussians).drawn()
         transferred = _Transferred.apply if torch.is_grad_enabled() else _transferred
         logits, colors = transferred(weights, logits, colors, self)
         return replace(gaussians, opacity_logits=logits, colors=colors)
 
     def offsets(self, gaussians: Gaussians, weights: Tensor) -> Offsets:
         """Offsets of the opacities' logits and of the colours' first three columns; of all else zero."""
-        sums = _SizesTimes.apply(weights, torch.from_numpy(self.changes).to(weights))  # [N, 4]
+        changes = self.changes if isinstance(self.changes, Tensor) else torch.from_numpy(self.changes)  # [B, 4]
+        sums = _SizesTimes.apply(weights, changes.to(weights))  # [N, 4]
         depth_change, emission_change = sums[:, 0], sums[:, 1:]  # [N], [N, 3]
         before = torch.nn.functional.softplus(gaussians.opacity_logits)  # [N]
         after = (before + depth_change).clamp(min=LEAST_DEPTH)  # [N]
         kept = before.clamp(min=LEAST_DEPTH)  # so that no change is none, bit for bit
-        logits = _logit_of_depth(after) - _logit_of_depth(kept)  # [N]
+        logits = logit_of_depth(after) - logit_of_depth(kept)  # [N]
         base_colors = gaussians.colors[:, :3]  # [N, 3]
         free = base_colors + (emission_change - base_colors * depth_change[:, None]) / after[:, None]  # [N, 3]
         colors = self._between(free, base_colors) - base_colors  # [N, 3]
@@ -109,11 +109,17 @@ class _Transferred(torch.autograd.Function):
 
 def _arguments(transfer: Transfer, weights: Tensor, logits: Tensor, colors: Tensor) -> tuple[Any, ...]:
     arrays = [tensor.detach().numpy() for tensor in (logits, colors)]
-    return weights.detach().numpy(), transfer.changes.astype(np.float32), *arrays, *transfer.range, LEAST_DEPTH
+    return (
+        weights.detach().numpy(),
+        np.asarray(transfer.changes, dtype=np.float32),
+        *arrays,
+        *transfer.range,
+        LEAST_DEPTH,
+    )
 
 
 class _SizesTimes(torch.autograd.Function):
-    """Absolute weights (N, B) times a table (B, 4), with a gradient for the weights alone.
+    """Absolute weights (N, B) times a table (B, 4).
 
     The gradient at zero is not zero as that of torch's absolute value is: a weight of zero could never grow.
     """
@@ -125,11 +131,7 @@ class _SizesTimes(torch.autograd.Function):
         return weights.abs() @ table
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor | None]:
         weights, table = ctx.saved_tensors
-        return torch.copysign(torch.ones((), dtype=weights.dtype), weights) * (gradients[0] @ table.T), None
-
-
-def _logit_of_depth(depths: Tensor) -> Tensor:
-    """The logit of the opacity 1 - exp(-depth), (N,): ln(exp(depth) - 1), without overflow."""
-    return depths + torch.log(-torch.expm1(-depths))
+        by_weights = torch.copysign(torch.ones((), dtype=weights.dtype), weights) * (gradients[0] @ table.T)
+        return by_weights, weights.abs().T @ gradients[0] if ctx.needs_input_grad[1] else None

@@ -23,9 +23,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.appearance import TransferFunction
-from catalogs.variations import displaced
+from catalogs.numbers import row
+from catalogs.variations import POINT_PARAMETERS, displaced
 from catalogs.words import one_line
-from surrogate.deformation.extinction import extinction_table
+from surrogate.appearance.field_gaussians import AnyGaussians
+from surrogate.deformation.extinction import differentiable_table, extinction_table
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
@@ -83,23 +85,28 @@ class ValuesDeformation:
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> ValuesDeformation:
-        """The deformation of `stored()` and `record()`."""
-        values = np.array(record["values"], dtype=np.float64)
-        if (
-            set(tensors) != {"weights"}
-            or tensors["weights"].shape[1:] != values.shape
-            or not (np.diff(values) > 0).all()
-        ):
-            raise ValueError(f"weights of {len(values)} increasing values are needed, got {sorted(tensors)}")
-        return cls(tensors["weights"], TransferFunction(**record["base"]), values, tuple(record["steps"]))
+        """The deformation of `stored()` and `record()`; raises ValueError where they do not belong together."""
+        count = len(record["values"]) if isinstance(record["values"], list) else 0
+        values = np.array(row(record["values"], count, "values"))  # [B]
+        fits = set(tensors) == {"weights"} and tensors["weights"].ndim == 2
+        if not fits or tensors["weights"].shape[1] != count or count < 2 or not (np.diff(values) > 0).all():
+            raise ValueError(f"weights of {count} increasing values are needed, got {sorted(tensors)}")
+        base = TransferFunction(**record["base"])
+        steps = row(record["steps"], len(POINT_PARAMETERS), "steps")
+        if len(base.opacity_points) != 4 or min(steps) <= 0.0:
+            raise ValueError(f"base must have four opacity points, and steps be positive, got {base} and {steps}")
+        return cls(tensors["weights"], base, values, steps)
 
-    def offsets(self, gaussians: Gaussians, parameters: Tensor) -> Offsets:
+    def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
         """Offsets of `gaussians`, those of the member, at parameters (P + 4,), of which the last 4 displace control points."""
-        return self._transfer(self._displaced(parameters)).offsets(gaussians, self.weights)
+        return self._transfer(self._displaced(parameters)).offsets(gaussians.drawn(), self.weights)
 
-    def deformed(self, gaussians: Gaussians, parameters: Tensor) -> Gaussians:
-        """The member's Gaussians under the displaced transfer function."""
-        return self.under(gaussians, self._displaced(parameters))
+    def deformed(self, gaussians: AnyGaussians, parameters: Tensor) -> Gaussians:
+        """The member's Gaussians under the displaced transfer function: by torch where its gradient by that is asked for."""
+        shown = gaussians.drawn()
+        if torch.is_grad_enabled() and parameters.requires_grad:
+            return self._moving(parameters).offsets(shown, self.weights).applied_to(shown).drawn()
+        return self.under(shown, self._displaced(parameters))
 
     def under(self, gaussians: Gaussians, function: TransferFunction) -> Gaussians:
         """The member's Gaussians under any transfer function."""
@@ -108,6 +115,16 @@ class ValuesDeformation:
     def _displaced(self, parameters: Tensor) -> TransferFunction:
         placed = parameters[-len(self.steps) :].tolist()  # [4]
         return displaced(self.base, [step * place for step, place in zip(self.steps, placed, strict=True)])
+
+    def _moving(self, parameters: Tensor) -> Transfer:
+        """The transfer at parameters (P + 4,), differentiable by them."""
+        function = self._displaced(parameters.detach())
+        points = torch.tensor(self.base.opacity_points, dtype=torch.float64)  # [4, 2]
+        moved = torch.tensor(self.steps) * parameters[-len(self.steps) :].cpu().double()  # [4]
+        table = differentiable_table(
+            function, points + torch.nn.functional.pad(moved.view(2, 2), (0, 0, 1, 1)), self.values
+        )
+        return Transfer(table - torch.from_numpy(self._base_means), tuple(p[1:] for p in function.color_points))
 
     def _transfer(self, function: TransferFunction) -> Transfer:
         units = self.base.opacity_unit_distance / function.opacity_unit_distance
@@ -140,13 +157,17 @@ class ValuesDeformation:
         """The weights of some of the Gaussians, by index (M,)."""
         return replace(self, weights=self.weights[rows])
 
-    def to(self, device: torch.device) -> ValuesDeformation:
-        """The same on another device."""
+    def to(self, device: torch.device | torch.dtype) -> ValuesDeformation:
+        """The same on another device, or in another precision."""
         return replace(self, weights=self.weights.to(device))
 
     def copy(self) -> ValuesDeformation:
         """The same numbers in a tensor of their own."""
         return replace(self, weights=self.weights.detach().clone())
+
+    def with_tensors(self, tensors: Mapping[str, Tensor]) -> ValuesDeformation:
+        """The same with other weights."""
+        return replace(self, weights=tensors["weights"])
 
     @property
     def latent_size(self) -> int:

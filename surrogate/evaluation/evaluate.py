@@ -28,16 +28,18 @@ from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, mean, score_cases, spread
 from surrogate.evaluation.timing import Milliseconds, measure
-from surrogate.evaluation.trivial.interpolation import fixed_rules, setting_rules, tuned_rules
+from surrogate.evaluation.trivial.interpolation import fixed_rules, joint_rules, setting_rules, tuned_rules
 from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures
-from surrogate.evaluation.trivial.settings import SettingPictures
+from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
 VERSION = 3
 MOST_PERCEPTUAL = 40  # images of a cell: six cells at 110 ms an image (256 x 256) take 26 s
 TUNING_IMAGES = 60  # validation images that choose a rule's constants
+APPLIED = "applied"
 AT_NEAREST = "the surrogate at the nearest trained setting"
+AT_CENTER = "the surrogate at the centre of the parameters"
 
 DEFINITIONS = {"covered": "share of an image's pixels that are foreground in the truth, as above; mean over images"}
 
@@ -68,10 +70,12 @@ class VariedEvaluation:
 
     Attributes
     ----------
-    deformation : the kind of F_vis.
+    deformation : the kind of F_vis; "applied" where the Gaussians carry values, to which functions are applied.
     cells : scored images, of unseen views, by row of `SETTINGS` and column of `PARAMETERS`.
     validation : of validation members under validation settings, from all but test views.
     milliseconds : of a "visualization_change" and of a "view_change" after it.
+    at_center : the same cells as the surrogate shows them at the centre of the simulation's parameters, under their own settings;
+        empty without such parameters.
     """
 
     variation: Variation
@@ -80,6 +84,7 @@ class VariedEvaluation:
     validation: Sequence[Scored] = field(repr=False)
     baselines: Sequence[Baseline] = field(repr=False)
     milliseconds: Mapping[str, Milliseconds]
+    at_center: Cells = field(default_factory=dict, repr=False)
 
     @property
     def scored(self) -> list[Scored]:
@@ -99,6 +104,8 @@ class Evaluation:
     milliseconds : of a "parameter_change" and a "view_change".
     variations : of the visualization parameters that the surrogate follows.
     unavailable : why a perceptual metric can't be had on this machine, by its name.
+    at_center : the same cells as the surrogate shows every member at the centre of its parameters, which says how much these
+        matter; empty without parameters.
     """
 
     cells: Cells = field(repr=False)
@@ -107,6 +114,7 @@ class Evaluation:
     milliseconds: Mapping[str, Milliseconds]
     variations: Sequence[VariedEvaluation] = ()
     unavailable: Mapping[str, str] = field(default_factory=dict)
+    at_center: Cells = field(default_factory=dict, repr=False)
 
 
 @one_torch_thread()
@@ -125,6 +133,7 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
         {"parameter_change": change, "view_change": view},
         [engine.variation(visualization) for visualization in surrogate.visualizations],
         engine.perceptual.unavailable,
+        engine.at_center(AT_CENTER, cells),
     )
 
 
@@ -147,6 +156,19 @@ class _Engine:
         [found] = score_cases(predictor, self.catalog, cases, perceptual=self.perceptual, looked_at=few, progress=told)
         return by_cell(cells, found), [found[case] for case in validation]
 
+    def at_center(self, stage: str, cells: CaseCells) -> Cells:
+        """The same test images as the surrogate shows them with the simulation's parameters at their centre."""
+        middle, told = self.surrogate.space.middle, partial(self.progress, stage)
+        if not middle:
+            return {}
+
+        def asked(case: Case) -> dict[str, float | str]:
+            return {**middle, **case.varied}
+
+        frozen = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, asked, (AT_CENTER,))
+        [found] = score_cases(frozen, self.catalog, all_cases(cells), progress=told)
+        return by_cell(cells, found)
+
     def baselines(self, stage: str, predictor: Predictor, groups: CaseGroups, **known: Any) -> list[Baseline]:
         """What a predictor makes of named groups of images, where it can; `known` is said of all its names."""
         cases, told = [case for group in groups.values() for case in group], partial(self.progress, stage)
@@ -165,7 +187,9 @@ class _Engine:
         baselines = self.setting_baselines(variation, {**cells["unseen_settings"], VALIDATION: judged})
         change, view = measure(self.surrogate, members, [variation.asked(setting) for setting in variation.settings])
         milliseconds = {"visualization_change": change, "view_change": view}
-        return VariedEvaluation(variation, visualization.deformation.kind, *scored, baselines, milliseconds)
+        frozen = self.at_center(f"{AT_CENTER}, {variation.name}", cells)
+        kind = APPLIED if visualization.deformation is None else visualization.deformation.kind
+        return VariedEvaluation(variation, kind, *scored, baselines, milliseconds, frozen)
 
     def member_baselines(self, appearance: str, groups: CaseGroups, watched: Sequence[Case]) -> list[Baseline]:
         """Mixtures of training members; their constants are chosen on `watched` validation images."""
@@ -173,7 +197,7 @@ class _Engine:
         cases = [case for group in groups.values() for case in group]
         if not members or not cases:
             return []
-        space = self.catalog.plan.space
+        space = self.surrogate.space
         pictures, rules = MemberPictures(space, appearance, members), fixed_rules(len(space))
         tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
         for family in tuned_rules() if tuning else ():
@@ -199,4 +223,16 @@ class _Engine:
 
         unmoved = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
         unseen = {"unseen_parameters": groups["unseen_parameters"]}
-        return [*self.baselines(stage, mixtures, groups, shown=shown), *self.baselines(stage, unmoved, unseen)]
+        of_member = self.baselines(stage, mixtures, groups, shown=shown)
+        joint = self.joint_baselines(variation, {**unseen, VALIDATION: groups[VALIDATION]})
+        return [*of_member, *self.baselines(stage, unmoved, unseen), *joint]
+
+    def joint_baselines(self, variation: Variation, groups: CaseGroups) -> list[Baseline]:
+        """What training members under trained settings make of unseen members under unseen settings."""
+        space, members = self.surrogate.space, self.catalog.members
+        pictures, cases = TrainedPictures.of(variation, space, members), [case for of in groups.values() for case in of]
+        if pictures is None or not cases or not len(space):
+            return []
+        mixtures = Mixtures(self.catalog, pictures, joint_rules(len(space), len(variation.space)))
+        degrees = pictures.pictures.borrowed_degrees(cases)
+        return self.baselines("trivial predictors from training members alone", mixtures, groups, degrees=degrees)

@@ -55,9 +55,9 @@ def composite(rgba: NDArray[Any], background: Sequence[float]) -> NDArray[np.flo
     return np.clip(pixels[..., :3] + (1.0 - pixels[..., 3:]) * behind, 0.0, 1.0).astype(np.float32)
 
 
-def decibels(squared_error: float) -> float:
-    """PSNR in dB of a mean squared error for values in [0, 1], at most `MOST_DECIBELS`."""
-    return -10.0 * math.log10(max(squared_error, 10.0 ** (-MOST_DECIBELS / 10.0)))
+def decibels(squared_error: float, most: float = MOST_DECIBELS) -> float:
+    """PSNR in dB of a mean squared error for values in [0, 1], at most `most`."""
+    return -10.0 * math.log10(max(squared_error, 10.0 ** (-most / 10.0)))
 
 
 def psnr(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog
 from surrogate.evaluation.cases import Case, CaseCells, each_cell
-from surrogate.evaluation.metrics import WHITE, Score, composite, decibels, score
+from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, Score, composite, decibels, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics
 from surrogate.evaluation.predictor import Draw, Predictor
 
@@ -22,9 +22,11 @@ MEAN_ERROR = "psnr_of_mean_error"
 METRICS = ("psnr", MEAN_ERROR, "psnr_foreground", "ssim")  # of every image
 PERCEPTUAL_METRICS = ("ms_ssim", "lpips", "flip")  # of some, because they take long
 
+MOST_OF_MEAN = 120.0  # dB; below that is the rounding of float32
+
 DEFINITIONS = {
     MEAN_ERROR: "10 log10(1 / E), E the mean over images of their mean squared errors: a few bad images weigh more than in a "
-    "mean of decibels"
+    f"mean of decibels; not cut at {MOST_DECIBELS:.0f} dB, which mixtures of stored pictures may reach"
 }
 
 Report = Callable[[str, int, int], None]  # stage, done, total
@@ -52,7 +54,7 @@ def mean(scored: Iterable[Scored], metric: str) -> float | None:
     """Mean of a metric over images that have one; None without any."""
     if metric == MEAN_ERROR:
         errors = [s.score.squared_error for s in scored]
-        return decibels(float(np.mean(errors))) if errors else None
+        return decibels(float(np.mean(errors)), MOST_OF_MEAN) if errors else None
     values = [value for value in (s.value(metric) for s in scored) if not math.isnan(value)]
     return float(np.mean(values)) if values else None
 

@@ -132,10 +132,47 @@ def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]
     return "  \n".join(sentences)
 
 
+def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]:
+    """The surrogate at the centre of its parameters beside itself, with a row for each cell; nothing where that is not known."""
+    center = record.get("at_center")
+    if center is None:
+        return []
+
+    def worth(row: str, column: str) -> str:
+        return signed_number(lead(record["psnr"][row][column], center["psnr"][row][column]))
+
+    at = ", ".join(f"{name} = {value:.4g}" for name, value in center["parameters"].items())
+    metrics = ("psnr", "psnr_foreground", "ssim")
+    cells = [(row, column, count) for row, of in center["images"].items() for column, count in of.items() if count]
+    return [
+        f"Every member shown as the surrogate at the centre of the parameters ({at}) shows it: what is missing here is what "
+        "following the parameters is worth.",
+        table(
+            (*names, *(HEADINGS[m] for m in metrics), "worth (dB)", "images"),
+            (
+                (
+                    _short(row),
+                    _short(column),
+                    *(metric_number(m, center[m][row][column]) for m in metrics),
+                    worth(row, column),
+                    str(count),
+                )
+                for row, column, count in cells
+            ),
+        ),
+    ]
+
+
 def validation_line(record: Mapping[str, Any], what: str) -> str:
-    """How well a record's validation images are shown; `what` says which they are."""
-    found = record["validation"]
-    return f"Validation ({found['images']} images{what}): {number(found['psnr'])} dB, SSIM {number(found['ssim'], 4)}."
+    """How well a record's validation images are shown, and how many of them decided something; `what` says which they are."""
+    found, decided = record["validation"], record.get("decided_on") or {}
+    uses = [
+        f"{decided[use]} such images {verb}"
+        for use, verb in (("choices", "decided the choices about the model"), ("watched", "were watched in training"))
+        if decided.get(use)
+    ]
+    text = f"Validation ({found['images']} images{what}): {number(found['psnr'])} dB, SSIM {number(found['ssim'], 4)}."
+    return f"{text}  {' and '.join(uses)}." if uses else text
 
 
 def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, str]:

@@ -15,7 +15,9 @@ from surrogate.command_line import RUN, one_line_errors
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need the printed token."
 )
-@click.option("--port", default=0, help="Port to listen on.  [default: any that is free]")
+@click.option(
+    "--port", type=int, help="Port to listen on.  [default: one of the run's own, the same each time, if it is free]"
+)
 @click.option(
     "--base-url",
     default="",
@@ -24,9 +26,12 @@ from surrogate.command_line import RUN, one_line_errors
 )
 @click.option("--open/--no-open", "open_page", default=False, help="Open the page in this machine's browser.")
 def explore(run: Path, **options: Any) -> None:
-    """Fly through the surrogate in RUN (such as runs/tgv-dvr) in a browser, until Ctrl-C."""
+    """Fly through the surrogate in RUN (such as runs/tgv) in a browser, until Ctrl-C."""
     with one_line_errors(extra="explore"):
         from surrogate.explore.run import Run
         from surrogate.explore.server.terminal import explore as serve
 
-        serve(Run.open(run), announce=click.echo, **options)
+        opened = Run.open(run)
+        if opened.missing:
+            click.echo(f"{opened.missing}; until then no stored pictures are shown", err=True)
+        serve(opened, announce=click.echo, **options)

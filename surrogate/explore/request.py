@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from catalogs.cameras import Camera
-from catalogs.parameters import Parameter
+from catalogs.parameters import SLACK, Parameter
 from catalogs.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
 from surrogate.explore.setting import Setting, base_function
@@ -21,7 +21,7 @@ MOST_SETTINGS = 64
 LEAST_SIDE, MOST_SIDE = 8, 2048
 MOST_PIXELS = 4 * 1024 * 1024  # of all pictures of one frame together
 LEAST_FIELD, MOST_FIELD = 1.0, 150.0  # vertical field of view, degrees
-BEYOND = 1.0  # how far parameters may lie outside their bounds, in widths of these
+BEYOND = 1.0  # widths of its bounds by which a parameter may lie outside them
 FARTHEST = 1e6  # how far cameras may stand away, in half sizes of the volume
 
 
@@ -41,11 +41,11 @@ class FrameRequest:
     truth: bool = False  # whether the catalog's picture of the first setting, if any, and the difference to it follow
 
 
-def frame_request(message: Any, surrogate: Surrogate) -> FrameRequest:
-    """Check a message and return its request; raises MessageError for a wrong one."""
+def frame_request(message: Any, surrogate: Surrogate, origins: Mapping[str, float] | None = None) -> FrameRequest:
+    """Check a message and return its request; raises MessageError for a wrong one, as `setting_of` does."""
     fields = _mapping(message, "the message")
     records = _sequence(fields.get("settings"), "settings", 1, MOST_SETTINGS)
-    settings = tuple(setting_of(record, surrogate) for record in records)
+    settings = tuple(setting_of(record, surrogate, origins) for record in records)
     camera = camera_of(fields.get("camera"), fields.get("size"), surrogate)
     if camera.width * camera.height * len(settings) > MOST_PIXELS:
         raise MessageError(
@@ -61,15 +61,18 @@ def frame_request(message: Any, surrogate: Surrogate) -> FrameRequest:
     return FrameRequest(settings, camera, color_of(fields.get("background", "#000000")), form, difference, truth)
 
 
-def setting_of(record: Any, surrogate: Surrogate) -> Setting:
-    """A setting of the surrogate: all simulation parameters, the visualization parameters of one variation or none."""
+def setting_of(record: Any, surrogate: Surrogate, origins: Mapping[str, float] | None = None) -> Setting:
+    """A setting of the surrogate: all simulation parameters, the visualization parameters of one variation or none.
+
+    Raises MessageError for others; with the `origins` of a `Run` it tells control points by their places.
+    """
     fields, names = _mapping(record, "a setting"), surrogate.space.names
     parameters = _mapping(fields.get("parameters"), "parameters")
     _require(set(parameters) == set(names), f"parameters must be exactly {list(names)}", sorted(parameters))
     color_map = fields.get("color_map", "")
     known = isinstance(color_map, str) and color_map in ("", *COLOR_MAPS)
     _require(known, f"color_map must be one of {', '.join(COLOR_MAPS)} or empty", color_map)
-    visualization = _visualization(_mapping(fields.get("visualization", {}), "visualization"), surrogate)
+    visualization = _visualization(_mapping(fields.get("visualization", {}), "visualization"), surrogate, origins or {})
     setting = Setting(
         {p.name: within(parameters[p.name], p) for p in surrogate.space.parameters}, visualization, color_map
     )
@@ -84,7 +87,9 @@ def setting_of(record: Any, surrogate: Surrogate) -> Setting:
     return setting
 
 
-def _visualization(given: Mapping[str, Any], surrogate: Surrogate) -> dict[str, float | str]:
+def _visualization(
+    given: Mapping[str, Any], surrogate: Surrogate, origins: Mapping[str, float]
+) -> dict[str, float | str]:
     variations = [v.variation for v in surrogate.visualizations]
     variation = next((v for v in variations if set(given) <= set(v.asked_names)), None)
     if not given:
@@ -93,7 +98,8 @@ def _visualization(given: Mapping[str, Any], surrogate: Surrogate) -> dict[str, 
         names = [list(v.asked_names) for v in variations]
         raise MessageError(f"visualization must be of one of {names or 'no'} parameters, got {_shown(sorted(given))}")
     if variation.continuous:
-        return {p.name: within(given[p.name], p) for p in variation.space.parameters if p.name in given}
+        known = (p for p in variation.space.parameters if p.name in given)
+        return {p.name: within(given[p.name], p, origins.get(p.name, 0.0)) for p in known}
     appearances = [variation.base, *variation.parameter_names]
     _require(given[APPEARANCE] in appearances, f"{APPEARANCE} must be one of {appearances}", given[APPEARANCE])
     return {APPEARANCE: str(given[APPEARANCE])}
@@ -127,15 +133,22 @@ def color_of(value: Any) -> Color:
     return red, green, blue
 
 
-def within(value: Any, parameter: Parameter) -> float:
-    """The value as a number at most `BEYOND` outside the parameter's bounds; raises MessageError for anything else."""
-    number, width = _number(value, parameter.name), parameter.high - parameter.low
-    if not parameter.low - BEYOND * width <= number <= parameter.high + BEYOND * width:
+def within(value: Any, parameter: Parameter, origin: float = 0.0) -> float:
+    """The value as a number within `limits`; raises MessageError for anything else, which tells numbers from -`origin` on."""
+    number, (least, most) = _number(value, parameter.name), limits(parameter)
+    slack = SLACK * (most - least)
+    if not least - slack <= number <= most + slack:
+        said, low, high, first, last = (x + origin for x in (number, parameter.low, parameter.high, least, most))
         raise MessageError(
-            f"{parameter.name} = {number:g} lies too far outside its bounds [{parameter.low:g}, {parameter.high:g}] to say "
-            "anything about it"
+            f"{parameter.name} = {said:g} lies too far outside its bounds [{low:g}, {high:g}]: it can be drawn from "
+            f"{first:g} to {last:g}"
         )
     return number
+
+
+def limits(parameter: Parameter) -> tuple[float, float]:
+    """From where to where a parameter can be drawn: `BEYOND` widths outside its bounds, on its own scale."""
+    return parameter.at(-BEYOND), parameter.at(1.0 + BEYOND)
 
 
 def _mapping(value: Any, name: str) -> Mapping[str, Any]:

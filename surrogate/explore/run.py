@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.appearance import TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from catalogs.catalog import Catalog, Member
+from surrogate.explore.setting import base_function, origins_of
 from surrogate.model import Surrogate
+from surrogate.storage.runs import MODEL, RunFolder
 
 SIDE = 512  # pixels of pictures where no catalog says another size
 
@@ -27,6 +30,7 @@ class Run:
     model_folder: Path | None = None  # where it was loaded from; None for one that is only in memory
     catalog: Catalog | None = None  # the pictures that it was trained on; None where they are gone
     folder: Path | None = None  # what is measured for the explorer is kept below it; None where nothing can be
+    missing: str = ""  # why there is no catalog, and what helps
 
     def __repr__(self) -> str:
         return f"<Run {self.title!r}: {self.surrogate!r}>"
@@ -55,6 +59,19 @@ class Run:
             or orbit(placed.center, 3.0**0.5 * placed.extent, width=SIDE, height=SIDE)
         )
 
+    @cached_property
+    def base_function(self) -> TransferFunction | None:
+        """The transfer function that control points are displaced from; None where there is none, or nobody knows it."""
+        bases = [v.variation.base for v in self.surrogate.visualizations if v.variation.edits_base]
+        appearances = self.catalog.plan.appearances if self.catalog and bases else ()
+        stored = (a.transfer_function for a in appearances if isinstance(a, VolumeRendering) and a.name in bases)
+        return base_function(self.surrogate) or next(stored, None)
+
+    @cached_property
+    def origins(self) -> dict[str, float]:
+        """Where the inner control points of `base_function` lie, by the names of their displacements."""
+        return origins_of(self.base_function)
+
     @property
     def middle(self) -> NDArray[np.float64]:
         """The centre of the catalog's box, (3,) world coordinates; without a catalog of the whole volume."""
@@ -63,13 +80,13 @@ class Run:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Run:
-        """The run in the folder `path`, such as `runs/tgv-dvr`, or that of a surrogate alone.
+        """The run in the folder `path`, such as `runs/tgv`, or that of a surrogate alone.
 
         Raises FileNotFoundError where there is no surrogate, ValueError for a damaged one, CatalogError for a damaged catalog.
         """
         folder = Path(path)
-        title, model, catalog = folder.resolve().name, folder / "surrogate", folder / "catalog.cdb"
-        if Surrogate.exists(folder) and not Surrogate.exists(model):
-            return cls(title, Surrogate.load(folder), folder)
-        found = Catalog.open(catalog) if catalog.is_dir() else None
-        return cls(title, Surrogate.load(model), model, found, folder)
+        if Surrogate.exists(folder) and not Surrogate.exists(folder / MODEL):
+            return cls(folder.resolve().name, Surrogate.load(folder), folder)
+        run = RunFolder.open(folder)
+        surrogate = Surrogate.load(run.model)
+        return cls(run.name, surrogate, run.model, None if run.missing else run.catalog, folder, run.missing)

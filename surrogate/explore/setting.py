@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from catalogs.appearance import TransferFunction
 from catalogs.variations import POINT_PARAMETERS, displaced
+from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points
 from surrogate.model import DeformedGaussians, Surrogate
@@ -61,14 +62,31 @@ class Setting:
         return replace(function, color_points=color_points(self.color_map, low, high))
 
 
-def listed(values: Mapping[str, float | str]) -> str:
-    """Such as "Re=1800, appearance=speed"."""
-    return ", ".join(
-        f"{name}={value if isinstance(value, str) else format(value, 'g')}" for name, value in values.items()
-    )
+def listed(values: Mapping[str, float | str], origins: Mapping[str, float] | None = None) -> str:
+    """Such as "Re=1800, appearance=speed"; values with an origin are told from zero on, as in `shown`."""
+    return ", ".join(f"{name}={_word(value)}" for name, value in shown(values, origins).items())
+
+
+def shown(values: Mapping[str, float | str], origins: Mapping[str, float] | None = None) -> dict[str, float | str]:
+    """Values as people read them: of a control point its place, not its displacement from the `origins` of `origins_of`."""
+    from_zero = origins or {}
+    return {n: v if isinstance(v, str) else v + from_zero.get(n, 0.0) for n, v in values.items()}
+
+
+def origins_of(base: TransferFunction | None) -> dict[str, float]:
+    """Values and opacities of the base's inner control points by `POINT_PARAMETERS`; nothing without a base."""
+    if base is None or len(base.opacity_points) != 4:
+        return {}
+    return dict(zip(POINT_PARAMETERS, [part for point in base.opacity_points[1:3] for part in point], strict=True))
+
+
+def _word(value: float | str) -> str:
+    return value if isinstance(value, str) else format(value, "g")
 
 
 def base_function(surrogate: Surrogate) -> TransferFunction | None:
     """The transfer function around which the surrogate follows others; None where it follows none in any colours."""
+    if isinstance(surrogate.gaussians, FieldGaussians):
+        return surrogate.gaussians.field.base
     deformations = (visualization.deformation for visualization in surrogate.visualizations)
     return next((d.base for d in deformations if isinstance(d, ValuesDeformation)), None)

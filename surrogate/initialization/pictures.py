@@ -22,10 +22,11 @@ VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """M sampled points: places in normalized coordinates (M, 3) and straight RGB (M, 3), or None where unknown."""
+    """M sampled points: places in normalized coordinates (M, 3), and where known straight RGB (M, 3) and field values (M,)."""
 
     places: NDArray[np.float64]  # [M, 3]
     colors: NDArray[np.float64] | None  # [M, 3]
+    values: NDArray[np.float64] | None = None  # [M]
 
     __repr__ = one_line
 

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from catalogs.appearance import VolumeRendering, field_of
+from catalogs.appearance import Isosurface, VolumeRendering, field_of
 from catalogs.catalog import Catalog
+from catalogs.variations import Variation
+from surrogate.appearance.averages import averages_reference
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians, FieldValues
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.pictures import Points
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
+
+FIRST_SPREAD = 0.08  # of the values in a Gaussian, on their scale
+LEAST_EXTINCTION = 0.1  # relative to the unit distance, that the thickness at the start is chosen for
+START_NORMAL = 0.8  # length of normals: 1 is the longest that means anything
 
 
 def initial_points(
@@ -39,7 +48,25 @@ def initial_points(
     places = normalization.points(np.concatenate([s.points for s in kept]))  # [M, 3]
     if not isinstance(shown, VolumeRendering):
         return Points(places, None)
-    return Points(places, shown.transfer_function.colors(np.concatenate([s.point_values for s in kept])))
+    values = np.concatenate([s.point_values for s in kept]).astype(np.float64)  # [M]
+    return Points(places, shown.transfer_function.colors(values), values)
+
+
+def surface_points(
+    settings: TrainingSettings, catalog: Catalog, variation: Variation, normalization: Normalization
+) -> Points | None:
+    """Points that the hook sampled on the isosurfaces which `variation` trains, of all training members; None where it has none."""
+    if settings.start.initialization not in ("auto", "in-situ"):
+        return None
+    names, found = variation.named("train"), []
+    for surface in (a for a in catalog.plan.appearances if a.name in names and isinstance(a, Isosurface)):
+        for member in (m for m in catalog.members if m.split == "train"):
+            summary = member.summary(field_of(surface))
+            if summary is not None and len(summary.points):
+                on_it = summary.point_values == summary.point_values.dtype.type(surface.isovalue)  # [M]
+                found.append(summary.points[on_it])
+    places = np.concatenate(found) if found else np.empty((0, 3))
+    return Points(normalization.points(places), None) if len(places) else None
 
 
 def _from_pictures(
@@ -58,8 +85,12 @@ def _from_pictures(
 
 
 def initial_gaussians(
-    settings: TrainingSettings, box: NDArray[np.float64], points: Points | None, color: NDArray[np.float64]
-) -> Gaussians:
+    settings: TrainingSettings,
+    box: NDArray[np.float64],
+    points: Points | None,
+    color: NDArray[np.float64],
+    field: FieldValues | None = None,
+) -> AnyGaussians:
     """The Gaussians that training starts from, of colour degree 0 where it is still to be chosen.
 
     Parameters
@@ -67,22 +98,45 @@ def initial_gaussians(
     box : (2, 3), low and high corner of the volume in normalized coordinates.
     points : where to put them; None puts them uniformly in the box.
     color : (3,), straight RGB of a Gaussian whose point has no colour of its own.
+    field : what the values mean that they carry; None where they carry colours.
     """
     count, random = settings.gaussians, generator(settings.seed, "initialization")
     spacing = float(np.prod(box[1] - box[0]) / count) ** (1.0 / 3.0) or float((box[1] - box[0]).max()) / count
     colors = np.broadcast_to(color, (count, 3))  # [N, 3]
+    values = None if field is None else field.scale.values(random.uniform(0.0, 1.0, count))  # [N]
     if points is None:
         places = random.uniform(box[0], box[1], (count, 3))  # [N, 3]
     else:
         chosen = random.choice(len(points.places), count, replace=len(points.places) < count)  # [N]
         places = points.places[chosen] + random.normal(0.0, 0.25 * spacing, (count, 3))  # [N, 3]
         colors = colors if points.colors is None else points.colors[chosen]
+        values = values if points.values is None else points.values[chosen]
     flat = np.zeros((count, 9 * (settings.color_degree == 1)))
     opacity_logit = float(np.log(settings.start.opacity / (1.0 - settings.start.opacity)))
-    return Gaussians(
+    gaussians = Gaussians(
         means=torch.tensor(places, dtype=torch.float32),
         log_scales=torch.full((count, 3), float(np.log(settings.start.scale * spacing))),
         quats=torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
         opacity_logits=torch.full((count,), opacity_logit),
         colors=torch.tensor(np.concatenate([colors, flat], axis=1), dtype=torch.float32),
     )
+    return gaussians if field is None or values is None else _with_values(gaussians, field, values)
+
+
+def _with_values(gaussians: Gaussians, field: FieldValues, values: NDArray[np.float64]) -> FieldGaussians:
+    """The same in place and opacity, carrying field values (N,)."""
+    carried = torch.zeros(len(gaussians), 2)  # [N, 2]
+    carried[:, 0] = torch.from_numpy(field.scale.places(values).clip(0.0, 1.0))
+    carried[:, 1] = float(np.log(FIRST_SPREAD))
+    extinctions = averages_reference(field.table(field.base).nodes, carried[:, 0].double(), carried[:, 1].double())
+    depths = torch.nn.functional.softplus(gaussians.opacity_logits.double())  # [N]
+    thickness = (depths / extinctions[:, 0].clamp(min=LEAST_EXTINCTION)).clamp(min=1e-3)  # [N]
+    logits = (thickness + torch.log(-torch.expm1(-thickness))).float()  # [N]
+    return FieldGaussians(gaussians.means, gaussians.log_scales, gaussians.quats, logits, carried, field)
+
+
+def with_random_normals(gaussians: Gaussians, seed: int) -> Gaussians:
+    """The same, whose colours are normals of a lit surface: they point anywhere, and are short enough to grow."""
+    normals = generator(seed, "normals").standard_normal((len(gaussians), 3))  # [N, 3]
+    normals *= START_NORMAL / np.linalg.norm(normals, axis=1, keepdims=True)
+    return replace(gaussians, colors=torch.tensor(normals, dtype=torch.float32))

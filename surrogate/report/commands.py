@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RECORDS, RUNS, SCENE, OpenScene, load_surrogate, one_line_errors
+from surrogate.command_line import RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
 
 
 @click.command()
@@ -18,8 +18,8 @@ from surrogate.command_line import RECORDS, RUNS, SCENE, OpenScene, load_surroga
 @RUNS
 @RECORDS
 def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
-    """Write the report of SCENE's surrogate: tables, pictures, report.json."""
-    opened = OpenScene.open(scene, runs, records)
+    """Write the report of the surrogate of a SCENE or a RUN: tables, pictures, report.json."""
+    opened = OpenRun.open(scene, runs, records)
     from surrogate.model import Surrogate
     from surrogate.provenance import code
     from surrogate.report.records import is_kept, report_path, save_report
@@ -45,7 +45,14 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
         with ProgressLine() as line:
             evaluation = run(surrogate, opened.catalog, progress=line.count)
         seconds, judged = _dataset_seconds(opened.folder), (surrogate, opened.catalog, evaluation)
-        report = write_report(page.parent, opened.name, *judged, dataset_seconds=seconds, records=opened.records)
+        report = write_report(
+            page.parent,
+            opened.name,
+            *judged,
+            source=str(opened.source),
+            dataset_seconds=seconds,
+            records=opened.records,
+        )
         save_report(kept[0], surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):
         click.echo(f"  {text}")
@@ -62,12 +69,15 @@ def _dataset_seconds(folder: Path) -> float | None:
 def _summary(report: Mapping[str, Any]) -> Iterator[str]:
     from surrogate.evaluation.tables import terminal_line
     from surrogate.report.variations import variation_line
+    from surrogate.training.telling import UNKNOWN
 
     for views, columns in report["images"].items():
         for parameters in columns:
             values = [report[metric][views][parameters] for metric in ("psnr", "ssim")]
             if None not in values:
                 yield terminal_line(f"{views}, {parameters}".replace("_", " "), *values)
+    if not any(columns["unseen_parameters"] for columns in report["images"].values()):
+        yield UNKNOWN
     for entry in report["trivial_predictors"]:
         value = entry["psnr"]["unseen_views"]["unseen_parameters"]
         if value is not None:

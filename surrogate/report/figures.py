@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.catalog import Catalog
+from catalogs.parameters import ParameterSpace
 from catalogs.variations import KINDS
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import Evaluation, VariedEvaluation
@@ -36,7 +37,7 @@ def draw(directory: Path, surrogate: Surrogate, catalog: Catalog, evaluation: Ev
         plots[f"{title} under {varied.variation.plural}"] = f"{varied.variation.kind}.png", under
     plots |= {
         "Training": ("curves.png", partial(_curves, surrogate)),
-        "Error by parameter": ("parameters.png", partial(_parameters, evaluation)),
+        "Error by parameter": ("parameters.png", partial(_parameters, evaluation, surrogate.space)),
         "Spread over images": ("spread.png", partial(_spread, evaluation)),
     }
     drawn = {}
@@ -81,25 +82,24 @@ def _curves(surrogate: Surrogate, figure: Any) -> bool:
     return True
 
 
-def _parameters(evaluation: Evaluation, figure: Any) -> bool:
+def _parameters(evaluation: Evaluation, space: ParameterSpace, figure: Any) -> bool:
     groups = {
         f"{p.split('_')[0]} parameters": evaluation.cells["unseen_views"][p] or evaluation.cells["seen_views"][p]
         for p in PARAMETERS
     }
-    if not any(groups.values()):
+    if not any(groups.values()) or not len(space):
         return False
-    names = list(next(s for group in groups.values() for s in group).target.member.parameters)
-    figure.set_size_inches(max(6.0, 3.0 * len(names)), 3.6)
-    axes = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
-    for axis, name in zip(axes, names, strict=True):
+    figure.set_size_inches(max(6.0, 3.0 * len(space)), 3.6)
+    axes = figure.subplots(1, len(space), squeeze=False, sharey=True)[0]
+    for axis, parameter in zip(axes, space.parameters, strict=True):
         for (label, scored), color in zip(groups.items(), ("tab:blue", "tab:orange"), strict=True):
             by_value: dict[float, list[float]] = {}
             for s in scored:
-                by_value.setdefault(s.target.member.parameters[name], []).append(s.score.psnr)
+                by_value.setdefault(s.target.member.parameters[parameter.name], []).append(s.score.psnr)
             axis.plot(
                 list(by_value), list(map(np.mean, by_value.values())), "o", color=color, label=label, markersize=4
             )
-        axis.set(xlabel=name)
+        axis.set(xlabel=parameter.label, xscale=parameter.scale)
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("mean PSNR (dB)")
     axes[0].legend(fontsize=8)

@@ -9,6 +9,7 @@ from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.tables import (
     NOTHING,
     cell_table,
+    center_table,
     document,
     lead,
     metric_column,
@@ -30,14 +31,16 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
     return document(
         f"# {record['scene']}",
         f"Commit `{record['commit']}`, {machine}, seed {record['seed']}, {record['made']}.",
+        _ensemble(record.get("ensemble")),
         "## How good",
         cell_table(record, ("views", "parameters")),
         perceptual_remarks(record, record["unavailable"]),
-        validation_line(record, "; all choices were made on these"),
+        validation_line(record, ""),
+        *center_table(record, ("views", "parameters")),
         "## Beside trivial predictors",
         *_baselines(record),
         *_ceilings(record),
-        *repeats_section(record["repeats"], record["scene"]),
+        *repeats_section(record["repeats"], record["source"]),
         "## How fast, how large",
         _costs(record),
         *(block for varied in record["variations"] for block in variation_section(varied, record["unavailable"])),
@@ -48,10 +51,15 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
     )
 
 
+def _ensemble(record: Mapping[str, Any] | None) -> str:
+    """What was learnt, and from which members."""
+    return "" if record is None else f"The surrogate {record['learnt']}.  {record['members']}."
+
+
 def _baselines(record: Mapping[str, Any]) -> list[str]:
     entries = record["trivial_predictors"]
     if not entries:
-        return ["The data set has no unseen parameters, or no training members to predict them from."]
+        return [_without_baselines(record)]
 
     def ahead(entry: Mapping[str, Any]) -> str:
         psnr, other = (one["psnr"]["unseen_views"]["unseen_parameters"] for one in (record, entry))
@@ -67,6 +75,7 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
             ("", lambda entry: entry["name"]),
             metric_column("PSNR, seen views", "psnr", "seen_views", "unseen_parameters"),
             metric_column("PSNR, unseen views", "psnr", *unseen),
+            metric_column("of the mean error", "psnr_of_mean_error", *unseen),
             metric_column("foreground, unseen views", "psnr_foreground", *unseen),
             metric_column("SSIM, unseen views", "ssim", *unseen),
             ("lead (dB)", ahead),
@@ -76,6 +85,17 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
         if borrowed
         else "",
     ]
+
+
+def _without_baselines(record: Mapping[str, Any]) -> str:
+    """Why there are none, and what the report therefore can't say."""
+    if any(columns["unseen_parameters"] for columns in record["images"].values()):
+        return "There are no training members from whose pictures they could predict."
+    return (
+        "No member was kept aside to test unseen parameters: this report says how well the members are shown that the surrogate "
+        "learnt from, at views that it did not see, and nothing of the parameters between them.  "
+        "`surrogate train CATALOG --hold-out 0.2` keeps some aside."
+    )
 
 
 def _ceilings(record: Mapping[str, Any]) -> list[str]:
@@ -128,7 +148,7 @@ def _needs(record: Mapping[str, Any]) -> list[str]:
         return " · ".join(f"{option['name']}: {option['psnr']:.2f}" for option in choice["options"]) or NOTHING
 
     return [
-        "## What this scene needed",
+        "## What this ensemble needed",
         "Chosen on validation images; each choice after the first was allowed to cost "
         f"{record['settings']['need_tolerance']:g} dB.  The columns at the right "
         "say how the model changed with it: negative decibels were lost, megabytes are those of the tensors, milliseconds those "

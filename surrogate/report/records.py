@@ -14,6 +14,7 @@ from surrogate.storage.records import Provenance, Record
 
 KIND, FOLDER = "evaluation", "evaluation"  # of a scene's records
 NO_FIGURES = ("settings", "curve", "definitions")
+EVERY_FIGURE = ("at_center",)  # added since records of this version were first kept, which are still read
 
 
 def report_path(records: Path, seed: int) -> Path:
@@ -37,6 +38,7 @@ def load_report(records: Path, seed: int) -> Record | None:
 
 
 def is_kept(records: Path, seed: int, mark: str, trained_by: str) -> bool:
-    """Whether figures of a seed are kept that belong to the model of this fingerprint, trained by this code."""
+    """Whether figures of a seed are kept, all that a report has, of the model of this fingerprint, trained by this code."""
     known = load_report(records, seed)
-    return known is not None and known.agrees({"mark": mark}) and known.provenance.code == trained_by
+    whole = known is not None and set(EVERY_FIGURE) <= set(known.values)
+    return known is not None and whole and known.agrees({"mark": mark}) and known.provenance.code == trained_by

@@ -13,11 +13,13 @@ from surrogate.evaluation.evaluate import Evaluation
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.model import Surrogate
 from surrogate.report import figures
+from surrogate.report.decided import decided_on
 from surrogate.report.page import page
 from surrogate.report.summary import fingerprint, summarize
 from surrogate.storage.records import read_json
 from surrogate.studies.ceiling import load_ceilings
 from surrogate.studies.repeats.records import Scores, load_scores
+from surrogate.training.telling import learnt_line, members_line
 
 RECORD = "report.json"
 
@@ -45,10 +47,13 @@ def write_report(
     catalog: Catalog,
     evaluation: Evaluation,
     *,
+    source: str = "",
     dataset_seconds: float | None = None,
     records: Path | None = None,
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents.
+
+    `source` is what names the scene or run on a command line.
 
     Ceilings and seeds of the same settings and data are taken from the folder around `directory`, and from `records`.
     """
@@ -56,6 +61,12 @@ def write_report(
     record = summarize(
         scene, surrogate, evaluation, dataset_seconds=dataset_seconds, ceilings=ceilings, repeats=repeats
     )
+    variations = [v.variation for v in surrogate.visualizations]
+    learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)
+    record["source"] = source or f"scenes/{scene}.toml"
+    record["ensemble"] = {"learnt": learnt, "members": members_line(catalog)}
+    for part, varied in zip((record, *record["variations"]), (None, *variations), strict=True):
+        part["decided_on"] = decided_on(surrogate, catalog, varied)
     durable.make_folder(directory.parent)
     durable.remove_abandoned(directory.parent)
     partial, retired = durable.partial_name(directory), durable.partial_name(directory)

@@ -29,11 +29,15 @@ def draw_sheet(figure: Any, title: str, images: Mapping[str, Scored], surrogate:
     """Draw a row for each of the images, by what they are called, into a figure, which is sized to hold them."""
     figure.set_size_inches(WIDTH_INCHES, ROW_INCHES * len(images) + 0.5)
     grid = figure.subplots(len(images), 5, squeeze=False)
+    spaces = surrogate.space, *(v.variation.space for v in surrogate.visualizations)
+    units = {p.name: p.unit for space in spaces for p in space.parameters}
     for axes, (name, scored) in zip(grid, images.items(), strict=True):
         case, background = scored.target, catalog.plan.background
         stored = catalog.image(case.member, case.appearance, case.view)
         drawn = surrogate.at(**case.parameters).render(case.camera, background=background)
-        _draw_row(axes, _place(case.parameters), *(composite(image, background or WHITE) for image in (stored, drawn)))
+        _draw_row(
+            axes, _place(case.parameters, units), *(composite(image, background or WHITE) for image in (stored, drawn))
+        )
         axes[0].set_ylabel(f"{name}: {scored.score.psnr:.1f} dB\nview {case.view}", fontsize=9)
     figure.suptitle(title, fontsize=11)
 
@@ -66,7 +70,10 @@ def worst_window(truth: NDArray[np.float32], prediction: NDArray[np.float32]) ->
     return int(top), int(left), size
 
 
-def _place(parameters: Mapping[str, float | str]) -> str:
-    values = {name: value if isinstance(value, str) else f"{value:.4g}" for name, value in parameters.items()}
+def _place(parameters: Mapping[str, float | str], units: Mapping[str, str]) -> str:
+    values = {
+        name: value if isinstance(value, str) else f"{value:.4g} {units.get(name, '')}".rstrip()
+        for name, value in parameters.items()
+    }
     at = [f"{name} = {value}" for name, value in values.items()]
     return "\n".join(["truth", *(", ".join(at[i : i + 2]) for i in range(0, len(at), 2))])

@@ -19,6 +19,8 @@ from surrogate.provenance import commit, machine
 from surrogate.studies.repeats.records import Scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
+CONTENTS = 1  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
+
 
 def fingerprint(
     surrogate: Surrogate,
@@ -29,7 +31,14 @@ def fingerprint(
     """Changes with the model, its catalog, the evaluation's version, the metrics that can't be had, and what stands beside."""
     training, limits = surrogate.training, [f"{entry['appearance']}={entry['psnr']}" for entry in ceilings]
     seeds = [f"{scores.seed}={scores.fingerprint}" for scores in repeats if len(repeats) > 1]
-    marks = [str(VERSION), training["fingerprint"], str(training["seconds"]), *sorted(unavailable), *limits, *seeds]
+    marks = [
+        f"{VERSION}.{CONTENTS}",
+        training["fingerprint"],
+        str(training["seconds"]),
+        *sorted(unavailable),
+        *limits,
+        *seeds,
+    ]
     return ":".join(marks)
 
 
@@ -44,6 +53,7 @@ def summarize(
 ) -> dict[str, Any]:
     """An evaluation with what made it, and the ceilings and seeds beside it."""
     judged = [s for row in evaluation.cells.values() for s in row["unseen_parameters"]]
+    middle = surrogate.space.middle
     return {
         "scene": scene,
         "commit": commit(),
@@ -55,12 +65,13 @@ def summarize(
         "model_megabytes": surrogate.megabytes,
         "gaussians": len(surrogate.gaussians),
         **_scores(evaluation),
+        "at_center": _at_center(evaluation, middle),
         "unavailable": dict(evaluation.unavailable),
         "empty_images": sum(math.isnan(s.score.psnr_foreground) for s in judged),
         "trivial_predictors": [_member_baseline(baseline) for baseline in evaluation.baselines],
         "ceilings": [dict(entry) for entry in ceilings],
         "repeats": summarize_repeats(repeats),
-        "variations": [_variation(v) for v in evaluation.variations],
+        "variations": [_variation(v, middle) for v in evaluation.variations],
         "choices": surrogate.training.get("choices", []),
         "settings": surrogate.training["settings"],
         "curve": surrogate.training["curve"],
@@ -82,6 +93,11 @@ def _scores(part: Evaluation | VariedEvaluation, *more: str) -> dict[str, Any]:
     }
 
 
+def _at_center(part: Evaluation | VariedEvaluation, middle: Mapping[str, float]) -> dict[str, Any] | None:
+    """The means of the surrogate at the centre of its parameters, and where that is; None without parameters."""
+    return {"parameters": dict(middle), **cell_tables(part.at_center, METRICS)} if part.at_center else None
+
+
 def _member_baseline(baseline: Baseline) -> dict[str, Any]:
     return {
         "name": baseline.name,
@@ -91,7 +107,7 @@ def _member_baseline(baseline: Baseline) -> dict[str, Any]:
     }
 
 
-def _variation(evaluation: VariedEvaluation) -> dict[str, Any]:
+def _variation(evaluation: VariedEvaluation, middle: Mapping[str, float]) -> dict[str, Any]:
     variation, psnr = evaluation.variation, cell_means(evaluation.cells, "psnr")
     return {
         "kind": variation.kind,
@@ -99,6 +115,7 @@ def _variation(evaluation: VariedEvaluation) -> dict[str, Any]:
         "parameters": variation.space.to_json(),
         "deformation": evaluation.deformation,
         **_scores(evaluation, "covered"),
+        "at_center": _at_center(evaluation, middle),
         "behind": {c: lead(psnr["seen_settings"][c], psnr["unseen_settings"][c]) for c in PARAMETERS},
         "settings_trained": len(Trained.of(variation)),
         "trivial_predictors": [_setting_baseline(baseline, evaluation) for baseline in evaluation.baselines],

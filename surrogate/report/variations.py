@@ -14,6 +14,7 @@ from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import (
     ALL_METRICS,
     cell_table,
+    center_table,
     metric_column,
     number,
     perceptual_remarks,
@@ -45,6 +46,7 @@ def variation_section(record: Mapping[str, Any], unavailable: Iterable[str]) -> 
         cell_table({**record, "images": images}, (names, "parameters"), (*ALL_METRICS, "covered")),
         perceptual_remarks(record, dict.fromkeys(unavailable, "the reason stands above")),
         validation_line(record, judged),
+        *center_table(record, (names, "parameters")),
         *baselines,
         _settings(record),
         table(
@@ -99,8 +101,8 @@ def _baselines(record: Mapping[str, Any]) -> list[str]:
             metric_column("PSNR, validation", "psnr", VALIDATION),
         ),
         "Those from stored pictures must have the same member, rendered at the same view with trained settings: they predict no "
-        "simulation.  The lead is the surrogate's on the same images (negative: behind); it, and the columns between, are at "
-        "unseen parameters.",
+        "simulation; those from training members alone need nothing of it.  The lead is the surrogate's on the same images "
+        "(negative: behind); it, and the columns between, are at unseen parameters.",
     ]
 
 

@@ -45,6 +45,25 @@ def chosen_device(setting: str) -> torch.device:
     return torch.device("cpu" if setting == "cpu" or reason else "cuda")
 
 
+def usable_device(device: str | torch.device) -> torch.device:
+    """A device that can draw: "cpu", or "cuda", which may have a number.
+
+    Raises ValueError for what is neither, RuntimeError saying what is missing where there is no such GPU here.
+    """
+    try:
+        found = torch.device(device)
+    except (RuntimeError, TypeError):
+        found = torch.device("meta")
+    if found.type not in ("cpu", "cuda"):
+        raise ValueError(f'device must be "cpu" or "cuda", which draw Gaussians, got {str(device)!r}')
+    if found.type == "cuda":
+        count = torch.cuda.device_count()
+        reason = unusable() or (f"there are {count}, counted from 0" if (found.index or 0) >= count else "")
+        if reason:
+            raise RuntimeError(f'the device "{found}" can\'t be used: {reason}')
+    return found
+
+
 def render(
     primitives: Primitives, camera: Camera, constants: Constants, *, screen_gradients: Tensor | None = None
 ) -> Rendering:

@@ -8,9 +8,16 @@ from contextlib import contextmanager
 
 import torch
 
+PROCESS = os.getpid()
+
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """How many threads a kernel takes: as many as this process may use cores, but one in a forked child.
+
+    Who forks shares the cores among the children already.
+    """
+    if os.getpid() != PROCESS:
+        return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -27,3 +34,22 @@ def one_torch_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def _one_after_fork() -> None:
+    """Let a forked child compute with one thread in torch: its parent's are gone, and OpenMP would wait for ever."""
+    torch.set_num_threads(1)
+
+
+def _begin_alone() -> None:
+    """Call the vector mathematics of MKL once, from one thread.
+
+    It chooses its code for the processor at its first call.  Two threads that come first at once get a version of lower
+    accuracy, in one start of a hundred: torch.exp then differed by 2e-5, and with it the first picture of a process.
+    """
+    torch.zeros(1).exp_()
+
+
+_begin_alone()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_one_after_fork)

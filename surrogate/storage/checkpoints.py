@@ -22,6 +22,7 @@ from catalogs.words import one_line
 from surrogate.settings import TrainingSettings
 
 CHECKPOINT = "checkpoint.safetensors"
+NOT_LEARNT = ("appearances", "provenance", "variations", "fields")  # of a plan, whatever is not taken up one by one
 TIMING_ONLY = ("checkpoint_seconds",)  # settings that change no result
 
 
@@ -73,9 +74,11 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
     appearance = settings.appearance or plan.appearances[0].name
     learnt = [v for v in plan.variations if v.base == appearance and settings.steps.visualization]
     shown = [appearance, *(s.appearance for v in learnt for s in v.settings)]
+    carried = any(settings.designs.carry_values(a) for a in plan.appearances if a.name == appearance)
     values = {
+        **({"carried": "values"} if carried else {}),
         "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},
-        "plan": {k: v for k, v in plan.to_json().items() if k not in ("appearances", "provenance", "variations")},
+        "plan": {k: v for k, v in plan.to_json().items() if k not in NOT_LEARNT},
         "variations": [v.to_json() for v in learnt],
         "appearances": [appearance_to_json(a) for a in plan.appearances if a.name in set(shown)],
         "members": [_identity(catalog, member, shown) for member in catalog.members],

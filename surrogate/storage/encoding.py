@@ -53,7 +53,8 @@ class Encoding:
         """The encoding that had these `tensors()`; raises ValueError where they can't be those of `form`."""
         expected = LEVELS[form][0] if form in LEVELS else torch.float16
         names = {CODES, LOW, STEP} if form in LEVELS else {CODES}
-        if form not in FORMATS or set(tensors) != names or tensors[CODES].dtype != expected:
+        fits = form in FORMATS and set(tensors) == names
+        if not fits or tensors[CODES].dtype != expected or tensors[CODES].ndim not in (1, 2):
             kinds = {name: str(tensor.dtype) for name, tensor in tensors.items()}
             raise ValueError(f"a tensor in {form!r} must consist of {sorted(names)}, got {kinds}")
         codes, levels = tensors[CODES], [tensors[name] for name in (LOW, STEP) if name in tensors]

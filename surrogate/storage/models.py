@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,10 +18,17 @@ from torch import Tensor
 from catalogs import durable
 from catalogs.words import one_line
 from surrogate.storage.encoding import Encoding
+from surrogate.storage.files import opened_inside
+from surrogate.storage.tensors import MOST_BYTES, read_tensors, tensors_of
 
-SCHEMA = 4  # 1 had no encodings, 2 no visualization parameters, 3 no fields
+SCHEMA = 6
+# 1 had no encodings, 2 no visualization parameters, 3 no fields, 4 no logarithmic scales, 5 no carried values and no surfaces with
+# Gaussians of their own
 WITHOUT_FIELDS = 3
+WITHOUT_SCALES = 4
+WITHOUT_VALUES = 5
 TENSORS, RECORD = "model.safetensors", "model.json"
+MOST_RECORD_BYTES = 16_000_000  # one of a hundred transfer functions has some 100 kB
 SEPARATOR = "/"  # between the name of an encoded tensor and that of its part
 
 Model = TypeVar("Model")
@@ -47,9 +55,14 @@ class StoredModel:
         """Write the tensors and then the record, which makes it a model, into `directory`."""
         directory = Path(directory)
         directory.mkdir(parents=True, exist_ok=True)
-        content, record = self._files()
+        content, record = self.contents()
         durable.replace(directory / TENSORS, content)
-        durable.replace(directory / RECORD, json.dumps(record, indent=1).encode())
+        durable.replace(directory / RECORD, record)
+
+    def contents(self) -> tuple[bytes, bytes]:
+        """What the two files hold: the tensors, and the record."""
+        content, record = self._files()
+        return content, json.dumps(record, indent=1).encode()
 
     @property
     def digest(self) -> str:
@@ -90,24 +103,99 @@ def exists(directory: str | os.PathLike[str]) -> bool:
 def load(directory: str | os.PathLike[str], make: Callable[[StoredModel], Model]) -> Model:
     """What `make` makes of the model in `directory`.
 
-    Raises FileNotFoundError where there is none, ValueError for one of a newer schema or whose files are damaged.
+    The files may come from anyone: nothing in them is run, nothing outside the folder is read, and no more memory is taken than the
+    tensors need.  Raises FileNotFoundError where there is no model, ValueError for one of a newer schema and, naming the part, for
+    one that is damaged.
     """
     directory = Path(directory)
     path = directory / RECORD
     if not path.is_file():
         raise FileNotFoundError(f"there is no trained surrogate in {directory}: {path} is missing")
+    with damaged(str(path)):
+        with part("the file"), opened_inside(directory, RECORD, MOST_RECORD_BYTES) as (file, size):
+            record = _record(file.read(size))
+        with part("tensors"):
+            if not isinstance(record["tensors"], dict) or record["tensors"].get("file") != TENSORS:
+                raise ValueError(f"file must be {TENSORS!r}, which lies beside it, got {record['tensors']!r}")
+        with part(TENSORS), opened_inside(directory, TENSORS, MOST_BYTES) as (file, size):
+            content = read_tensors(file, size)
+        return _made(content, record, make)
+
+
+def of_contents(content: bytes, record: bytes, make: Callable[[StoredModel], Model]) -> Model:
+    """What `make` makes of a model's `contents()`; raises ValueError as `load` does."""
+    with damaged("a surrogate in bytes"):
+        with part("the record"):
+            values = _record(record)
+        return _made(content, values, make)
+
+
+class _DamageError(ValueError):
+    """Which part of a model is wrong, and how."""
+
+
+@contextmanager
+def damaged(what: str) -> Iterator[None]:
+    """Say of damage in the block that it is that of `what`."""
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        if record["schema"] > SCHEMA:
-            raise ValueError(f"its schema is {record['schema']}, this version reads up to {SCHEMA}: update it")
-        content = (directory / record["tensors"]["file"]).read_bytes()
-        if hashlib.sha256(content).hexdigest() != record["tensors"]["sha256"]:
-            raise ValueError(f"{record['tensors']['file']} does not belong to it or is damaged: train anew")
-        tensors, encodings = _decoded(safetensors.torch.load(content), record.get("encodings", {}))
+        yield
+    except _DamageError as error:
+        raise ValueError(f"{what} is damaged: {error}") from error
+    except _NewerError as error:
+        raise ValueError(f"{what} can't be read: {error}") from error
+
+
+@contextmanager
+def part(name: str) -> Iterator[None]:
+    """Say of whatever goes wrong in the block that it is the damage of a model's part `name`."""
+    try:
+        yield
+    except (_DamageError, _NewerError):
+        raise
+    except KeyError as error:
+        raise _DamageError(f"{name}: {error} is missing") from error
+    except (ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RuntimeError, OSError) as error:
+        raise _DamageError(f"{name}: {' '.join(str(error).split())}") from error
+
+
+class _NewerError(ValueError):
+    """A schema that this version does not know."""
+
+
+def _record(text: bytes) -> dict[str, Any]:
+    """The JSON object of a record whose schema this version knows."""
+    try:
+        record = json.loads(text)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    if not isinstance(record, dict):
+        raise ValueError("it is no JSON object")
+    schema = record["schema"]
+    if type(schema) is not int or schema < 1:
+        raise ValueError(f"schema must be a whole number from 1 on, got {schema!r}")
+    if schema > SCHEMA:
+        raise _NewerError(f"its schema is {schema}, this version reads up to {SCHEMA}: update it")
+    return record
+
+
+def _made(content: bytes, record: Mapping[str, Any], make: Callable[[StoredModel], Model]) -> Model:
+    with part(TENSORS):
+        if hashlib.sha256(content).hexdigest() != record["tensors"].get("sha256"):
+            raise ValueError("it does not belong to the record, or is not whole: copy both again, or train anew")
+        stored = tensors_of(content)
+    with part("encodings"):
+        forms = record.get("encodings", {})
+        if not isinstance(forms, dict):
+            raise ValueError(f"they must be formats by the names of tensors, got {forms!r}")
+        tensors, encodings = _decoded(stored, forms)
+    for name, tensor in tensors.items():
+        with part(f"tensor {name!r}"):
+            if tensor.dtype != torch.float32:
+                raise ValueError(f"it must be of type float32, got {tensor.dtype}")
+            if not torch.isfinite(tensor).all():
+                raise ValueError("it has numbers that are not finite")
+    with part("the model"):
         return make(StoredModel(tensors, record, encodings))
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
-        raise ValueError(f"{path} can't be read: {reason}") from error
 
 
 def _decoded(stored: Mapping[str, Tensor], forms: Mapping[str, str]) -> tuple[dict[str, Tensor], dict[str, Encoding]]:
@@ -115,9 +203,9 @@ def _decoded(stored: Mapping[str, Tensor], forms: Mapping[str, str]) -> tuple[di
     parts: dict[str, dict[str, Tensor]] = {name: {} for name in forms}
     tensors = {}
     for key, tensor in stored.items():
-        name, separator, part = key.partition(SEPARATOR)
+        name, separator, of = key.partition(SEPARATOR)
         if separator:
-            parts[name][part] = tensor
+            parts[name][of] = tensor
         else:
             tensors[name] = tensor
     encodings = {name: Encoding.of_tensors(form, parts[name]) for name, form in forms.items()}

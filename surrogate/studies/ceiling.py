@@ -15,10 +15,12 @@ from typing import Any
 
 from catalogs.catalog import Catalog, Member
 from catalogs.variations import Variation
+from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.initialization.pictures import central_member
+from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
@@ -32,6 +34,7 @@ from surrogate.training.data import ImageRow, TrainingData, load_examples
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
+from surrogate.training.visualizations import lighting_of
 
 FOLDER = "ceiling"  # of a scene's records
 KIND, VERSION = "ceiling", 3
@@ -80,7 +83,7 @@ def measure_ceiling(
     Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
     """
     source, mark = Source(settings, catalog), fingerprint(settings, catalog)
-    forms = {subject: _settings(settings, subject, surrogate) for subject in subjects(source)}
+    forms = {subject: _settings(source, subject, surrogate) for subject in subjects(source)}
     keys = {subject: _key(mark, subject, form) for subject, form in forms.items()}
     found = {subject: _finished(records, key, surrogate) for subject, key in keys.items()}
     watch, left = StudyWatch(progress), sum(record is None for record in found.values())
@@ -163,15 +166,24 @@ def _middle_setting(variation: Variation) -> str:
     return ordered[len(ordered) // 2].appearance if ordered else ""
 
 
-def _settings(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
-    """Stage 1 alone, with the steps of all stages that the surrogate takes for such a picture, and its colour degree."""
-    more = settings.steps.visualization if subject.variation is not None else 0
+def _settings(source: Source, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
+    """Stage 1 alone, with the Gaussians, the steps and the colour degree that the surrogate has for such a picture."""
+    settings, lit = source.settings, _lighting(source, subject) is not None
+    steps = settings.steps.visualization if subject.variation is not None else 0
+    if not lit:  # which stands on the base's Gaussians
+        steps += settings.steps.canonical + settings.steps.deformation
     return settings.changed(
-        canonical_steps=settings.steps.canonical + settings.steps.deformation + more,
+        gaussians=settings.count_on_surfaces if lit else settings.gaussians,
+        canonical_steps=steps,
         deformation_steps=0,
         visualization_steps=0,
-        color_degree=_color_degree(settings, subject, surrogate),
+        color_degree=0 if lit else _color_degree(settings, subject, surrogate),
     )
+
+
+def _lighting(source: Source, subject: Subject) -> Lighting | None:
+    """The light on the surfaces that the subject is one of."""
+    return None if subject.variation is None else lighting_of(subject.variation, source)
 
 
 def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> int:
@@ -203,15 +215,19 @@ def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, 
     started, catalog = time.perf_counter(), source.catalog
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
     data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
-    gaussians = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
-    gaussians = gaussians.to(chosen_device(settings.device))
+    lighting = _lighting(source, subject)
+    if subject.variation is not None and lighting is not None:
+        first: AnyGaussians = replace(source.gaussians_on_surfaces(subject.variation), lighting=lighting)
+    else:
+        first = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
+    gaussians = first.to(chosen_device(settings.device))
     run, count = StageRun(canonical_stage(gaussians, settings), settings, data), watch.counter("steps")
     while run.step < run.stage.steps:
         run.advance()
         if run.step % REPORT_STEPS == 0 or run.step == run.stage.steps:
             count("fitting", run.step, run.stage.steps)
     seconds = time.perf_counter() - started
-    still = DeformedGaussians(gaussians.copy(), {}, source.normalization, Rasterizer.of(settings))
+    still = DeformedGaussians(gaussians.drawn().copy(), {}, source.normalization, Rasterizer.of(settings))
     return {
         "train_views": len(rows),
         "test_views": len(subject.cases()),

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RECORDS, RUNS, SCENE, OpenScene, load_surrogate, one_line_errors
+from surrogate.command_line import RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
 
 
 @click.command()
@@ -17,11 +17,11 @@ from surrogate.command_line import RECORDS, RUNS, SCENE, OpenScene, load_surroga
 @RECORDS
 @click.option("--seeds", default=3, show_default=True, help="How many seeds, the scene's own the first of them.")
 def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
-    """Train SCENE with several seeds, and say how much its figures vary; goes on where it was interrupted.
+    """Train a SCENE, or anew a RUN, with several seeds, and say how much its figures vary; goes on where it was interrupted.
 
     The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
     """
-    opened, line = OpenScene.open(scene, runs, records), ProgressLine()
+    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
     from surrogate.studies.repeats.records import Scores
     from surrogate.studies.repeats.run import repeat as run
     from surrogate.studies.repeats.spread import summarize_repeats
@@ -37,12 +37,13 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
     with one_line_errors(RuntimeError, interrupted=kept), line:
         of_scene = opened.settings, opened.catalog, opened.folder
         found = run(*of_scene, records=opened.records, seeds=seeds, progress=line, tell=tell)
+    opened.keep_record()
     summary = summarize_repeats(found)
     if summary is not None:
         click.echo(f"mean ± standard deviation over {len(found)} seeds")
         for text in terminal_lines(summary):
             click.echo(f"  {text}")
-    click.echo(write_page(opened.folder, opened.name, found))
+    click.echo(write_page(opened.folder, opened.name, str(opened.source), found))
 
 
 @click.command()
@@ -60,11 +61,11 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
 def ablate(
     scene: Path, runs: Path, records: Path | None, only: tuple[str, ...], visualization: bool, **options: Any
 ) -> None:
-    """Train SCENE in many ways for the same time each and compare them on validation images; goes on where it was interrupted.
+    """Train a SCENE, or a RUN, in many ways for the same time each and compare them on validation images; can be interrupted.
 
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     """
-    opened, line = OpenScene.open(scene, runs, records), ProgressLine()
+    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
     from surrogate.studies.ablation.experiments import BaseExperiment, Experiment, VisualizationExperiment
     from surrogate.studies.ablation.records import Result
     from surrogate.studies.ablation.study import ablate as run
@@ -96,8 +97,8 @@ def ablate(
 @RUNS
 @RECORDS
 def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
-    """Fit SCENE's Gaussians to one unseen member alone: what they could reach at all, beside what the surrogate reaches."""
-    opened = OpenScene.open(scene, runs, records or runs)
+    """Fit the Gaussians of a SCENE or a RUN to one unseen member alone: what they could reach, beside what the surrogate does."""
+    opened = OpenRun.open(scene, runs, records or runs)
     from surrogate.model import Surrogate
     from surrogate.studies.ceiling import FOLDER, line, measure_ceiling
 
@@ -124,6 +125,7 @@ def stress(backend: str, drift: bool, output: Path) -> None:
     from surrogate.splatting.threads import one_torch_thread
     from surrogate.studies.stress.check import Outcome, tables
     from surrogate.studies.stress.drift import measure_drift
+    from surrogate.studies.stress.functions import FunctionOutcome, check_function, function_cases
     from surrogate.studies.stress.report import PAGE, write
 
     if backend not in BACKENDS:
@@ -133,15 +135,19 @@ def stress(backend: str, drift: bool, output: Path) -> None:
         f"{backend} {name}".strip(): {"backend": backend} | ({"instruction_set": name} if name else {}) for name in sets
     }
 
-    def tell(name: str, outcome: Outcome) -> None:
+    def tell(name: str, outcome: Outcome | FunctionOutcome) -> None:
         said = "holds " if outcome.passed else "MISSED"
         click.echo(f"{said}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}")
 
     with one_torch_thread():
         found = tables(options, tell)
+        functions = [check_function(case) for case in function_cases()]
+        for one in functions:
+            tell("values", one)
         drifted = measure_drift(backend) if drift else None
-    write(output, found, drifted)
+    write(output, found, drifted, functions)
     missed = [outcome.case.name for rows in found.values() for outcome in rows if not outcome.passed]
+    missed += [outcome.case.name for outcome in functions if not outcome.passed]
     missed += drifted.complaints if drifted else ()
     click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")
     if missed:

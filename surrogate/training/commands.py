@@ -3,27 +3,123 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RUN, RUNS, SCENE, OpenScene, load_surrogate, one_line_errors
+from surrogate.command_line import RUN, RUNS, OpenRun, kind_of, load_surrogate, one_line_errors
+
+if TYPE_CHECKING:
+    from surrogate.model import Surrogate
+    from surrogate.storage.runs import RunFolder
 
 
 @click.command()
-@SCENE
+@click.argument("source", metavar="CATALOG|SCENE|RUN", type=click.Path(path_type=Path))
+@click.argument("settings", nargs=-1, metavar="[KEY=VALUE]...")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Folder of the run.  [default: runs/<catalog's name>]"
+)
+@click.option(
+    "--minutes",
+    type=float,
+    help="Time for all of it; Gaussians and steps follow from this machine's speed.  [default: 10]",
+)
+@click.option("--steps", type=int, help="Steps of training instead: the same model wherever it is trained.")
+@click.option(
+    "--hold-out", type=float, metavar="SHARE", help="Of the training members, such as 0.2, to test the surrogate with."
+)
+@click.option("--appearance", metavar="NAME", help="Which of the catalog's to learn.  [default: the first]")
+@click.option("--seed", type=int, help="Of all that is drawn at random.  [default: 0]")
+@click.option(
+    "--settings",
+    "file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="A TOML file with keys of a scene's [training].",
+)
 @RUNS
-def train(scene: Path, runs: Path) -> None:
-    """Train the surrogate of SCENE (a TOML file) from its catalog; goes on where it was interrupted."""
-    opened = OpenScene.open(scene, runs)
+def train(
+    source: Path, settings: tuple[str, ...], output: Path | None, file: Path | None, runs: Path, **asked: Any
+) -> None:
+    """Train a surrogate from a CATALOG (NAME.cdb), as a SCENE (FILE.toml) says, or go on with a RUN (its folder).
+
+    KEY=VALUE are keys of a scene's [training] table, such as gaussians=20000.  The same command goes on where it was interrupted,
+    and does nothing when all is done.
+    """
+    kind = kind_of(source)
+    given = {f"--{name.replace('_', '-')}": value for name, value in asked.items()}
+    given |= {"--output": output, "--settings": file, "KEY=VALUE": settings or None}
+    wrong = [name for name, value in given.items() if value is not None]
+    if kind != "catalog" and wrong:
+        raise click.ClickException(
+            f"{', '.join(wrong)}: for a catalog only; {source} is a {kind}, which says all of this itself"
+        )
+    if kind == "catalog":
+        with one_line_errors(RuntimeError):
+            run = _begun(source, output or runs / source.resolve().stem, settings, file, **asked)
+        opened = OpenRun.open(run.folder, runs)
+    else:
+        opened = OpenRun.open(source, runs)
+    _train(opened)
+
+
+def _begun(source: Path, folder: Path, words: tuple[str, ...], file: Path | None, **asked: Any) -> RunFolder:
+    """The run of a catalog, begun or found; says what was chosen for it."""
+    from surrogate.settings import values_of_words
+    from surrogate.storage.runs import RECORD
+    from surrogate.training.begin import Asked, begin, read_settings, seconds_of_process
+    from surrogate.training.budget import Budget
+    from surrogate.training.telling import opening
+
+    chosen = {} if file is None else read_settings(file)
+    chosen |= values_of_words(words)
+    chosen |= {name: asked[name] for name in ("appearance", "seed") if asked[name] is not None}
+    wanted = Asked(Budget(asked["minutes"], asked["steps"]), asked["hold_out"], chosen)
+    is_new = not (folder / RECORD).is_file()
+    with ProgressLine() as line:
+        if is_new:
+            line("looking at the catalog, and how fast this machine is")
+        run = begin(source, folder, wanted, elapsed=seconds_of_process)
+    for text in opening(run) if is_new else ():
+        click.echo(text)
+    return run
+
+
+def _train(opened: OpenRun) -> None:
     from surrogate.model import Surrogate
+    from surrogate.training.telling import closing
+
+    if Surrogate.exists(opened.model):
+        _trained(opened)  # which looks whether it is this one
+        opened.keep_record()
+        click.echo(f"{opened.model}: nothing to do")
+        return
+    surrogate, opened = _trained(opened)
+    opened.keep_record()
+    click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
+    with one_line_errors():
+        for text in closing(surrogate, opened.catalog, opened.folder):
+            click.echo(text)
+
+
+def _trained(opened: OpenRun) -> tuple[Surrogate, OpenRun]:
+    """The surrogate and the run that it is of; a catalog's training that diverges begins anew with lower rates."""
+    from surrogate.storage.runs import RunFolder
+    from surrogate.training.begin import calmer
+    from surrogate.training.loop import Diverged
     from surrogate.training.run import train as run
 
-    finished = Surrogate.exists(opened.model)
-    with one_line_errors(RuntimeError), ProgressLine() as line:
-        surrogate = run(opened.settings, opened.catalog, opened.model, progress=line)
-    done = f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}"
-    click.echo(f"{opened.model}: nothing to do" if finished else done)
+    while True:
+        with one_line_errors(RuntimeError), ProgressLine() as line:
+            try:
+                return run(opened.settings, opened.catalog, opened.model, progress=line), opened
+            except Diverged as error:
+                again = calmer(RunFolder.open(opened.folder)) if opened.is_of_catalog else None
+                if again is None:
+                    raise
+                line.say(f"{str(error).split(':')[0]}: it begins anew with half the rates of F_sim")
+        opened = OpenRun.open(opened.folder, opened.folder.parent)
 
 
 @click.command()
@@ -31,9 +127,9 @@ def train(scene: Path, runs: Path) -> None:
 def show(run: Path) -> None:
     """Say what the surrogate in RUN is and how it was trained."""
     surrogate = load_surrogate(run / "surrogate")
-    click.echo(repr(surrogate))
-    for name, value in surrogate.training["settings"].items():
-        click.echo(f"  {name:<22} {value}")
-    for choice in surrogate.training.get("choices", ()):
-        click.echo(f"  needed: {choice['name']:<22} {choice['kept']}")
-    click.echo(f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps")
+    from surrogate.storage.runs import RunFolder
+    from surrogate.training.telling import about
+
+    with one_line_errors():
+        for text in about(RunFolder.open(run), surrogate):
+            click.echo(text)

@@ -6,7 +6,7 @@ import functools
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
+from catalogs.parameters import ParameterSpace
 from catalogs.variations import Setting, Variation
 from surrogate.gaussians import Normalization
 
@@ -74,6 +75,12 @@ class TrainingData:
     validation: Sequence[Example]
     background: tuple[float, float, float] | None
 
+    def with_base(self, base: TrainingData, count: int) -> TrainingData:
+        """The same and the images of the `base` appearance, where all `count` visualization parameters are zero."""
+        still = torch.zeros(count)
+        shown = [replace(e, parameters=torch.cat([e.parameters, still])) for e in base.examples]
+        return replace(self, examples=[*self.examples, *shown])
+
 
 def rows(catalog: Catalog, appearances: Sequence[str]) -> list[ImageRow]:
     """Every image of some appearances, in the order of members, appearances and views."""
@@ -119,13 +126,16 @@ def load_examples(
     wanted: Sequence[ImageRow],
     normalization: Normalization,
     variation: Variation | None = None,
+    space: ParameterSpace | None = None,
 ) -> list[Example]:
     """The images of `wanted` rows, decoded in parallel, (len(wanted)) examples in order.
 
-    Their parameters are the simulation's, followed by the visualization parameters of `variation` where one is given.
+    Their parameters are the simulation's, on the scales of `space`, by default the catalog's, followed by the visualization
+    parameters of `variation` where one is given.
     """
     names = {(row.member.name, row.appearance): row for row in wanted}
-    parameters = {name: _parameters(catalog, row, variation) for name, row in names.items()}
+    scales = space or catalog.plan.space
+    parameters = {name: _parameters(scales, row, variation) for name, row in names.items()}
     camera = functools.cache(normalization.camera)  # most are shared
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         pixels = pool.map(lambda row: _pixels(catalog, row), wanted)
@@ -153,9 +163,8 @@ def _pixels(catalog: Catalog, row: ImageRow) -> NDArray[np.uint8]:
     return image if catalog.plan.background is None else np.ascontiguousarray(image[..., :3])
 
 
-def _parameters(catalog: Catalog, row: ImageRow, variation: Variation | None) -> Tensor:
-    values = [row.member.parameters[name] for name in catalog.plan.space.names]  # [P]
-    simulation = catalog.plan.space.normalize(values)
+def _parameters(space: ParameterSpace, row: ImageRow, variation: Variation | None) -> Tensor:
+    simulation = space.normalize([row.member.parameters[name] for name in space.names])  # [P]
     if variation is None:
         return torch.from_numpy(simulation).to(torch.float32)
     visualization = variation.normalize(None if row.setting is None else row.setting.values)  # [V]

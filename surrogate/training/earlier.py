@@ -15,7 +15,7 @@ from surrogate.training.loop import LoopMemory
 from surrogate.training.source import Source
 from surrogate.training.state import Fitted, TrainingState
 from surrogate.training.steps import COMPRESSION, Decide, Optimize, Step
-from surrogate.training.visualizations import new_visualization
+from surrogate.training.visualizations import shared_visualization
 
 
 def state_of(checkpoint: Checkpoint, first: Fitted, source: Source, plan: Sequence[Step]) -> TrainingState:
@@ -41,7 +41,7 @@ def state_of(checkpoint: Checkpoint, first: Fitted, source: Source, plan: Sequen
     else:
         done = optimizing[place - len(variations)]
         degree = varying["color_degree"] or 0
-        shown.append(new_visualization(*fitted, variations[place], source, degree))
+        shown.append(shared_visualization(*fitted, variations[place], source, degree))
     told: dict[str, Any] = {name: tuple(record[name]) for name in ("losses", "curve", "choices")}
     state = TrainingState(fitted, done, None, tuple(shown), **told, seconds=record["seconds"])
     step = plan[done] if done < len(plan) else None

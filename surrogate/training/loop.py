@@ -40,6 +40,10 @@ class LoopMemory:
         return LoopMemory(self.step, {**self.tensors, **wider})
 
 
+class Diverged(ValueError):
+    """A training, or the pictures that it makes, are not finite any more."""
+
+
 class StageRun:
     """Optimizes a stage's tensors in place, from its first step or from where another run's `memory()` was taken."""
 
@@ -104,10 +108,11 @@ class StageRun:
         if found:
             raise self._diverged(found)
 
-    def _diverged(self, what: str) -> ValueError:
-        return ValueError(
+    def _diverged(self, what: str) -> Diverged:
+        return Diverged(
             f"training diverged in stage {self.stage.name} at step {self.step:,} of {self.stage.steps:,}, where {what}: "
-            "lower the rates in the scene's [training] table"
+            f"lower the rates in the scene's [training] table, or as KEY=VALUE of a catalog into another folder (-o), such as "
+            f"latent_rate={self.settings.rates.latent / 2:g} embedding_rate={self.settings.rates.embedding / 2:g}"
         )
 
     def validate(self) -> float | None:

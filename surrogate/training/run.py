@@ -85,7 +85,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
     return Surrogate(
         gaussians=state.fitted.gaussians,
         deformation=state.fitted.deformation,
-        space=catalog.space,
+        space=source.space,
         normalization=source.normalization,
         rasterizer=Rasterizer.of(source.settings).for_any_device(),
         background=catalog.background,

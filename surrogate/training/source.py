@@ -9,12 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import field_of
+from catalogs.appearance import Appearance, VolumeRendering, field_of
 from catalogs.catalog import Catalog
+from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
+from surrogate.appearance.scale import ValueScale
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.pictures import Points
-from surrogate.initialization.start import initial_gaussians, initial_points
+from surrogate.initialization.start import initial_gaussians, initial_points, surface_points, with_random_normals
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import (
     Example,
@@ -26,7 +29,12 @@ from surrogate.training.data import (
     validation_rows,
 )
 
+DECADE = 10.0  # between the bounds of a parameter
 COLOR_SAMPLES = 32  # images that the first colour is taken from
+LOOKED_AT, MOST_PIXELS = (
+    8,
+    4_000,
+)  # images, and opaque pixels of them, that tell whether surfaces are lit as the catalog says
 DECISION_IMAGES = 48  # validation images that choices about a model are made on
 
 
@@ -48,11 +56,30 @@ class Source:
             training_rows(self.catalog, self._shown(variation))  # says at once where there are none
         if self.settings.start.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
+        _ = self.field  # says at once where values can't be carried
 
     @cached_property
     def appearance(self) -> str:
         """The name of the base appearance."""
         return self.settings.appearance or self.catalog.plan.appearances[0].name
+
+    @cached_property
+    def shown(self) -> Appearance:
+        """The base appearance."""
+        return next(a for a in self.catalog.plan.appearances if a.name == self.appearance)
+
+    @cached_property
+    def field(self) -> FieldValues | None:
+        """What the values mean that the Gaussians carry; None where they carry colours.  Raises ValueError where they can't."""
+        if not self.settings.designs.carry_values(self.shown) or not isinstance(self.shown, VolumeRendering):
+            return None
+        return FieldValues(self.shown.transfer_function, ValueScale.of_function(self.shown.transfer_function))
+
+    @cached_property
+    def space(self) -> ParameterSpace:
+        """The catalog's parameters on the scales that are learnt: those that span `DECADE` or more by their logarithms."""
+        given = self.catalog.plan.space
+        return given if self.settings.designs.scales == "given" else given.with_logarithms(DECADE)
 
     @cached_property
     def normalization(self) -> Normalization:
@@ -74,7 +101,7 @@ class Source:
         return self._loaded(validation_rows(self.catalog, self._shown(variation), count), variation)
 
     def _loaded(self, rows: Sequence[ImageRow], variation: Variation | None) -> list[Example]:
-        return load_examples(self.catalog, rows, self.normalization, variation)
+        return load_examples(self.catalog, rows, self.normalization, variation, self.space)
 
     def _shown(self, variation: Variation | None) -> list[str]:
         """The appearances to learn from."""
@@ -92,8 +119,7 @@ class Source:
 
         Values are those of the field that the appearance shows.
         """
-        shown = next(a for a in self.catalog.plan.appearances if a.name == self.appearance)
-        summaries = [m.summary(field_of(shown)) for m in self.catalog.members if m.split == "train"]
+        summaries = [m.summary(field_of(self.shown)) for m in self.catalog.members if m.split == "train"]
         known = [summary for summary in summaries if summary is not None]
         if not known:
             return None, None
@@ -106,14 +132,35 @@ class Source:
 
     def initial_gaussians(
         self, data: TrainingData, settings: TrainingSettings | None = None, *, own_colors: bool = True
-    ) -> Gaussians:
+    ) -> AnyGaussians:
         """What stage 1 starts from, by the run's own settings where none are given.
 
         Without `own_colors` all start in the mean colour of the images: the points' colours are those of the base appearance.
         """
         points = self.points
         if points is not None and not own_colors:
-            points = Points(points.places, None)
+            points = Points(points.places, None, points.values)
         box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         some = data.examples[:: max(1, len(data.examples) // COLOR_SAMPLES)]
-        return initial_gaussians(settings or self.settings, box, points, foreground_color(some, data.background))
+        color = foreground_color(some, data.background)  # [3]
+        field = self.field if settings is None else None
+        return initial_gaussians(settings or self.settings, box, points, color, field)
+
+    def opaque_pixels(self, variation: Variation) -> NDArray[np.float64]:
+        """Some of those that pictures of a variation show, (M, 3) in [0, 1]."""
+        rows = training_rows(self.catalog, self._shown(variation))
+        some = self._loaded(rows[:: max(1, len(rows) // LOOKED_AT)][:LOOKED_AT], variation)
+        shown = [e.pixels[e.pixels[..., 3] == 255] if e.pixels.shape[2] == 4 else e.pixels[..., :3] for e in some]
+        pixels = np.concatenate([p.reshape(-1, p.shape[-1])[:, :3] for p in shown])  # [., 3]
+        return pixels[:: max(1, len(pixels) // MOST_PIXELS)] / 255.0
+
+    def gaussians_on_surfaces(self, variation: Variation) -> Gaussians:
+        """What a variation's own Gaussians are before they are trained: on the surfaces, as far as the catalog knows them.
+
+        Their colours are normals that point anywhere.
+        """
+        settings = self.settings.changed(gaussians=self.settings.count_on_surfaces, color_degree=0)
+        points = surface_points(settings, self.catalog, variation, self.normalization) or self.points
+        box = self.normalization.points(self.catalog.plan.bounds)  # [2, 3]
+        gaussians = initial_gaussians(settings, box, points, np.zeros(3)).drawn()
+        return with_random_normals(gaussians, settings.seed)

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation import KINDS, Deformation
-from surrogate.gaussians import NAMES, Gaussians
+from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
 PREFIX = "deformation."
@@ -29,7 +30,7 @@ class Stage:
     tensors : the leaf tensors that are optimized, by name; those of the Gaussians under the names in `Gaussians`.
     rates : Adam's rate per tensor at the stage's start.
     per_gaussian : which of them have a row per Gaussian that moves when a dead Gaussian is relocated; none: nothing is relocated.
-    gaussians_at : the Gaussians at normalized parameters (P,), differentiable in `tensors`.
+    gaussians_at : the Gaussians that are drawn at normalized parameters (P,), differentiable in `tensors`.
     rest_at : what the stage's deformation acts on, there; None where it has none.
     """
 
@@ -42,24 +43,24 @@ class Stage:
     rest_at: Callable[[Tensor], Gaussians] | None = None
 
 
-def canonical_rates(settings: TrainingSettings) -> dict[str, float]:
-    """Adam's rates for the tensors of `Gaussians`."""
-    return {name: getattr(settings.rates, name) for name in NAMES}
+def canonical_rates(gaussians: AnyGaussians, settings: TrainingSettings) -> dict[str, float]:
+    """Adam's rates for the tensors of Gaussians."""
+    return {name: getattr(settings.rates, name) for name in gaussians.tensors()}
 
 
-def canonical_stage(gaussians: Gaussians, settings: TrainingSettings) -> Stage:
+def canonical_stage(gaussians: AnyGaussians, settings: TrainingSettings) -> Stage:
     """Optimize `gaussians` in place; every member looks the same."""
     return Stage(
         name="canonical",
         steps=settings.steps.canonical,
         tensors={name: tensor.requires_grad_() for name, tensor in gaussians.tensors().items()},
-        rates=canonical_rates(settings),
-        per_gaussian=frozenset(NAMES),
-        gaussians_at=lambda parameters: gaussians,
+        rates=canonical_rates(gaussians, settings),
+        per_gaussian=frozenset(gaussians.tensors()),
+        gaussians_at=lambda parameters: gaussians.drawn(),
     )
 
 
-def new_deformation(gaussians: Gaussians, parameters: int, settings: TrainingSettings) -> Deformation:
+def new_deformation(gaussians: AnyGaussians, parameters: int, settings: TrainingSettings) -> Deformation:
     """F_sim before stage 2, by `parameters` many parameters: it moves nothing yet, and never what is to be held still."""
     deformation: Deformation = KINDS[settings.designs.simulation].create(gaussians, parameters, settings)
     for name in settings.designs.held_still:
@@ -67,16 +68,18 @@ def new_deformation(gaussians: Gaussians, parameters: int, settings: TrainingSet
     return deformation
 
 
-def simulation_stage(gaussians: Gaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:
+def simulation_stage(gaussians: AnyGaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:
     """Optimize `gaussians` (at a reduced rate) and `deformation` in place."""
-    canonical = {name: rate * settings.rates.canonical_factor for name, rate in canonical_rates(settings).items()}
+    canonical = {
+        name: rate * settings.rates.canonical_factor for name, rate in canonical_rates(gaussians, settings).items()
+    }
     tensors = gaussians.tensors() | {PREFIX + name: tensor for name, tensor in deformation.tensors().items()}
     return Stage(
         name="deformation",
         steps=settings.steps.deformation,
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
-        per_gaussian=frozenset(NAMES) | {PREFIX + name for name in deformation.per_gaussian},
-        gaussians_at=lambda parameters: deformation.deformed(gaussians, parameters),
-        rest_at=lambda parameters: gaussians,
+        per_gaussian=frozenset(gaussians.tensors()) | {PREFIX + name for name in deformation.per_gaussian},
+        gaussians_at=lambda parameters: deformation.deformed(gaussians, parameters).drawn(),
+        rest_at=lambda parameters: gaussians.drawn(),
     )

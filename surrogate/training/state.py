@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from surrogate.appearance.field_gaussians import AnyGaussians, load_gaussians
 from surrogate.deformation import Deformation, load_deformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
@@ -21,14 +22,14 @@ from surrogate.training.loop import LoopMemory
 class Fitted(NamedTuple):
     """What stages 1 and 2 fit: canonical Gaussians and F_sim, their deformation by the simulation's parameters."""
 
-    gaussians: Gaussians
+    gaussians: AnyGaussians
     deformation: Deformation
 
     @classmethod
     def load(cls, tensors: Mapping[str, Tensor], record: Mapping[str, Any]) -> Fitted:
         """What had these `tensors()` and this `record()`."""
         deformation = load_deformation(part_of(tensors, "deformation"), record)
-        return cls(Gaussians(**part_of(tensors, "gaussians")), deformation)
+        return cls(load_gaussians(part_of(tensors, "gaussians"), record.get("field")), deformation)
 
     def copy(self) -> Fitted:
         """The same numbers in tensors of their own."""
@@ -39,8 +40,8 @@ class Fitted(NamedTuple):
         return Fitted(self.gaussians.to(device), self.deformation.to(device))
 
     def at(self, parameters: Tensor) -> Gaussians:
-        """The Gaussians at normalized parameters (P,)."""
-        return self.deformation.deformed(self.gaussians, parameters)
+        """The Gaussians that are drawn at normalized parameters (P,)."""
+        return self.deformation.deformed(self.gaussians, parameters).drawn()
 
     def without(self, attribute: str) -> Fitted:
         """The same with one of the Gaussians' attributes held still."""
@@ -56,7 +57,7 @@ class Fitted(NamedTuple):
 
     def record(self) -> dict[str, Any]:
         """JSON values that `load` needs beside the tensors."""
-        return self.deformation.record()
+        return {**self.deformation.record(), **self.gaussians.record()}
 
     @property
     def megabytes(self) -> float:

@@ -32,7 +32,7 @@ from surrogate.training.session import Session
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage, canonical_stage, simulation_stage
 from surrogate.training.state import TrainingState
-from surrogate.training.visualizations import new_visualization, visualization_stage
+from surrogate.training.visualizations import in_common, new_visualization, visualization_stage
 
 COMPRESSION = "compression"
 
@@ -106,7 +106,7 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
 
     def color_degree(state: TrainingState) -> TrainingState:
         degree, choice = choose_color_degree(state.fitted, evaluator())
-        gaussians = state.fitted.gaussians.with_color_degree(degree)
+        gaussians = state.fitted.gaussians.drawn().with_color_degree(degree)
         loop = None if state.loop is None else state.loop.with_color_columns(gaussians.colors.shape[1])
         return _decided(state, choice, fitted=state.fitted._replace(gaussians=gaussians), loop=loop)
 
@@ -119,7 +119,7 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
 
     before, steps = lengths.canonical, list[Step]()
     steps.append(Optimize(canonical, lambda: data, 0, lengths.canonical))
-    if settings.color_degree == "auto" and data.validation:
+    if settings.color_degree == "auto" and data.validation and source.field is None:
         first = round(ASKED_AFTER * lengths.deformation)
         steps.append(Optimize(simulation, lambda: data, before, first))
         steps.append(Decide(color_degree, NAME, before + first))
@@ -130,28 +130,35 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
     images = functools.lru_cache(maxsize=1)(lambda number: source.data(source.variations[number]))
     for number, variation in enumerate(source.variations):
         before = lengths.canonical + lengths.deformation + number * lengths.visualization
-        steps += _of_variation(source, variation, functools.partial(images, number), before)
+        steps += _of_variation(source, variation, data, functools.partial(images, number), before)
     if made:
         steps.append(Decide(precision, COMPRESSION, len(made), len(made) + 1))
     return steps
 
 
-def _of_variation(source: Source, variation: Variation, images: Callable[[], TrainingData], before: int) -> list[Step]:
-    """Stage 3 for one variation of the appearance."""
+def _of_variation(
+    source: Source, variation: Variation, base: TrainingData, images: Callable[[], TrainingData], before: int
+) -> list[Step]:
+    """Stage 3 for one variation of the appearance, of which `base` are the images without it."""
     settings = source.settings
 
     def color_degree(state: TrainingState) -> TrainingState:
         evaluator = Evaluator(settings, replace(images(), validation=source.decision_images(variation)))
         degree, choice = choose_visualized_color_degree(state.fitted, variation, source, evaluator)
         visualization = new_visualization(*state.fitted, variation, source, degree)
+        visualization = in_common(visualization, settings, images())
         return _decided(state, choice, visualizations=(*state.visualizations, visualization))
 
     def stage(state: TrainingState) -> Stage:
         return visualization_stage(*state.fitted, state.visualizations[-1], settings)
 
+    def learnt() -> TrainingData:
+        refined = source.field is not None and variation.edits_base  # the base's Gaussians, which are to stay as good
+        return images().with_base(base, len(variation.space)) if refined else images()
+
     return [
         Decide(color_degree, NAME_OF_F_VIS, before),
-        Optimize(stage, images, before, settings.steps.visualization),
+        Optimize(stage, learnt, before, settings.steps.visualization),
     ]
 
 
@@ -163,7 +170,7 @@ def _in_fewest_bits(
     fitted, encodings, choice = choose_precision(state.fitted, evaluator)
     found, shown = [choice], list(state.visualizations)
     for i, visualization in enumerate(shown):
-        images = source.decision_images(visualization.variation)
+        images = source.decision_images(visualization.variation) if visualization.tensors() else []
         if images:
             evaluator = Evaluator(source.settings, TrainingData([], images, background))
             shown[i], own, choice = precision_of_visualization(visualization, fitted, evaluator)

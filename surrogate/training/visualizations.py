@@ -1,24 +1,34 @@
-"""Stage 3, F_vis: the Gaussians of F_sim follow the visualization parameters; the canonical ones are frozen.
+"""Stage 3, F_vis: Gaussians follow the visualization parameters.
 
-A transfer function changes only opacities and colours: F_sim is frozen too, and the base stays the same bit for bit.  With other
-isovalues and fields everything moves, and a copy of F_sim is tuned together with F_vis.
+Gaussians that carry values are refined, with F_sim, on pictures under all transfer functions; in all other cases those of the base
+stay what they are bit for bit.  There a transfer function changes only their opacities and colours.  With other fields everything
+moves, and a copy of F_sim is tuned together with F_vis.  Surfaces have nothing in common with a volume: isovalues have Gaussians of
+their own, which start on points of the surfaces, learn what all have in common, then move with all parameters, and know the light
+on them.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from torch import Tensor
 
 from catalogs.appearance import VolumeRendering
 from catalogs.variations import Variation
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import KINDS, Deformation
 from surrogate.deformation.values import ValuesDeformation, placed_values
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
+from surrogate.lighting import Lighting
 from surrogate.settings import TrainingSettings, VisualizationKind
+from surrogate.training.data import TrainingData
+from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.stages import Stage
+from surrogate.training.stages import Stage, canonical_stage, simulation_stage
 
 FROZEN_BY_TRANSFER_FUNCTIONS = ("means", "log_scales", "quats")
+STILL = 0.03  # of stage 3, for which Gaussians of its own do not move yet; without it half of them may die at once
 
 
 def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
@@ -34,8 +44,15 @@ def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKi
     return asked
 
 
+def lighting_of(variation: Variation, source: Source) -> Lighting | None:
+    """The light on the surfaces that a variation shows; None where it shows anything else, lit differently, or looks otherwise."""
+    shown = {setting.appearance for setting in variation.settings}
+    lighting = Lighting.of([a for a in source.catalog.plan.appearances if a.name in shown])
+    return lighting if lighting is not None and lighting.explains(source.opaque_pixels(variation)) else None
+
+
 def new_visualization(
-    gaussians: Gaussians,
+    gaussians: AnyGaussians,
     simulation: Deformation,
     variation: Variation,
     source: Source,
@@ -45,7 +62,24 @@ def new_visualization(
 
     It will show Gaussians of `color_degree`, or of their own degree where that is higher.
     """
+    lighting = lighting_of(variation, source)
+    if lighting is not None:
+        return _of_surfaces(lighting, variation, source).to(gaussians.means.device)
+    return shared_visualization(gaussians, simulation, variation, source, color_degree)
+
+
+def shared_visualization(
+    gaussians: AnyGaussians,
+    simulation: Deformation,
+    variation: Variation,
+    source: Source,
+    color_degree: int = 0,
+) -> Visualization:
+    """An F_vis on the Gaussians of the base, whatever it shows: of surfaces as well, as earlier versions had it."""
     settings, edits = source.settings, variation.edits_base  # F_sim is frozen where the base is edited
+    if edits and isinstance(gaussians, FieldGaussians):
+        return Visualization(variation, None)
+    gaussians = gaussians.drawn()
     kind, degree = kind_of(variation, settings), max(color_degree, gaussians.color_degree)
     if kind == "values":
         return Visualization(variation, _applied_functions(gaussians, variation, source), None, degree)
@@ -64,6 +98,15 @@ def new_visualization(
     return Visualization(variation, deformation.to(gaussians.means.device), tuned, degree)
 
 
+def _of_surfaces(lighting: Lighting, variation: Variation, source: Source) -> Visualization:
+    """An F_vis of lit surfaces, on Gaussians of its own."""
+    settings = source.settings
+    own = source.gaussians_on_surfaces(variation)
+    parameters = len(source.catalog.plan.space) + len(variation.space)
+    deformation = KINDS[kind_of(variation, settings)].create(own, parameters, settings, for_visualization=True)
+    return Visualization(variation, deformation, None, 0, own, lighting)
+
+
 def _applied_functions(gaussians: Gaussians, variation: Variation, source: Source) -> ValuesDeformation:
     """An F_vis that applies transfer functions, from the base appearance and the field's histogram."""
     base = next(a for a in source.catalog.plan.appearances if a.name == variation.base)
@@ -74,11 +117,25 @@ def _applied_functions(gaussians: Gaussians, variation: Variation, source: Sourc
     return ValuesDeformation.create(gaussians, function, values, steps)
 
 
+def in_common(visualization: Visualization, settings: TrainingSettings, data: TrainingData) -> Visualization:
+    """A new F_vis whose own Gaussians, where it has some, look as much like all members and settings as unmoved ones can."""
+    if visualization.gaussians is None:
+        return visualization
+    own = replace(visualization.gaussians.copy(), lighting=visualization.lighting)
+    steps = max(1, round(STILL * settings.steps.visualization))
+    StageRun(replace(canonical_stage(own, settings), steps=steps), settings, data).finish()
+    return replace(visualization, gaussians=replace(own.copy(), lighting=None))
+
+
 def visualization_stage(
-    gaussians: Gaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+    gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
-    """Optimize `visualization` in place: F_vis and, at a reduced rate, its own copy of F_sim where it has one."""
+    """Optimize `visualization` in place: F_vis and its own Gaussians or, at a reduced rate, its own copy of F_sim."""
+    if visualization.gaussians is not None:
+        return _surface_stage(gaussians, simulation, visualization, settings)
     of_vis, tuned = visualization.deformation, visualization.simulation
+    if of_vis is None:
+        return refinement_stage(gaussians, simulation, visualization, settings)
     parts = [("visualization.", of_vis, 1.0)]
     if tuned is not None:
         parts.append(("simulation.", tuned, settings.rates.simulation_factor))
@@ -101,7 +158,7 @@ def visualization_stage(
     def gaussians_at(parameters: Tensor) -> Gaussians:
         if tuned is not None:
             return visualization.gaussians_at(gaussians, simulation, parameters)
-        return of_vis.deformed(rest_at(parameters), parameters)
+        return of_vis.deformed(rest_at(parameters), parameters).drawn()
 
     return Stage(
         name=visualization.variation.kind,
@@ -111,4 +168,34 @@ def visualization_stage(
         per_gaussian=frozenset(),
         gaussians_at=gaussians_at,
         rest_at=None if applied else rest_at,
+    )
+
+
+def refinement_stage(
+    gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+) -> Stage:
+    """Optimize `gaussians` that carry values, and F_sim, in place on pictures under all transfer functions that training shows."""
+    before = simulation_stage(gaussians, simulation, settings)
+    factor = settings.rates.refinement_factor
+    return replace(
+        before,
+        name=visualization.variation.kind,
+        steps=settings.steps.visualization,
+        rates={name: factor * rate for name, rate in before.rates.items()},
+        gaussians_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),
+        rest_at=None,
+    )
+
+
+def _surface_stage(
+    gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
+) -> Stage:
+    """Optimize Gaussians of its own together with what moves them, as stage 2 does; dead ones are relocated."""
+    assert visualization.gaussians is not None
+    assert visualization.deformation is not None
+    return replace(
+        simulation_stage(visualization.gaussians, visualization.deformation, settings),
+        name=visualization.variation.kind,
+        steps=settings.steps.visualization,
+        gaussians_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),
     )

@@ -84,8 +84,12 @@ def radial(known: NDArray[np.float64], wanted: NDArray[np.float64], *, length: f
 
 
 def fixed_rules(parameters: int) -> dict[str, Rule]:
-    """Rules without constants, by name; piecewise-linear interpolation only up to three parameters."""
+    """Rules without constants, by name; piecewise-linear interpolation only up to three parameters.
+
+    With more, most members lie outside the hull of the others, and a triangulation takes seconds for each view.
+    """
     found: dict[str, Rule] = {"mean image": mean_image, "nearest member": nearest_member}
+    found[f"inverse distances to the {NEIGHBOURS} nearest members"] = inverse_distance
     return {**found, "linear interpolation": linear} if parameters <= 3 else found
 
 
@@ -95,6 +99,31 @@ def setting_rules(parameters: int, plural: str) -> dict[str, Rule]:
         return {"nearest trained setting": nearest_member, f"linear interpolation of {plural}": linear}
     between = f"inverse distances to the {NEIGHBOURS} nearest settings"
     return {"nearest trained setting": nearest_member, between: inverse_distance}
+
+
+def crossed(first: Rule, second: Rule, parameters: int) -> Rule:
+    """The rule whose weights are those of `first` for the leading `parameters` times those of `second` for the others.
+
+    Known points must be a grid: each place in the leading ones with the same places in the others, one after the other.
+    """
+
+    def weights(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
+        repeated = int((known[:, :parameters] == known[0, :parameters]).all(axis=1).sum())
+        places, settings = known[::repeated, :parameters], known[:repeated, parameters:]  # [A, P], [B, V]
+        pairs = first(places, wanted[:, :parameters]), second(settings, wanted[:, parameters:])  # [T, A], [T, B]
+        return np.einsum("ta,tb->tab", *pairs).reshape(len(wanted), -1)
+
+    return weights
+
+
+def joint_rules(parameters: int, settings: int) -> dict[str, Rule]:
+    """Rules that predict an unseen member under an unseen setting from training members under trained settings."""
+    between = linear if parameters <= 3 else inverse_distance
+    among = linear if settings == 1 else inverse_distance
+    return {
+        "training members alone, the nearest one and setting": crossed(nearest_member, nearest_member, parameters),
+        "training members alone, interpolated": crossed(between, among, parameters),
+    }
 
 
 def tuned_rules() -> list[dict[str, Rule]]:

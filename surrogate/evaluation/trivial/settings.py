@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.catalog import Member
+from catalogs.parameters import ParameterSpace
 from catalogs.variations import Variation
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.trivial.interpolation import nearest_member
+from surrogate.evaluation.trivial.mixtures import MemberPictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,47 @@ class Trained:
     def nearest(self, place: NDArray[np.float64]) -> str:
         """The appearance nearest to a place (V,)."""
         return self.appearances[int(nearest_member(self.places, place[None])[0].argmax())]
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedPictures:
+    """Pictures of training members under all trained settings: what predicts unseen members under unseen settings without
+    any picture of these members.
+
+    Attributes
+    ----------
+    pictures : of the training members that show all trained settings.
+    """
+
+    variation: Variation
+    pictures: MemberPictures
+
+    @classmethod
+    def of(cls, variation: Variation, space: ParameterSpace, members: Sequence[Member]) -> TrainedPictures | None:
+        """Those of `members`; None where no training member shows all trained settings."""
+        trained = set(Trained.of(variation).appearances)
+        whole = [m for m in members if m.split == "train" and trained <= set(m.appearances)]
+        return cls(variation, MemberPictures(space, variation.base, whole)) if whole else None
+
+    @cached_property
+    def trained(self) -> Trained:
+        """All of the variation's."""
+        return Trained.of(self.variation)
+
+    def stored(self, case: Case) -> list[tuple[Member, str, int]]:
+        """See `Sources`: member by member, all settings of each."""
+        of_members = self.pictures.stored(case)
+        return [(member, name, view) for member, _, view in of_members for name in self.trained.appearances]
+
+    def points(self, case: Case) -> NDArray[np.float64]:
+        """See `Sources`: normalized simulation and visualization parameters."""
+        members, settings = self.pictures.points(case), self.trained.places  # [A, P], [S, V]
+        return np.concatenate([members.repeat(len(settings), axis=0), np.tile(settings, (len(members), 1))], axis=1)
+
+    def place(self, case: Case) -> NDArray[np.float64]:
+        """See `Sources`."""
+        setting = self.variation.normalize(self.variation.values_of(case.varied))
+        return np.concatenate([self.pictures.place(case), setting])
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,14 +17,16 @@ PARAMETERS = click.option(
     "--parameters",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Of the simulation or how it is shown, e.g. -p Re=1800 -p isovalue=12; those of the simulation that are left out stand "
-    "in the middle of their bounds.",
+    help="Of the simulation or how it is shown, e.g. -p Re=1800 -p isovalue=12 -p c2_opacity=0.4; those of the simulation that "
+    "are left out stand in the middle of their bounds, control points of the transfer function where they were.",
 )
 COLOR_MAP = click.option(
     "--color-map", default="", metavar="NAME", help="Such as viridis, instead of the base's colours."
 )
 VIEW = click.option("--view", default=0, show_default=True, help="Number of a viewpoint of the catalog.")
-SIZE = click.option("--size", default="", metavar="WxH", help="Pixels of a picture.  [default: the catalog's]")
+SIZE = click.option(
+    "--size", default="", metavar="WxH", help="Pixels of a picture, or such as 2x.  [default: the catalog's]"
+)
 
 
 @click.command()
@@ -39,11 +41,20 @@ SIZE = click.option("--size", default="", metavar="WxH", help="Pixels of a pictu
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="A PNG or EXR of the explorer: shows what it shows, as far as nothing else is asked for.",
 )
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="FILE.png, .exr or .ply")
+@click.option(
+    "--compare",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Of a second picture, elsewhere like the first: a PNG of both and their difference; 'stored' takes the catalog's picture.",
+)
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="FILE.png, .exr or .ply; a folder names it."
+)
 def export(run: Path, output: Path, **options: Any) -> None:
-    """Write what the surrogate in RUN (such as runs/tgv-dvr) shows: a picture, or its Gaussians as PLY for other viewers.
+    """Write what the surrogate in RUN (such as runs/tgv) shows: a picture, or its Gaussians as PLY for other viewers.
 
-    PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made.
+    PNG has 8 bits and straight alpha, EXR 32 and premultiplied alpha; both keep how they were made, and what error to expect, if
+    the explorer has measured it.
     """
     _write(run, output, ("png", "exr", "ply"), options)
 
@@ -70,7 +81,9 @@ def export(run: Path, output: Path, **options: Any) -> None:
 @click.option("--fps", default=FRAMES_PER_SECOND, show_default=True, help="Pictures a second of a film.")
 @click.option("--there-and-back", is_flag=True, help="Let a film run backwards to where it began.")
 @click.option("--caption/--no-caption", default=True, show_default=True, help="Whether a film shows the value.")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="FILE.png, .gif or .mp4")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="FILE.png, .gif or .mp4; a folder names it."
+)
 def sweep(run: Path, output: Path, **options: Any) -> None:
     """Draw what the surrogate in RUN shows over one parameter: a labelled strip, a grid over two, or a film."""
     _write(run, output, ("sheet", "gif", "mp4"), options)
@@ -80,20 +93,28 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
     """Write what the options ask for, and say what it is."""
     with one_line_errors(extra="explore"):
         endings = {f".{KINDS[kind][0]}": kind for kind in kinds}
-        kind = endings.get(output.suffix.lower())
+        kind = kinds[0] if output.is_dir() else endings.get(output.suffix.lower())
         if kind is None:
             raise ValueError(f"the file must end with one of {', '.join(endings)}, got {output.name}")
+        if options.get("compare") and kind != "png":
+            raise ValueError(f"a comparison is a PNG, got {output.name}")
         if not output.parent.is_dir():
             raise ValueError(f"{output.parent} is no folder: make it first")
         from catalogs import durable
-        from surrogate.explore.exporting.exports import from_options, guesses
+        from surrogate.explore.exporting.naming import file_name
+        from surrogate.explore.exporting.options import from_options, guesses
+        from surrogate.explore.reliability.expectation import known
         from surrogate.explore.run import Run
 
         run = Run.open(folder)
-        request = from_options(options, kind, run)
-        for guess in guesses(request, run.surrogate):
+        request, expectation = from_options(options, kind, run), known(run)
+        for guess in guesses(request, run):
             click.echo(guess, err=True)
         with ProgressLine() as line:
-            content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None)
-        durable.replace(output, content)
-        click.echo(f"{output}: {request.summary(run)}")
+            content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None, expectation)
+        target = output / f"{file_name(run, request)}.{KINDS[kind][0]}" if output.is_dir() else output
+        durable.replace(target, content)
+        click.echo(f"{target}: {request.summary(run)}")
+        expected = request.expected(run, expectation) if hasattr(request, "expected") else None
+        if expected is not None:
+            click.echo(expected.sentence)

@@ -10,6 +10,7 @@ KINDS = {  # the ending of a file and its media type, by the kind of export
     "exr": ("exr", "image/x-exr"),
     "ply": ("ply", "application/octet-stream"),
     "python": ("py", "text/x-python"),
+    "comparison": ("png", "image/png"),
     "sheet": ("png", "image/png"),
     "gif": ("gif", "image/gif"),
     "mp4": ("mp4", "video/mp4"),

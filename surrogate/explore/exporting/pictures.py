@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 from catalogs.images import encode_png, exr_text, straighten, to_bytes, to_float, write_exr
 from catalogs.png import text_of
+from surrogate.explore.reliability.expectation import Expected
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 
@@ -60,12 +61,18 @@ def encode(picture: NDArray[Any], kind: Kind, *, record: Mapping[str, Any] | Non
 
 
 def record_for(
-    surrogate: Surrogate, setting: Setting, camera: Camera, background: Sequence[float] | None
+    surrogate: Surrogate,
+    setting: Setting,
+    camera: Camera,
+    background: Sequence[float] | None,
+    expected: Expected | None = None,
 ) -> dict[str, Any]:
     """What a picture should know of itself, as JSON values: enough to draw it again with the same surrogate.
 
     `surrogate` is the fingerprint of what the model was trained with, "" where it has none.  `Setting` takes back `parameters`,
-    `visualization` and `color_map`, `Camera.from_json` the `camera`; `background` is null for a transparent picture.
+    `visualization` and `color_map`, `Camera.from_json` the `camera`; `background` is null for a transparent picture.  `expected`
+    says what error to expect in words, with `psnr` and `error` in dB, null where nothing alike was measured; it is null where
+    nobody measured yet.
     """
     return {
         "parameters": {name: float(value) for name, value in setting.parameters.items()},
@@ -73,6 +80,7 @@ def record_for(
         "color_map": setting.color_map,
         "camera": camera.to_json(),
         "background": None if background is None else [float(part) for part in background],
+        "expected": expected and {"psnr": expected.psnr, "error": expected.error, "said": expected.sentence},
         "surrogate": str(surrogate.training.get("fingerprint", "")),
         "versions": {name: version(name) for name in ("gs-surrogate", "torch", "numpy")},
     }

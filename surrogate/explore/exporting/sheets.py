@@ -17,16 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.images import to_bytes
+from surrogate.explore.exporting.lettering import LEAST_TEXT, font, ink, line_height, pixel, text_size
 from surrogate.explore.exporting.pictures import encode
 from surrogate.explore.exporting.sweep import Axis, Sweep
 
-FONT = "fonts/ttf/DejaVuSans.ttf"  # comes with matplotlib, and has the letters of units and Greek parameters
-LEAST_TEXT, MOST_TEXT = 11, 28  # pixels
-TEXT_SHARE = 1.0 / 18.0  # of the height of a picture
 LONGEST_ROW = 8  # pictures of a strip; more are broken into rows
 MOST_SIDE = 16384  # pixels of a sheet; what many viewers open, and PNG readers of this project
 MOST_PIXELS = 64 * 1024 * 1024
-LIGHT = 0.5  # luminance of a background from which on text is black
 
 
 @dataclass(frozen=True)
@@ -67,14 +64,14 @@ def strip(
     if first is None:
         raise ValueError(f"a sheet of {len(sweep)} pictures needs as many, got none")
     height, width = first.shape[:2]
-    layout, size = _layout(sweep, width, height), _text_size(height)
-    sheet = Image.new("RGB", layout.size, _pixel(background))
+    layout, size = _layout(sweep, width, height), text_size(height)
+    sheet = Image.new("RGB", layout.size, pixel(background))
     for index, picture in zip(range(len(sweep)), chain([first], others), strict=True):
         sheet.paste(Image.fromarray(np.ascontiguousarray(to_bytes(picture))), layout.place(index))
-    write = functools.partial(ImageDraw.Draw(sheet).text, fill=_ink(background), font=_font(size))
+    write = functools.partial(ImageDraw.Draw(sheet).text, fill=ink(background), font=font(size))
     for index, text in enumerate(sweep.columns.labels):
         left, top = layout.place(index)
-        write((left + width / 2, top - _line(size) / 2), text, anchor="mm")
+        write((left + width / 2, top - line_height(size) / 2), text, anchor="mm")
     for row, text in enumerate(sweep.rows.labels if sweep.rows else ()):
         write((layout.side, layout.place(row * layout.columns)[1] + height / 2), text, anchor="rm")
     return encode(np.asarray(sheet), "png", record=record)
@@ -88,21 +85,21 @@ def captioned(
 
     for text, picture in zip(sweep.columns.labels, pictures, strict=True):
         height, width = picture.shape[:2]
-        size = _text_size(height)
-        band = _line(size)
-        while size > LEAST_TEXT and _font(size).getlength(text) > width:
+        size = text_size(height)
+        band = line_height(size)
+        while size > LEAST_TEXT and font(size).getlength(text) > width:
             size -= 1
-        framed = Image.new("RGB", (width, height + band), _pixel(background))
+        framed = Image.new("RGB", (width, height + band), pixel(background))
         framed.paste(Image.fromarray(np.ascontiguousarray(to_bytes(picture))), (0, 0))
         centre = (width / 2, height + band / 2)
-        ImageDraw.Draw(framed).text(centre, text, _ink(background), font=_font(size), anchor="mm")
+        ImageDraw.Draw(framed).text(centre, text, ink(background), font=font(size), anchor="mm")
         yield np.asarray(framed)
 
 
 def _layout(sweep: Sweep, width: int, height: int) -> _Layout:
     """For pictures of this size; raises ValueError for a sheet that is too large."""
-    size, gap = _text_size(height), max(2, height // 64)
-    line, cell = _line(size), max(width, _widest(sweep.columns, size) + size)
+    size, gap = text_size(height), max(2, height // 64)
+    line, cell = line_height(size), max(width, _widest(sweep.columns, size) + size)
     side = 0 if sweep.rows is None else _widest(sweep.rows, size) + size // 2
     columns = sweep.columns.count
     if sweep.rows is None and columns > LONGEST_ROW:  # broken into rows: a little wider than high
@@ -119,30 +116,5 @@ def _layout(sweep: Sweep, width: int, height: int) -> _Layout:
     return _Layout(columns, sheet, (side + gap + (cell - width) // 2, line + gap), (across, down), side)
 
 
-def _text_size(height: int) -> int:
-    return int(min(MOST_TEXT, max(LEAST_TEXT, round(height * TEXT_SHARE))))
-
-
-def _line(size: int) -> int:
-    return 2 * (round(0.85 * size))  # even, so that films of even pictures stay even
-
-
 def _widest(axis: Axis, size: int) -> int:
-    return math.ceil(max(_font(size).getlength(text) for text in axis.labels))
-
-
-def _pixel(color: Sequence[float]) -> tuple[int, ...]:
-    return tuple(to_bytes(np.asarray(color, np.float32)).tolist())
-
-
-def _ink(background: Sequence[float]) -> tuple[int, int, int]:
-    luminance = float(np.dot(background, (0.2126, 0.7152, 0.0722)))  # of Rec. 709
-    return (0, 0, 0) if luminance > LIGHT else (255, 255, 255)
-
-
-@functools.cache
-def _font(size: int) -> Any:
-    import matplotlib
-    from PIL import ImageFont
-
-    return ImageFont.truetype(f"{matplotlib.get_data_path()}/{FONT}", size)
+    return math.ceil(max(font(size).getlength(text) for text in axis.labels))

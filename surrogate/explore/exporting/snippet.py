@@ -45,10 +45,18 @@ def snippet(
         indent(pformat(camera.to_json(), width=120, sort_dicts=False), "    "),
         ")",
         *function,
+        *_unit_lines(setting, surrogate),
         f"picture = {picture}.render(camera{behind})  # [{camera.height}, {camera.width}, 4], premultiplied RGBA",
         'write_image(Path("picture.png"), picture)',
     ]
     return "".join(f"{line}\n" for line in program)
+
+
+def _unit_lines(setting: Setting, surrogate: Surrogate) -> list[str]:
+    """A comment that says the units of the parameters that have some."""
+    spaces = surrogate.space, *(v.variation.space for v in surrogate.visualizations)
+    units = {p.name: p.unit for space in spaces for p in space.parameters if p.unit and p.name in setting.values}
+    return [f"# {', '.join(f'{name} in {unit}' for name, unit in units.items())}"] if units else []
 
 
 def _arguments(values: Mapping[str, float | str]) -> list[str]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,9 @@ LEAST_DIGITS, MOST_DIGITS = 4, 17
 
 @dataclass(frozen=True)
 class Axis:
-    """`count` values of one parameter at equal distances from `low` to `high`, both among them, in its unit.
+    """`count` values of one parameter from `low` to `high`, both among them, in its unit.
+
+    They lie at equal distances, of their logarithms where the scale is that.
 
     Attributes
     ----------
@@ -33,6 +35,8 @@ class Axis:
     low, high : finite, low < high.
     count : 2 to 200.
     unit : of the values; "" for none.
+    scale : "linear" or "log".
+    origin : what labels add to a value: those of a displacement tell the place.
     """
 
     name: str
@@ -40,6 +44,8 @@ class Axis:
     high: float
     count: int
     unit: str = ""
+    scale: str = "linear"
+    origin: float = 0.0
 
     def __post_init__(self) -> None:
         if self.name == APPEARANCE or not self.name:
@@ -53,15 +59,20 @@ class Axis:
                 f"a sweep over {self.name} has {LEAST_STEPS} to {MOST_STEPS} steps, got {self.count}: choose fewer or more"
             )
 
+    def __str__(self) -> str:
+        return f"{self.name} {self.low + self.origin:g}..{self.high + self.origin:g}"
+
     @property
     def values(self) -> list[float]:
         """All of them, in order."""
-        return np.linspace(self.low, self.high, self.count).tolist()
+        places = np.geomspace if self.scale == "log" else np.linspace
+        return places(self.low, self.high, self.count).tolist()
 
     @property
     def labels(self) -> list[str]:
         """Such as "Re = 1500", in as many digits as it takes to round values by less than a hundredth of their distance."""
-        values, step = self.values, (self.high - self.low) / (self.count - 1)
+        values = [value + self.origin for value in self.values]
+        step = min(later - value for value, later in pairwise(values))
         for digits in range(LEAST_DIGITS, MOST_DIGITS + 1):
             texts = [f"{value:.{digits}g}" for value in values]
             if all(abs(float(text) - value) <= 0.01 * step for text, value in zip(texts, values, strict=True)):
@@ -106,10 +117,18 @@ class Sweep:
         return math.prod(axis.count for axis in self.axes)
 
     def __str__(self) -> str:
-        over = " and ".join(f"{axis.name} {axis.low:g}..{axis.high:g}" for axis in reversed(self.axes))
+        return self.described({})
+
+    def described(self, origins: Mapping[str, float]) -> str:
+        """In a line; control points are told by their places, see `Run.origins`."""
+        over = " and ".join(str(axis) for axis in reversed(self.axes))
+        return f"{len(self)} pictures over {over}" + (f", {listed(self.kept, origins)}" if self.kept else "")
+
+    @property
+    def kept(self) -> dict[str, float | str]:
+        """All values of the base that don't vary."""
         varied = [axis.name for axis in self.axes]
-        kept = {name: value for name, value in self.base.values.items() if name not in varied}
-        return f"{len(self)} pictures over {over}" + (f", {listed(kept)}" if kept else "")
+        return {name: value for name, value in self.base.values.items() if name not in varied}
 
 
 def settings(sweep: Sweep) -> list[Setting]:
@@ -126,7 +145,7 @@ def check(sweep: Sweep, surrogate: Surrogate) -> None:
         try:
             sweep.at(corner).gaussians(surrogate)
         except ValueError as error:
-            places = [f"{axis.name} = {value:g}" for axis, value in zip(sweep.axes, corner, strict=True)]
+            places = [f"{axis.name} = {value + axis.origin:g}" for axis, value in zip(sweep.axes, corner, strict=True)]
             raise ValueError(f"the sweep can't be shown at {', '.join(reversed(places))}: {error}") from error
 
 
@@ -174,6 +193,9 @@ def parameter(surrogate: Surrogate, name: str) -> Parameter:
     return known[name]
 
 
-def axis_over(of: Parameter, count: int, low: float | None = None, high: float | None = None) -> Axis:
+def axis_over(
+    of: Parameter, count: int, low: float | None = None, high: float | None = None, *, origin: float = 0.0
+) -> Axis:
     """The axis of that parameter, over its whole bounds or from `low` to `high`."""
-    return Axis(of.name, of.low if low is None else low, of.high if high is None else high, count, of.unit)
+    ends = of.low if low is None else low, of.high if high is None else high
+    return Axis(of.name, *ends, count, of.unit, of.scale, origin)

@@ -1,18 +1,62 @@
 // What the page asks of the program: calls over one WebSocket, and exports over plain HTTP.  The addresses are relative, so that the
-// page works below the path of any proxy.
+// page works below the path of any proxy.  A program that stops is waited for: it comes back under the same address.
 
-const waiting = []; // { resolve, reject } of calls without an answer yet, in their order, which is that of the answers
-const socket = new WebSocket(new URL("ws", location.href).href.replace(/^http/, "ws"));
-socket.binaryType = "arraybuffer";
-socket.onmessage = event => {
-  const answer = unpacked(event.data), { resolve, reject } = waiting.shift();
-  if (answer.error) reject(new Error(answer.error));
-  else resolve(answer);
-};
-const opened = new Promise(resolve => { socket.onopen = resolve; });
+const SOONEST = 400, LATEST = 3000; // milliseconds between attempts to find the program again
 
-/** Resolves when the program can't be asked any more. */
-export const stopped = new Promise(resolve => { socket.onclose = resolve; });
+let socket, open, waiting = []; // { resolve, reject } of calls without an answer yet, in their order, which is that of the answers
+let heard = { lost: () => {}, back: () => {} };
+
+/** Raised by calls while the program is gone. */
+export class Gone extends Error {}
+
+/** `lost(reason)` hears that the program can't be asked any more, `back()` that it can again. */
+export const listen = handlers => { heard = handlers; };
+
+let ready = connected();
+
+/** Resolves when the socket is open, or can't be opened. */
+function connected() {
+  return new Promise(resolve => {
+    const made = new WebSocket(new URL("ws", document.baseURI).href.replace(/^http/, "ws"));
+    made.binaryType = "arraybuffer";
+    made.onmessage = event => {
+      const answer = unpacked(event.data), { resolve: take, reject } = waiting.shift();
+      if (answer.error) reject(new Error(answer.error));
+      else take(answer);
+    };
+    made.onopen = () => {
+      [socket, open] = [made, true];
+      resolve();
+    };
+    made.onclose = () => {
+      lose();
+      resolve();
+    };
+  });
+}
+
+function lose() {
+  const asked = waiting;
+  [open, waiting] = [false, []];
+  for (const { reject } of asked) reject(new Gone("The explorer has stopped."));
+  heard.lost("");
+  find(SOONEST);
+}
+
+/** Try to reach the program until it answers. */
+function find(pause) {
+  setTimeout(async () => {
+    const answer = await fetch(document.baseURI, { method: "HEAD", cache: "no-store" }).catch(() => null);
+    if (answer?.ok) {
+      ready = connected();
+      await ready;
+      if (open) heard.back(); // else it was lost again, and is being looked for
+      return;
+    }
+    if (answer?.status === 403) heard.lost("It runs again, but wants a new token: open the address that it printed.");
+    find(Math.min(LATEST, 1.5 * pause));
+  }, pause);
+}
 
 export const facts = () => call("facts");
 
@@ -23,8 +67,8 @@ export const frame = request => call("frame", request);
 export const nearest = async request => (await call("nearest", request)).found;
 
 async function call(name, request) {
-  await opened;
-  if (socket.readyState !== WebSocket.OPEN) throw new Error("The explorer has stopped.");
+  if (open === undefined) await ready; // of the first connection
+  if (!open || socket.readyState !== WebSocket.OPEN) throw new Gone("The explorer has stopped.");
   return new Promise((resolve, reject) => {
     waiting.push({ resolve, reject });
     socket.send(JSON.stringify({ call: name, request }));

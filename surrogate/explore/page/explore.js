@@ -1,49 +1,39 @@
 // The explorer's page: one state, controls that change it, and a stream of frames that show it.
 
+import { addressOf, stateOf } from "./address.js";
 import * as connection from "./connection.js";
-import { button, digits, element, field, menu, section, tabs } from "./elements.js";
+import { button, digits, element, tabs } from "./elements.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
-import { cameraOf, PRESETS, seenFrom } from "./orbit.js";
+import { cameraOf, rounded } from "./orbit.js";
 import { build, plan } from "./panes.js";
+import { comparePanel, displayPanel, modelPanel, parameterPanel, sweepPanel, viewPanel, visualizationPanel } from "./panels.js";
 import { decoded, paint, sizeFor } from "./pictures.js";
-import { slider } from "./sliders.js";
-import { addressOf, BACKGROUNDS, firstSetting, FULL_SIZES, messageOf, rangeOf, sweepable, stateOf, variation } from "./state.js";
+import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
 import { Stream } from "./stream.js";
-import { transferEditor } from "./transfer.js";
+import { described, shortest, spanOf } from "./words.js";
 
 const MOVING = 256; // pictures of about so many pixels squared while something moves
-const MOST_DECIBELS = 60; // what the program says of equal pictures
+const LEAST_EXPORT = 256; // pixels of the shorter side of films and sheets
+const MOST_SIDE = 2048; // what the program draws
+const ADDRESSED = 350; // milliseconds between changes of the address: browsers refuse more than a hundred in half a minute
+const MOST_NOTES = 6;
 const MODE_NAMES = { view: "Explore", compare: "Compare", sweep: "Sweep" };
-const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
 
 class Explorer {
   constructor(facts) {
     this.facts = facts;
-    this.state = stateOf(location.hash, facts);
     this.panes = [];
     this.times = []; // of frames on the screen in the last second
     this.counted = { moving: 0, whole: 0 };
     this.stream = new Stream(moving => this.request(moving), (...shown) => this.show(...shown), error => this.fail(error));
     this.layOut();
-    this.arrange();
-    this.refresh();
+    this.readAddress();
     listen(this.stage, () => this.state.orbit, orbit => this.look(orbit), facts.camera, () => this.stream.settle());
     new ResizeObserver(() => this.resized()).observe(this.stage);
-    window.addEventListener("hashchange", () => {
-      if (location.hash === this.written) return;
-      this.state = stateOf(location.hash, facts);
-      this.arrange();
-      this.refresh();
-      this.stream.settle();
-    });
-    this.stream.settle();
+    window.addEventListener("hashchange", () => { if (location.hash !== this.written) this.readAddress(); });
+    connection.listen({ lost: reason => this.lose(reason), back: () => this.findAgain() });
   }
-
-  get setting() { return this.state.settings[this.state.active]; }
-
-  /** Names of the parameters that a sweep varies, which no slider sets. */
-  get swept() { return this.state.mode === "sweep" ? [this.state.sweep.name, this.state.sweep.second] : []; }
 
   // ---- the page
 
@@ -53,202 +43,113 @@ class Explorer {
       id: "stage", tabindex: 0, role: "application", "aria-label":
         "The ensemble: drag or use the arrow keys to turn it, with Shift to move it, wheel or + and − to come nearer, Home to reset",
     });
-    this.tabs = tabs("What the window shows", "mode", "stage-panel", this.state.mode, Object.entries(MODE_NAMES), mode => this.set({ mode }));
+    this.tabs = tabs("What the window shows", "mode", "stage-panel", "view", Object.entries(MODE_NAMES), mode => this.set({ mode }));
     this.alert = element("p", { id: "alert", role: "alert", hidden: true });
+    this.lost = element("p", { id: "lost", role: "alert", hidden: true });
+    this.note = element("div", { id: "note", role: "status", hidden: true });
     this.status = element("p", { id: "status" });
-    this.expected = element("p", { id: "expected", role: "status" });
+    this.expected = element("p", { id: "expected", role: "status", tabindex: 0 });
     this.colorbar = element("div", { id: "colorbar", hidden: true },
       element("span", {}, "0"), element("i", { "aria-hidden": "true" }), element("span", { id: "colorbar-high" }), element("span", { id: "compared", role: "status" }));
     this.side = element("aside", { "aria-label": "Controls" });
     document.body.replaceChildren(
       element("header", { id: "top" }, element("h1", {}, facts.title), this.tabs),
-      element("main", { id: "stage-panel", role: "tabpanel" }, this.stage, this.alert, this.colorbar,
+      element("main", { id: "stage-panel", role: "tabpanel" }, this.note, this.stage, this.alert, this.lost, this.colorbar,
         element("footer", { id: "caption" }, this.expected, this.status)),
       this.side,
     );
   }
 
+  /** Show what the address says, and what of it can't be. */
+  readAddress() {
+    const address = location.hash;
+    document.activeElement?.blur(); // what is half typed belongs to the state before
+    const { state, notes } = stateOf(address, this.facts);
+    this.state = state;
+    const more = notes.length - MOST_NOTES;
+    const lines = [...notes.slice(0, MOST_NOTES), more > 0 && `and ${more} more`].filter(Boolean).map(text => element("li", {}, text));
+    this.note.replaceChildren(element("div", {}, element("strong", {}, "The link was changed:"), element("ul", {}, ...lines)),
+      button("Close", () => { this.note.hidden = true; }));
+    this.note.hidden = !notes.length;
+    this.arrange();
+    this.refresh();
+    this.stream.settle();
+  }
+
   /** Build what depends on the mode and on which kind of visualization is shown. */
   arrange() {
-    const { state } = this;
+    const { state } = this, swept = state.mode === "sweep" ? [state.sweep.name, state.sweep.second] : [];
     for (const tab of this.tabs.children) {
       const chosen = tab.id === `mode-${state.mode}`;
       tab.setAttribute("aria-selected", chosen);
       tab.tabIndex = chosen ? 0 : -1;
     }
     document.getElementById("stage-panel").setAttribute("aria-labelledby", `mode-${state.mode}`);
+    this.controls = [parameterPanel(this, swept), visualizationPanel(this, swept)].filter(Boolean);
     const parts = [
-      state.mode === "compare" && this.comparePanel(), state.mode === "sweep" && this.sweepPanel(),
-      this.parameterPanel(), this.visualizationPanel(), this.viewPanel(), this.displayPanel(), exportPanel(this), this.modelPanel(),
+      state.mode === "compare" && comparePanel(this), state.mode === "sweep" && sweepPanel(this),
+      ...this.controls.map(panel => panel.box), viewPanel(this), displayPanel(this), exportPanel(this), modelPanel(this),
     ];
     this.side.replaceChildren(...parts.filter(Boolean));
+    this.colorbar.hidden = state.mode !== "compare"; // now, so that the first picture has the room that the others have
     this.built = "";
-  }
-
-  parameterPanel() {
-    const { facts, swept } = this;
-    this.sliders = facts.parameters.map((p, i) => slider(p, `parameter-${i}`, value => {
-      this.setting.parameters[p.name] = value;
-      this.changed();
-    }));
-    this.sliders.forEach(({ box }, i) => { box.hidden = swept.includes(facts.parameters[i].name); });
-    const alone = facts.parameters.every(p => swept.includes(p.name));
-    const legend = element("p", { class: "legend", hidden: alone }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
-    return section("Simulation parameters", ...this.sliders.map(s => s.box), legend, this.memberMenu());
-  }
-
-  memberMenu() {
-    const { members } = this.facts;
-    if (!members.length) return null;
-    const choice = element("select", { id: "member", onchange: event => {
-      const member = members[+event.target.value];
-      this.facts.parameters.forEach((p, i) => { this.setting.parameters[p.name] = member.values[i]; });
-      this.refresh();
-      this.changed();
-    } }, element("option", { value: "", disabled: true, selected: true }, "choose…"));
-    for (const split of ["train", "validation", "test"]) {
-      const group = element("optgroup", { label: split });
-      members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map(digits).join(", ")}`)); });
-      if (group.children.length) choice.append(group);
-    }
-    return field("Go to member", choice);
-  }
-
-  visualizationPanel() {
-    const { facts, setting } = this, kinds = ["base", ...facts.variations.map(v => v.kind)];
-    if (kinds.length === 1) return null;
-    const choose = kind => { setting.kind = kind; this.set({}); document.getElementById(`kind-${kind}`).focus(); };
-    const chooser = tabs("How the field is shown", "kind", "visualization-panel", setting.kind, kinds.map(kind => [kind, KIND_NAMES[kind]]), choose);
-    return section("Visualization", chooser, element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, this.kindPanel(setting.kind)));
-  }
-
-  kindPanel(kind) {
-    const { facts } = this, of = variation(facts, kind);
-    this.editor = this.isovalue = null;
-    if (kind === "isovalue") {
-      this.isovalue = slider({ name: "isovalue", ...of }, "isovalue", value => { this.setting.isovalue = value; this.changed(); });
-      this.isovalue.box.hidden = this.swept.includes("isovalue");
-      return this.isovalue.box;
-    }
-    if (kind === "transfer_function") {
-      this.editor = transferEditor(of, facts.histogram, of.unit,
-        points => { this.setting.points = points; this.changed(); },
-        name => { this.setting.colorMap = name; this.changed(); });
-      return this.editor.box;
-    }
-    if (kind === "field")
-      return menu("Appearance", "appearance", this.setting.appearance, of.names.map(name => [name, name]), name => { this.setting.appearance = name; this.changed(); });
-    return element("p", { class: "hint" }, "The base appearance, as it was rendered.");
-  }
-
-  viewPanel() {
-    const { facts } = this;
-    const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
-      button(name, () => this.look(seenFrom(this.state.orbit, direction)), { "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}` })));
-    return section("View", presets, element("div", { class: "buttons" },
-      button("Reset", () => this.look(facts.camera), { id: "reset-view" }),
-      facts.truth && button("Nearest stored view", () => this.goToStored(found => { this.state.orbit = found.orbit; })),
-      button("Copy camera", () => this.copy(JSON.stringify(this.request(false).camera), "camera"))));
-  }
-
-  displayPanel() {
-    const behind = { ...BACKGROUNDS };
-    if (this.facts.background) behind.trained = this.facts.background;
-    return section("Display",
-      menu("Background", "background", this.state.background, Object.entries(behind).map(([name, color]) => [color, name]), background => this.set({ background })),
-      menu("Pixels at rest", "full", this.state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => this.set({ full: +size })));
-  }
-
-  comparePanel() {
-    const { state, facts } = this;
-    const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => this.set({ against: chosen }));
-    if (state.against === "truth")
-      return section("Compare", against,
-        element("p", { class: "hint" }, "The catalog holds pictures of its own members from its own views, and no others."),
-        button("Nearest stored picture", () => this.goToStored(found => this.takeStored(found)), { id: "nearest-picture" }));
-    const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
-      button(`Change ${name}`, () => this.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));
-    const copy = () => { state.settings[1 - state.active] = structuredClone(this.setting); this.changed(); };
-    return section("Compare", against, edit, element("div", { class: "buttons" },
-      button(`Copy ${"AB"[state.active]} to ${"BA"[state.active]}`, copy), button("Swap", () => this.set({ settings: [...state.settings].reverse() }))));
-  }
-
-  sweepPanel() {
-    const { state, facts } = this, known = sweepable(facts, state.settings[0]);
-    const change = values => this.set({ sweep: { ...state.sweep, ...values } });
-    const names = known.map(p => [p.name, p.name]);
-    const swept = known.find(p => p.name === state.sweep.name) ?? known[0], width = swept.high - swept.low;
-    const limit = (which, label) => element("label", {}, element("span", {}, label), element("input", {
-      type: "number", step: "any", id: `sweep-${which}`, value: +rangeOf(state.sweep, swept)[which].toPrecision(6),
-      onchange: event => {
-        const value = +event.target.value, range = { ...rangeOf(state.sweep, swept), [which]: value };
-        const proper = event.target.value !== "" && range.low < range.high && value > swept.low - width && value < swept.high + width;
-        if (!proper) this.say(`A sweep goes from a value to a larger one, near ${digits(swept.low)} to ${digits(swept.high)}.`);
-        change(proper ? { [which]: value === swept[which] ? "" : value } : {});
-      },
-    }));
-    const counts = [2, 3, 4, 5, 6, 7, 8, 10, 12].map(n => [n, String(n)]), { name, count, second, secondCount } = state.sweep;
-    state.active = 0;
-    return section("Sweep",
-      menu("Across", "sweep-first", name, names, chosen => change({ name: chosen, low: "", high: "", second: second === chosen ? "" : second })),
-      element("div", { class: "numbers" }, limit("low", "From"), limit("high", "To")),
-      menu("Pictures", "sweep-count", count, counts, chosen => change({ count: +chosen })),
-      menu("Down", "sweep-second", second, [["", "nothing"], ...names.filter(([other]) => other !== name)], chosen => change({ second: chosen })),
-      second && menu("Rows", "sweep-rows", secondCount, counts.slice(0, 7), chosen => change({ secondCount: +chosen })));
-  }
-
-  modelPanel() {
-    const { model } = this.facts;
-    return section("Model", element("p", { class: "hint" },
-      [`${model.gaussians.toLocaleString("en")} Gaussians`, `${digits(+model.megabytes.toPrecision(2))} MB`, model.seconds ? `trained in ${Math.round(model.seconds)} s` : ""].filter(Boolean).join(", ")));
   }
 
   // ---- changing
 
+  /** Whether the newest wish is on the screen, whole, in the room there is. */
+  get resting() { return this.stream.resting && !this.resizing; }
+
   /** Draw anew for the room there is: only a whole frame, whose words take as much room as before. */
   resized() {
     clearTimeout(this.resizing);
-    this.resizing = setTimeout(() => this.stream.settle(), 100);
+    this.resizing = setTimeout(() => {
+      this.resizing = 0;
+      this.stream.settle();
+    }, 100);
   }
 
   /** Change the state, and show it in the controls and on the stage. */
   set(values) {
     Object.assign(this.state, values);
+    this.state.sweep = possibleSweep(this.state, this.facts);
     this.arrange();
     this.refresh();
     this.changed();
   }
 
   look(orbit) {
-    this.state.orbit = orbit;
+    this.state.orbit = rounded(orbit);
     this.changed();
   }
 
   /** Controls show the state. */
   refresh() {
-    const { setting, facts } = this;
-    facts.parameters.forEach((p, i) => this.sliders[i].set(setting.parameters[p.name]));
-    this.isovalue?.set(setting.isovalue);
-    this.editor?.set(setting.points, setting.colorMap);
+    for (const panel of this.controls) panel.set(current(this.state));
     document.getElementById("stage-panel").style.setProperty("--behind", this.state.background);
   }
 
   changed() {
+    const now = performance.now(), due = (this.addressed ?? -Infinity) + ADDRESSED;
     clearTimeout(this.addressing);
-    this.addressing = setTimeout(() => this.writeAddress(), 150); // browsers refuse more than a hundred in half a minute
+    if (now >= due) this.writeAddress();
+    else this.addressing = setTimeout(() => this.writeAddress(), due - now);
     this.stream.change();
   }
 
   writeAddress() {
+    clearTimeout(this.addressing);
+    this.addressing = 0;
+    this.addressed = performance.now();
     this.written = addressOf(this.state, this.facts);
-    history.replaceState(null, "", this.written);
+    history.replaceState(null, "", `${location.pathname}${location.search}${this.written}`);
   }
 
   /** Ask for the stored picture nearest to what is shown, and let `take` use it. */
   async goToStored(take) {
     try {
-      const { settings, ...request } = this.request(false);
-      const found = await connection.nearest({ ...request, settings: settings.slice(0, 1), difference: false, truth: false });
+      const asked = { ...this.request(false), settings: [messageOf(current(this.state), this.facts)], difference: false, truth: false };
+      const found = await connection.nearest(asked);
       if (!found) return;
       take(found);
       this.set({});
@@ -259,20 +160,41 @@ class Explorer {
 
   /** Show what a stored picture shows. */
   takeStored({ parameters, visualization, orbit }) {
-    const { setting } = this;
+    const setting = current(this.state);
     Object.assign(setting.parameters, parameters);
-    this.state.orbit = orbit;
+    this.state.orbit = rounded(orbit);
     if ("isovalue" in visualization) setting.isovalue = visualization.isovalue;
     else if ("appearance" in visualization) setting.appearance = visualization.appearance;
     else if (setting.kind === "transfer_function") {
-      setting.points = { ...firstSetting(this.facts).points, ...visualization };
+      setting.points = Object.fromEntries(pointsOf(this.facts).map(p => [p.name, p.origin + (visualization[p.name] ?? 0)]));
       setting.colorMap = "";
     }
   }
 
+  // ---- files
+
+  /** Width and height of a file: what is seen, of several pictures the stored size, of a stored one exactly that. */
+  exportSize(kind, scale) {
+    const stored = this.facts.size ?? [512, 512], { mode, against } = this.state;
+    if (kind === "comparison" && against === "truth") return stored;
+    const times = Math.ceil(LEAST_EXPORT / Math.min(...stored));
+    const size = mode === "view" ? this.request(false).size : stored.map(side => times * side);
+    const most = Math.min(scale, MOST_SIDE / Math.max(...size));
+    return size.map(side => 2 * Math.round(side * most / 2));
+  }
+
   /** The message of what is shown, for a file: of a sweep what it is around, of two settings that which the controls change. */
-  exportable() {
-    return { ...this.request(false), settings: [messageOf(this.setting)], difference: false, truth: false };
+  exportable(kind, scale) {
+    const { state, facts } = this, size = this.exportSize(kind, scale), both = kind === "comparison" && state.against === "setting";
+    const settings = (both ? state.settings : [current(state)]).map(setting => messageOf(setting, facts));
+    const origins = Object.fromEntries(pointsOf(facts).map(p => [p.name, p.origin]));
+    const moved = (name, end) => end === "" ? "" : end - (origins[name] ?? 0);
+    const { sweep } = state, { name, second } = sweep;
+    const ends = { low: moved(name, sweep.low), high: moved(name, sweep.high), secondLow: moved(second, sweep.secondLow), secondHigh: moved(second, sweep.secondHigh) };
+    return {
+      kind, settings, size, camera: cameraOf(state.orbit, size), background: state.background, form: "png",
+      difference: false, truth: kind === "comparison" && !both, sweep: state.mode === "sweep" ? { ...sweep, ...ends } : null,
+    };
   }
 
   async copy(text, what) {
@@ -299,7 +221,11 @@ class Explorer {
       this.built = key;
       this.panes = build(this.stage, planned);
     }
-    planned.labels.forEach((label, i) => { this.panes[i].words.textContent = label; });
+    this.panes.forEach((p, i) => {
+      p.name.textContent = planned.labels[i];
+      if (planned.words[i] !== null) p.words.textContent = planned.words[i] ?? ""; // null: the answer tells
+      if (moving) p.expected.textContent = "";
+    });
     this.planned = planned;
     const share = planned.kind === "sweep" ? 1 / Math.sqrt(Math.max(2, planned.settings.length / 2)) : planned.kind === "compare" ? 0.7 : 1;
     const side = share * (moving ? MOVING : this.state.full);
@@ -331,41 +257,93 @@ class Explorer {
       : `${width}×${height} in ${answer.drawn.toFixed(0)} ms`;
     this.compared(answer);
     if (moving) return;
-    const said = answer.expected;
-    this.expected.textContent = said ? said.sentence : "Measuring what to expect here…";
-    this.expected.classList.toggle("warning", Boolean(said?.warning));
-    if (!said && this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
+    this.expect(answer.expected);
     this.panes.forEach((p, i) => p.canvas.setAttribute("aria-label", this.spoken(i)));
+  }
+
+  /** Say what error to expect, of each picture beside it. */
+  expect(said) {
+    const { kind } = this.planned;
+    this.expected.classList.toggle("warning", Boolean(said?.some(one => one.warning)));
+    if (!said) {
+      this.expected.textContent = "Measuring what to expect here…";
+      if (this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
+      return;
+    }
+    const nearest = [...new Set(said.map((one, i) => one.nearest && (kind === "compare" ? `${"AB"[i]}: ${one.nearest}` : one.nearest)))].filter(Boolean);
+    this.expected.textContent = kind === "sweep" ? spanOf(said) : kind === "view" ? said[0].sentence : nearest.join("; ");
+    this.expected.title = this.expected.textContent;
+    if (kind === "view") return;
+    said.forEach((one, i) => {
+      const { expected } = this.panes[i];
+      expected.textContent = kind === "sweep" ? shortest(one) : one.short;
+      expected.title = one.short;
+      expected.classList.toggle("warning", one.warning);
+    });
   }
 
   compared(answer) {
     const { kind } = this.planned, found = answer.difference;
-    this.colorbar.hidden = kind !== "compare" && kind !== "truth";
-    if (this.colorbar.hidden) return;
+    if (kind !== "compare" && kind !== "truth") return;
     const missing = kind === "truth" && !answer.truth;
     this.panes.forEach((p, i) => { p.box.classList.toggle("is-missing", missing && i > 0); });
+    if (kind === "truth") this.panes[1].words.textContent = answer.truth?.sentence ?? "";
     document.getElementById("colorbar-high").textContent = found ? digits(found.high) : "";
-    const psnr = found && (found.psnr >= MOST_DECIBELS ? `${MOST_DECIBELS} dB or more` : `${found.psnr.toFixed(2)} dB`);
-    document.getElementById("compared").textContent = missing
-      ? "The catalog has no picture of this."
-      : found ? `${kind === "truth" ? `${answer.truth.split} member ${answer.truth.member}, view ${answer.truth.view}: ` : ""}PSNR ${psnr}, largest difference ${digits(+found.maximum.toPrecision(2))}` : "";
+    document.getElementById("compared").textContent = missing ? "The catalog has no picture of this." : found ? differing(found) : "";
   }
 
   spoken(i) {
-    const { setting } = this, label = this.planned.labels[i];
-    const at = Object.entries(setting.parameters).map(([name, value]) => `${name} ${digits(value)}`).join(", ");
-    return [label, at, setting.kind === "base" ? "" : KIND_NAMES[setting.kind]].filter(Boolean).join(": ");
+    const { state, planned, facts } = this, setting = planned.kind === "compare" && i < 2 ? state.settings[i] : current(state);
+    return [planned.labels[i], described(setting, facts)].filter(Boolean).join(": ");
   }
 
   fail(error) {
+    if (error instanceof connection.Gone) return; // it is said where it happens
     this.failed = true;
     this.say(error.message);
   }
+
+  // ---- a program that stops
+
+  lose(reason) {
+    this.lost.textContent = `The explorer has stopped. ${reason || "Start it again on its machine: this page waits for it, and keeps what it shows."}`;
+    this.lost.hidden = false;
+    document.body.classList.add("is-lost");
+  }
+
+  /** The program is back: the same run goes on where it was, another one is shown anew. */
+  async findAgain() {
+    const facts = await firstFacts();
+    if (JSON.stringify(facts) !== JSON.stringify(this.facts)) {
+      this.writeAddress();
+      location.reload();
+      return;
+    }
+    this.lost.hidden = true;
+    document.body.classList.remove("is-lost");
+    this.stream.settle();
+  }
 }
 
-connection.stopped.then(() => document.body.replaceChildren(element("main", { class: "stopped", role: "alert" },
-  element("h1", {}, "The explorer has stopped"),
-  element("p", {}, "Start it again on its machine and reload this page: the address keeps what you saw."))));
-const facts = await connection.facts();
+/** How far two pictures are from each other, in words. */
+function differing({ psnr, maximum }) {
+  if (maximum === 0) return "The pictures are bitwise the same.";
+  if (maximum < 0.5 / 255) return "The pictures differ by less than the rounding to 8 bits.";
+  return `PSNR ${psnr.toFixed(2)} dB (higher is better), largest difference ${digits(+maximum.toPrecision(2))}`;
+}
+
+/** The facts, as soon as the program can be asked. */
+async function firstFacts() {
+  for (;;) {
+    try {
+      return await connection.facts();
+    } catch (error) {
+      if (!(error instanceof connection.Gone)) throw error;
+      await new Promise(resolve => { setTimeout(resolve, ADDRESSED); });
+    }
+  }
+}
+
+const facts = await firstFacts();
 document.title = `${facts.title} · gs-surrogate`;
 window.explorer = new Explorer(facts);

@@ -1,21 +1,32 @@
-// What can be taken away: pictures, films, Gaussians, a link, the code.
+// What can be taken away: pictures, comparisons, films, Gaussians, a link, the code.
 
 import { exported } from "./connection.js";
 import { button, element, menu, section } from "./elements.js";
 
 const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", python: "Python that draws it" };
+const COMPARISONS = { comparison: "Comparison, PNG" };
 const SWEEPS = { sheet: "Sheet, PNG", gif: "Animation, GIF", mp4: "Film, MP4" };
+const SCALES = [1, 2];
 
 /** Saves what the explorer shows. */
 export function exportPanel(explorer) {
-  const say = text => explorer.say(text), { state } = explorer;
-  const offered = state.mode === "sweep" ? { ...SWEEPS, ...PICTURES } : PICTURES;
-  const kinds = menu("As", "export-kind", undefined, Object.entries(offered));
+  const say = text => explorer.say(text), { mode } = explorer.state;
+  const offered = { ...(mode === "sweep" ? SWEEPS : mode === "compare" ? COMPARISONS : {}), ...PICTURES };
+  const kinds = menu("As", "export-kind", undefined, Object.entries(offered), () => resize());
+  const sizes = menu("Size", "export-scale", undefined, []), chosen = box => box.querySelector("select");
+  function resize() {
+    const kind = chosen(kinds).value, scale = chosen(sizes).value, fixed = kind === "ply" || (kind === "comparison" && explorer.state.against === "truth");
+    const options = (fixed ? [1] : SCALES).map(times => element("option", { value: times, selected: String(times) === scale }, explorer.exportSize(kind, times).join("×")));
+    chosen(sizes).replaceChildren(...options);
+    sizes.hidden = kind === "ply";
+  }
+  resize();
+  chosen(sizes).onfocus = resize; // the window may have changed
   const saving = button("Save", async () => {
     saving.disabled = true;
     say("Making it…");
     try {
-      const made = await exported({ ...explorer.exportable(), kind: kinds.querySelector("select").value, sweep: state.mode === "sweep" ? state.sweep : null });
+      const made = await exported(explorer.exportable(chosen(kinds).value, Number(chosen(sizes).value)));
       save(made);
       say(`${made.name}: ${(made.blob.size / 1024).toFixed(0)} kB`);
     } catch (error) {
@@ -28,7 +39,7 @@ export function exportPanel(explorer) {
     explorer.writeAddress();
     await explorer.copy(location.href, "link");
   }, { id: "copy-link" });
-  return section("Export", kinds, element("div", { class: "buttons" }, saving, link));
+  return section("Export", kinds, sizes, element("div", { class: "buttons" }, saving, link));
 }
 
 function save({ name, blob }) {

@@ -8,6 +8,12 @@ import { across, cross, plus, scaled, unit } from "./vectors.js";
 
 const NEAREST = 0.05, FARTHEST = 50; // of the first distance
 
+/** The same with as many digits as an address keeps, so that it holds exactly what is drawn. */
+export function rounded({ direction, up, distance, target, field }) {
+  const to = (places, value) => +value.toPrecision(places);
+  return { direction: direction.map(x => to(9, x)), up: up.map(x => to(9, x)), distance: to(12, distance), target: target.map(x => to(14, x)), field: to(12, field) };
+}
+
 /** What the server takes for a camera of a picture of this size: its field is the vertical one. */
 export function cameraOf(orbit, [width, height]) {
   const half = Math.tan(orbit.field * Math.PI / 360) * Math.max(1, height / width);

@@ -1,52 +1,54 @@
 // What the stage shows: one picture, two and their difference, the truth beside the prediction, or a sweep.
 
-import { digits, element } from "./elements.js";
-import { messageOf, rangeOf, sweepable, withValue } from "./state.js";
+import { element } from "./elements.js";
+import { current, endsOf, messageOf, mostRows, rangeOf, sweptOf, withValue } from "./state.js";
+import { described, valued } from "./words.js";
 
 const WIDE = 1.35; // width of a usual stage in heights
-const CELLS = 60; // pictures of a sweep at most
 
-/** A picture with words below it. */
+/** A picture with words on it: its name, what it shows, and what error to expect. */
 function pane(label) {
   const canvas = element("canvas", { role: "img", "aria-label": label });
-  const words = element("figcaption", {}, label);
-  return { canvas, words, box: element("figure", { class: "pane" }, canvas, words) };
+  const name = element("strong", {}, label), words = element("span", { class: "shown" }), expected = element("span", { class: "expected" });
+  const caption = element("figcaption", {}, name, " ", words, expected);
+  return { canvas, name, words, expected, box: element("figure", { class: "pane" }, canvas, caption) };
 }
 
 /** Values of a sweep over one parameter. */
-export function valuesOf({ low, high }, count) {
-  return Array.from({ length: count }, (_, i) => low + (high - low) * i / Math.max(1, count - 1));
+export function valuesOf({ low, high }, count, scale) {
+  const share = i => i / Math.max(1, count - 1);
+  return Array.from({ length: count }, (_, i) =>
+    i === 0 ? low : i === count - 1 ? high : scale === "log" ? low * (high / low) ** share(i) : low + (high - low) * share(i));
 }
 
 /** The cells of the sweep: { setting, label }, row by row, and how many columns they have. */
 export function cellsOf(state, facts) {
-  const setting = state.settings[0], known = sweepable(facts, setting);
-  const first = known.find(p => p.name === state.sweep.name) ?? known[0];
-  const second = known.find(p => p.name === state.sweep.second && p !== first);
-  const columns = valuesOf(rangeOf(state.sweep, first), state.sweep.count);
-  const rows = second ? valuesOf(second, Math.max(2, Math.min(state.sweep.secondCount, Math.floor(CELLS / columns.length)))) : [null];
+  const setting = current(state), { sweep } = state, { first, second } = sweptOf(state, facts);
+  const columns = valuesOf(rangeOf(endsOf(sweep, false), first), sweep.count, first.scale);
+  const rows = second ? valuesOf(rangeOf(endsOf(sweep, true), second), Math.min(sweep.secondCount, mostRows(columns.length)), second.scale) : [null];
   const cells = rows.flatMap(row => columns.map(value => ({
     setting: row === null ? withValue(setting, first.name, value) : withValue(withValue(setting, first.name, value), second.name, row),
-    label: [label(first, value), row === null ? "" : label(second, row)].filter(Boolean).join(", "),
+    label: [valued(first, value), row === null ? "" : valued(second, row)].filter(Boolean).join(", "),
   })));
   // One parameter alone is broken into rows, so that the pictures are about square on a wide screen.
   const wide = second ? columns.length : Math.min(columns.length, Math.round(Math.sqrt(WIDE * columns.length)));
-  return { cells, columns: wide, first, second };
+  return { cells, columns: wide };
 }
 
-const label = (p, value) => `${p.name} ${digits(+value.toPrecision(4))}${p.unit ? ` ${p.unit}` : ""}`;
-
-/** What the stage holds for a state: { kind, labels, columns, settings, difference, truth }. */
+/** What the stage holds for a state: { kind, labels, words, columns, settings, difference, truth }. */
 export function plan(state, facts) {
+  const shown = current(state);
   if (state.mode === "sweep") {
     const { cells, columns } = cellsOf(state, facts);
-    return { kind: "sweep", labels: cells.map(cell => cell.label), columns, settings: cells.map(cell => messageOf(cell.setting)) };
+    return { kind: "sweep", labels: cells.map(cell => cell.label), words: [], columns, settings: cells.map(cell => messageOf(cell.setting, facts)) };
   }
   if (state.mode === "compare" && state.against === "truth")
-    return { kind: "truth", labels: ["prediction", "truth", "difference"], columns: 3, settings: [messageOf(state.settings[state.active])], truth: true };
-  if (state.mode === "compare")
-    return { kind: "compare", labels: ["A", "B", "difference"], columns: 3, settings: state.settings.map(messageOf), difference: true };
-  return { kind: "view", labels: [""], columns: 1, settings: [messageOf(state.settings[state.active])] };
+    return { kind: "truth", labels: ["prediction", "stored", "difference"], words: [described(shown, facts), null], columns: 3, settings: [messageOf(shown, facts)], truth: true };
+  if (state.mode === "compare") {
+    const words = state.settings.map(setting => described(setting, facts));
+    return { kind: "compare", labels: ["A", "B", "difference"], words, columns: 3, settings: state.settings.map(setting => messageOf(setting, facts)), difference: true };
+  }
+  return { kind: "view", labels: [""], words: [], columns: 1, settings: [messageOf(shown, facts)] };
 }
 
 /** Fill the stage with panes for a plan; returns them. */

@@ -1,37 +1,43 @@
 // A slider for one number: name, unit, bounds, what was trained marked below the track, and a warning outside the bounds.
 
 import { digits, element } from "./elements.js";
+import { numberInput } from "./numbers.js";
+import { player } from "./play.js";
+import { tidy } from "./state.js";
 
-const MARGIN = 0.12; // how far a slider goes beyond the bounds, in widths
+const MARGIN = 0.12; // how far a slider goes beyond the bounds, in widths; numbers that are typed may go farther
 
 /**
- * `parameter` is { name, unit, low, high, train, validation }.  `moved(value)` hears every change.
+ * `parameter` is { name, label, unit, scale, low, high, least, most, train, validation }.  `moved(value)` hears every change.
  * Returns { box, set(value) }.
  */
 export function slider(parameter, id, moved) {
-  const { name: title, low, high, unit } = parameter, width = high - low;
-  const least = low - MARGIN * width, most = high + MARGIN * width;
-  const range = element("input", { type: "range", id, min: least, max: most, step: "any", oninput: event => change(+event.target.value) });
-  const number = element("input", {
-    type: "number", step: "any", class: "exact", "aria-label": `${title}, exact value`,
-    onchange: event => event.target.value === "" || !Number.isFinite(+event.target.value) ? set(current) : change(clamp(+event.target.value)),
-  });
+  const { name: title, low, high, unit, least, most } = parameter, logarithmic = parameter.scale === "log";
+  const on = logarithmic ? Math.log10 : x => x, off = logarithmic ? x => 10 ** x : x => x; // to the track, and back
+  const width = on(high) - on(low), from = Math.max(on(least), on(low) - MARGIN * width), to = Math.min(on(most), on(high) + MARGIN * width);
+  const range = element("input", { type: "range", id, min: from, max: to, step: "any", oninput: event => slide(+event.target.value) });
+  const number = numberInput(title, () => ({ least, most }), value => change(value), { class: "exact", "aria-label": `${title}, exact value` });
+  const playing = player(title, () => (on(current) - on(low)) / width, share => slide(on(low) + share * width));
   const warning = element("p", { class: "warning outside", hidden: true }, "");
   const track = element("div", { class: "track" }, zone(0, place(low)), zone(place(high), 1), range);
-  const name = element("label", { for: id }, title, unit ? element("span", { class: "unit" }, ` (${unit})`) : null);
+  const name = element("label", { for: id }, title, element("span", { class: "unit" }, words()));
   const ends = element("div", { class: "ends", "aria-hidden": "true" }, mark(low), mark(high));
-  const box = element("div", { class: "parameter" }, element("div", { class: "line" }, name, number), track, ticks(), ends, warning);
+  const box = element("div", { class: "parameter" }, element("div", { class: "line" }, name, playing.box, number.input), number.note, track, ticks(), ends, warning);
   let current = NaN;
+  range.onpointerdown = number.input.onfocus = playing.stop;
   range.onkeydown = event => {
-    const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
+    const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10, Home: -Infinity, End: Infinity }[event.key];
     if (!steps) return;
     event.preventDefault();
-    change(Math.max(least, Math.min(most, current + steps * width / 100)));
+    slide(on(current) + steps * width / 100);
   };
 
-  function place(value) { return (value - least) / (most - least); }
-  function clamp(value) { return Math.max(low - 0.9 * width, Math.min(high + 0.9 * width, value)); }
-  function zone(from, to) { return element("i", { class: "beyond", style: `left:${100 * from}%;width:${100 * (to - from)}%` }); }
+  function words() {
+    const listed = [!parameter.label && unit, logarithmic && "logarithmic"].filter(Boolean).join(", ");
+    return `${parameter.label ? ` of ${parameter.label}` : ""}${listed ? ` (${listed})` : ""}`;
+  }
+  function place(value) { return (on(value) - from) / (to - from); }
+  function zone(start, end) { return element("i", { class: "beyond", style: `left:${100 * start}%;width:${100 * (end - start)}%` }); }
   function mark(value) { return element("span", { style: `left:${100 * place(value)}%` }, digits(value)); }
 
   function ticks() {
@@ -41,6 +47,11 @@ export function slider(parameter, id, moved) {
     return made;
   }
 
+  function slide(position) {
+    const value = tidy(off(Math.max(from, Math.min(to, position))), parameter);
+    change(Math.max(least, Math.min(most, value)));
+  }
+
   function change(value) {
     set(value);
     moved(value);
@@ -48,13 +59,13 @@ export function slider(parameter, id, moved) {
 
   function set(value) {
     current = value;
-    range.value = value;
-    if (document.activeElement !== number || +number.value !== value) number.value = +value.toPrecision(6);
-    const outside = value < low - 1e-9 * width || value > high + 1e-9 * width;
+    range.value = on(value);
+    number.set(value);
+    const slack = 1e-9 * (high - low), outside = value < low - slack || value > high + slack;
     range.setAttribute("aria-valuetext", `${digits(value)}${unit ? ` ${unit}` : ""}${outside ? ", outside what was trained" : ""}`);
     box.classList.toggle("is-outside", outside);
     warning.hidden = !outside;
-    warning.textContent = outside ? `Outside ${digits(low)} to ${digits(high)}: a guess.` : "";
+    warning.textContent = outside ? `Extrapolation: trained from ${digits(low)} to ${digits(high)}. A guess.` : "";
   }
 
   return { box, set };

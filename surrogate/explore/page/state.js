@@ -1,16 +1,25 @@
-// Everything that a tab shows, as one plain object, and the address that holds all of it.
+// Everything that a tab shows, as one plain object; `address.js` writes it into the address, whole.
 //
 // { mode, settings: [A, B], active, against, orbit, background, full, sweep }
-// A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, colorMap, appearance }
+// A setting: { parameters: {name: value}, kind, isovalue, points: {c1_value, ...}, colorMap, appearance }; `points` are the places of
+// the transfer function's control points.  A sweep: { name, low, high, count, second, secondLow, secondHigh, secondCount }, where
+// "" for an end is the bound.
+
+import { rounded as roundedOrbit } from "./orbit.js";
 
 export const MODES = ["view", "compare", "sweep"];
-export const POINTS = ["c1_value", "c1_opacity", "c2_value", "c2_opacity"];
 export const FULL_SIZES = [256, 384, 512, 768, 1024];
 export const BACKGROUNDS = { dark: "#101216", black: "#000000", white: "#ffffff", gray: "#808080" };
-const BEYOND = 0.9; // how far the address may ask beyond the bounds, in widths; the server refuses more than 1
+export const COUNTS = [2, 3, 4, 5, 6, 7, 8, 10, 12];
+export const MOST_COUNT = 24;
+export const CELLS = 60; // pictures of a sweep at most
 
-const middle = p => (p.low + p.high) / 2;
 export const variation = (facts, kind) => facts.variations.find(v => v.kind === kind);
+export const current = state => state.settings[state.active];
+const middle = p => p.scale === "log" ? Math.sqrt(p.low * p.high) : (p.low + p.high) / 2;
+
+/** The parameters of the control points: [{ name, unit, origin, low, high, least, most }], none without a transfer function. */
+export const pointsOf = facts => variation(facts, "transfer_function")?.points ?? [];
 
 export function firstSetting(facts) {
   const isovalue = variation(facts, "isovalue"), field = variation(facts, "field");
@@ -18,32 +27,34 @@ export function firstSetting(facts) {
     parameters: Object.fromEntries(facts.parameters.map(p => [p.name, middle(p)])),
     kind: "base",
     isovalue: isovalue ? middle(isovalue) : 0,
-    points: Object.fromEntries(POINTS.map(name => [name, 0])),
+    points: Object.fromEntries(pointsOf(facts).map(p => [p.name, p.origin])),
     colorMap: "",
     appearance: field ? field.names[0] : "",
   };
 }
 
+export const firstSweep = facts =>
+  ({ name: facts.parameters[0]?.name ?? "", low: "", high: "", count: 7, second: "", secondLow: "", secondHigh: "", secondCount: 4 });
+
 export function firstState(facts) {
-  const first = facts.parameters[0];
   return {
     mode: "view",
     settings: [firstSetting(facts), firstSetting(facts)],
     active: 0,
     against: "setting",
-    orbit: facts.camera,
+    orbit: roundedOrbit(facts.camera),
     background: facts.background ?? BACKGROUNDS.dark,
     full: 512,
-    sweep: { name: first?.name ?? "", low: "", high: "", count: 7, second: "", secondCount: 4 }, // "" is the bound
+    sweep: firstSweep(facts),
   };
 }
 
-/** A setting as the server takes it. */
-export function messageOf(setting) {
+/** A setting as the server takes it: control points by their displacements. */
+export function messageOf(setting, facts) {
   const visualization = {
     base: () => ({}),
     isovalue: () => ({ isovalue: setting.isovalue }),
-    transfer_function: () => ({ ...setting.points }),
+    transfer_function: () => Object.fromEntries(pointsOf(facts).map(p => [p.name, setting.points[p.name] - p.origin])),
     field: () => ({ appearance: setting.appearance }),
   }[setting.kind]();
   const color_map = setting.kind === "transfer_function" ? setting.colorMap : "";
@@ -52,10 +63,15 @@ export function messageOf(setting) {
 
 /** What can be swept or slid: simulation parameters, and those of the setting's visualization. */
 export function sweepable(facts, setting) {
-  const isovalue = variation(facts, "isovalue"), functions = variation(facts, "transfer_function");
-  const more = setting.kind === "isovalue" ? [{ name: "isovalue", ...isovalue }]
-    : setting.kind === "transfer_function" ? POINTS.map(name => ({ name, ...functions.bounds[name] })) : [];
+  const more = setting.kind === "isovalue" ? [{ name: "isovalue", ...variation(facts, "isovalue") }]
+    : setting.kind === "transfer_function" ? pointsOf(facts) : [];
   return [...facts.parameters, ...more];
+}
+
+/** The swept parameters: { first, second }, the latter undefined without. */
+export function sweptOf(state, facts) {
+  const known = sweepable(facts, current(state)), first = known.find(p => p.name === state.sweep.name) ?? known[0];
+  return { first, second: known.find(p => p.name === state.sweep.second && p !== first) };
 }
 
 /** The same setting with one value set, whatever kind of parameter it is. */
@@ -65,91 +81,24 @@ export function withValue(setting, name, value) {
   return { ...setting, points: { ...setting.points, [name]: value } };
 }
 
-// ---- the address
+/** From where to where a parameter is swept; `ends` are two of a sweep's. */
+export const rangeOf = ([low, high], p) => ({ low: low === "" ? p.low : low, high: high === "" ? p.high : high });
+export const endsOf = (sweep, second) => second ? [sweep.secondLow, sweep.secondHigh] : [sweep.low, sweep.high];
 
-const numbers = values => values.map(value => String(+value.toPrecision(9))).join(",");
+/** How many rows a sweep over two parameters can have. */
+export const mostRows = columns => Math.floor(CELLS / columns);
 
-export function addressOf(state, facts) {
-  const fields = new URLSearchParams();
-  if (state.mode !== "view") fields.set("mode", state.mode);
-  const count = state.mode === "compare" ? 2 : 1;
-  state.settings.slice(0, count).forEach((setting, i) => writeSetting(fields, "ab"[i], setting));
-  const { direction, up, distance, target, field } = state.orbit;
-  fields.set("camera", numbers([...direction, ...up, distance, ...target, field]));
-  if (state.against !== "setting") fields.set("against", state.against);
-  if (state.background !== (facts.background ?? BACKGROUNDS.dark)) fields.set("background", state.background);
-  if (state.full !== 512) fields.set("full", state.full);
-  if (state.mode === "sweep") for (const [name, value] of Object.entries(state.sweep)) if (value !== "") fields.set(`sweep.${name}`, value);
-  return `#${fields}`;
+/** The sweep as it can be shown beside the state's setting: what that does not have is not swept. */
+export function possibleSweep(state, facts) {
+  const sweep = { ...state.sweep }, names = sweepable(facts, current(state)).map(p => p.name);
+  if (!names.includes(sweep.name)) Object.assign(sweep, { name: names[0] ?? "", low: "", high: "" });
+  if (sweep.second && (!names.includes(sweep.second) || sweep.second === sweep.name)) Object.assign(sweep, { second: "", secondLow: "", secondHigh: "" });
+  if (sweep.second) sweep.secondCount = Math.min(sweep.secondCount, mostRows(sweep.count));
+  return sweep;
 }
 
-function writeSetting(fields, prefix, setting) {
-  for (const [name, value] of Object.entries(setting.parameters)) fields.set(`${prefix}.p.${name}`, String(+value.toPrecision(9)));
-  if (setting.kind === "base") return;
-  fields.set(`${prefix}.show`, setting.kind);
-  if (setting.kind === "isovalue") fields.set(`${prefix}.isovalue`, String(+setting.isovalue.toPrecision(9)));
-  if (setting.kind === "field") fields.set(`${prefix}.appearance`, setting.appearance);
-  if (setting.kind !== "transfer_function") return;
-  for (const name of POINTS) if (setting.points[name]) fields.set(`${prefix}.${name}`, String(+setting.points[name].toPrecision(9)));
-  if (setting.colorMap) fields.set(`${prefix}.colors`, setting.colorMap);
-}
-
-/** The state that an address holds; what it lacks or gets wrong is as at first. */
-export function stateOf(address, facts) {
-  const fields = new URLSearchParams(address.replace(/^#/, "")), state = firstState(facts);
-  const choice = (name, known, otherwise) => known.includes(fields.get(name)) ? fields.get(name) : otherwise;
-  state.mode = choice("mode", MODES, state.mode);
-  state.against = choice("against", facts.truth ? ["setting", "truth"] : ["setting"], state.against);
-  state.settings = [readSetting(fields, "a", facts), readSetting(fields, fields.has("b.p." + facts.parameters[0]?.name) ? "b" : "a", facts)];
-  state.orbit = readOrbit(fields.get("camera"), facts.camera);
-  if (/^#[0-9a-f]{6}$/i.test(fields.get("background") ?? "")) state.background = fields.get("background").toLowerCase();
-  if (FULL_SIZES.includes(Number(fields.get("full")))) state.full = Number(fields.get("full"));
-  const names = sweepable(facts, state.settings[0]).map(p => p.name);
-  state.sweep.name = choice("sweep.name", names, state.sweep.name);
-  state.sweep.second = choice("sweep.second", names.filter(name => name !== state.sweep.name), "");
-  const swept = sweepable(facts, state.settings[0]).find(p => p.name === state.sweep.name);
-  for (const name of ["low", "high"]) state.sweep[name] = limited(fields.get(`sweep.${name}`), swept, "");
-  if (rangeOf(state.sweep, swept).low >= rangeOf(state.sweep, swept).high) state.sweep.low = state.sweep.high = "";
-  for (const name of ["count", "secondCount"]) {
-    const count = Number(fields.get(`sweep.${name}`));
-    if (Number.isInteger(count) && count >= 2 && count <= 24) state.sweep[name] = count;
-  }
-  return state;
-}
-
-/** A number from the address, not farther from the bounds than the server allows. */
-function limited(text, { low, high }, otherwise) {
-  const value = Number(text), width = high - low;
-  if (text === null || text === "" || !Number.isFinite(value)) return otherwise;
-  return Math.max(low - BEYOND * width, Math.min(high + BEYOND * width, value));
-}
-
-/** From where to where a parameter is swept. */
-export const rangeOf = (sweep, p) => ({ low: sweep.low === "" ? p.low : sweep.low, high: sweep.high === "" ? p.high : sweep.high });
-
-function readSetting(fields, prefix, facts) {
-  const setting = firstSetting(facts);
-  const read = (key, bounds, otherwise) => limited(fields.get(`${prefix}.${key}`), bounds, otherwise);
-  for (const p of facts.parameters) setting.parameters[p.name] = read(`p.${p.name}`, p, setting.parameters[p.name]);
-  const kind = fields.get(`${prefix}.show`), of = variation(facts, kind);
-  if (!of) return setting;
-  setting.kind = kind;
-  if (kind === "isovalue") setting.isovalue = read("isovalue", of, setting.isovalue);
-  if (kind === "field" && of.names.includes(fields.get(`${prefix}.appearance`))) setting.appearance = fields.get(`${prefix}.appearance`);
-  if (kind !== "transfer_function") return setting;
-  for (const name of POINTS) {
-    const { low, high } = of.bounds[name];
-    setting.points[name] = Math.max(low, Math.min(high, read(name, of.bounds[name], 0)));
-  }
-  const maps = of.color_maps.map(map => map.name);
-  if (maps.includes(fields.get(`${prefix}.colors`))) setting.colorMap = fields.get(`${prefix}.colors`);
-  return setting;
-}
-
-function readOrbit(text, otherwise) {
-  const values = (text ?? "").split(",").map(Number);
-  if (values.length !== 11 || !values.every(Number.isFinite)) return otherwise;
-  const direction = values.slice(0, 3), up = values.slice(3, 6), [distance] = values.slice(6), field = values[10];
-  const upright = Math.hypot(...direction) > 0.5 && Math.hypot(...up) > 0.5 && distance > 0 && field >= 1 && field <= 150;
-  return upright ? { direction, up, distance, target: values.slice(7, 10), field } : otherwise;
+/** What a hand on a slider means: no more digits than it can tell apart. */
+export function tidy(value, { low, high, scale }) {
+  if (scale === "log") return +value.toPrecision(6);
+  return +value.toFixed(Math.min(100, Math.max(0, 5 - Math.floor(Math.log10(high - low)))));
 }

@@ -1,20 +1,23 @@
 // The transfer-function editor: opacity over field values, two points of which can be moved; the histogram of the field behind.
 
 import { button, digits, drawn, element, menu } from "./elements.js";
-import { POINTS } from "./state.js";
+import { numberInput } from "./numbers.js";
+import { tidy } from "./state.js";
 
 const WIDTH = 280, HEIGHT = 150, PAD = 8;
 const APART = 1e-3; // of the range of values: how near to each other control points may come
 
 /**
- * `of` is the variation's facts: bounds by name, opacity_points, gradient, color_maps.  `moved(points)` hears displacements,
- * `colored(name)` a colour map.  Returns { box, set(points, colorMap) }.
+ * `of` is the variation's facts: points, opacity_points, gradient, color_maps, label.  `moved(points)` hears where the control points
+ * are, `colored(name)` a colour map.  A hand moves points where they were trained; typed numbers may go farther.  Returns
+ * { box, set(points, colorMap) }.
  */
-export function transferEditor(of, histogram, unit, moved, colored) {
+export function transferEditor(of, histogram, moved, colored) {
   const base = of.opacity_points, low = base[0][0], high = base[3][0];
   const x = value => PAD + (WIDTH - 2 * PAD) * (value - low) / (high - low);
   const y = opacity => HEIGHT - PAD - (HEIGHT - 2 * PAD) * opacity;
-  let points = Object.fromEntries(POINTS.map(name => [name, 0]));
+  const parameters = Object.fromEntries(of.points.map(p => [p.name, p])), first = Object.fromEntries(of.points.map(p => [p.name, p.origin]));
+  let points = { ...first };
 
   const line = drawn("polyline", { class: "function" }), area = drawn("polygon", { class: "area" });
   const ghost = drawn("polyline", { class: "ghost", points: base.map(([v, o]) => `${x(v)},${y(o)}`).join(" ") });
@@ -25,16 +28,17 @@ export function transferEditor(of, histogram, unit, moved, colored) {
     bars(), ...[1, 2].map(allowed), area, ghost, line, ...ends, ...handles,
   );
   const gradient = element("div", { class: "gradient", "aria-hidden": "true" });
-  const scale = element("div", { class: "scale" }, element("span", {}, digits(low)), element("span", {}, unit ? `value (${unit})` : "field value"), element("span", {}, digits(high)));
-  const inputs = POINTS.map(numberFor);
+  const scale = element("div", { class: "scale" }, element("span", {}, digits(low)), element("span", {}, of.label || (of.unit ? `field value (${of.unit})` : "field value")), element("span", {}, digits(high)));
+  const inputs = of.points.map(numberFor), warning = element("p", { class: "warning outside", hidden: true }, "Extrapolation: a control point lies outside the dashed box, where it was trained. A guess.");
   const colors = of.color_maps.length ? [
     menu("Colours", "color-map", "", [["", "as trained"], ...of.color_maps.map(({ name }) => [name, name])], name => { paintColors(name); colored(name); }),
     element("p", { class: "hint" }, "Other colours than the trained ones are computed from learnt field values: good, not exact."),
   ] : [];
-  const reset = button("Reset to base", () => change(Object.fromEntries(POINTS.map(name => [name, 0]))));
-  const box = element("div", {}, svg, gradient, scale, ...colors, element("div", { class: "numbers" }, ...inputs.map(input => input.label)), reset);
+  const reset = button("Reset to base", () => change({ ...first }));
+  const box = element("div", {}, svg, gradient, scale, ...colors, element("div", { class: "numbers" }, ...inputs.map(input => input.label)),
+    ...inputs.map(input => input.number.note), warning, reset);
 
-  function valueOf(i) { return [base[i][0] + points[`c${i}_value`], base[i][1] + points[`c${i}_opacity`]]; }
+  function valueOf(i) { return [points[`c${i}_value`], points[`c${i}_opacity`]]; }
 
   function bars() {
     if (!histogram) return drawn("g");
@@ -46,12 +50,11 @@ export function transferEditor(of, histogram, unit, moved, colored) {
     return part;
   }
 
-  function boundsOf(i) { return [of.bounds[`c${i}_value`], of.bounds[`c${i}_opacity`]]; }
+  function boundsOf(i) { return [parameters[`c${i}_value`], parameters[`c${i}_opacity`]]; }
 
   function allowed(i) {
-    const [v, o] = base[i], [value, opacity] = boundsOf(i);
-    const left = x(v + value.low), top = y(Math.min(1, o + opacity.high));
-    return drawn("rect", { class: "allowed", x: left, y: top, width: x(v + value.high) - left, height: y(Math.max(0, o + opacity.low)) - top });
+    const [value, opacity] = boundsOf(i), left = x(value.low), top = y(Math.min(1, opacity.high));
+    return drawn("rect", { class: "allowed", x: left, y: top, width: x(value.high) - left, height: y(Math.max(0, opacity.low)) - top });
   }
 
   function handle(i) {
@@ -74,23 +77,22 @@ export function transferEditor(of, histogram, unit, moved, colored) {
 
   /** Move point i to a value and an opacity, within its bounds and on its side of the other point. */
   function place(i, value, opacity) {
-    const [v, o] = [value - base[i][0], opacity - base[i][1]].map((moved, k) => Math.max(boundsOf(i)[k].low, Math.min(boundsOf(i)[k].high, moved)));
-    const gap = APART * (high - low), limit = valueOf(3 - i)[0] - base[i][0];
-    change({ ...points, [`c${i}_value`]: i === 1 ? Math.min(v, limit - gap) : Math.max(v, limit + gap), [`c${i}_opacity`]: o });
+    const [v, o] = [value, opacity].map((to, k) => tidy(Math.max(boundsOf(i)[k].low, Math.min(boundsOf(i)[k].high, to)), boundsOf(i)[k]));
+    const limit = besides(i);
+    change({ ...points, [`c${i}_value`]: Math.max(limit.least, Math.min(limit.most, v)), [`c${i}_opacity`]: o });
   }
 
-  function numberFor(name) {
-    const i = Number(name[1]), axis = name.endsWith("value") ? 0 : 1;
-    const input = element("input", {
-      type: "number", step: "any",
-      onchange: event => {
-        const at = valueOf(i);
-        if (event.target.value !== "" && Number.isFinite(+event.target.value)) at[axis] = +event.target.value;
-        place(i, ...at);
-      },
-    });
-    const label = element("label", {}, element("span", {}, `c${i} ${axis ? "opacity" : "value"}`), input);
-    return { label, input, i, axis };
+  /** From where to where point i can go without crossing the other one. */
+  function besides(i) {
+    const { least, most } = boundsOf(i)[0], gap = APART * (high - low), other = valueOf(3 - i)[0];
+    return i === 1 ? { least, most: Math.min(most, other - gap) } : { least: Math.max(least, other + gap), most };
+  }
+
+  function numberFor(p) {
+    const i = Number(p.name[1]), value = p.name.endsWith("value"), title = `c${i} ${value ? "value" : "opacity"}`;
+    const number = numberInput(title, () => value ? besides(i) : p, to => change({ ...points, [p.name]: to }));
+    const unit = value && p.unit ? ` (${p.unit})` : "";
+    return { label: element("label", {}, element("span", {}, title + unit), number.input), number, p };
   }
 
   function change(moving) {
@@ -116,7 +118,8 @@ export function transferEditor(of, histogram, unit, moved, colored) {
       made.setAttribute("aria-valuetext", `value ${digits(v)}, opacity ${digits(o)}`);
       made.setAttribute("aria-label", `Control point c${k + 1}`);
     });
-    for (const { input, i, axis } of inputs) if (document.activeElement !== input) input.value = +valueOf(i)[axis].toPrecision(5);
+    for (const { number, p } of inputs) number.set(points[p.name]);
+    warning.hidden = of.points.every(p => p.low - 1e-9 * (p.high - p.low) <= points[p.name] && points[p.name] <= p.high + 1e-9 * (p.high - p.low));
     if (colorMap === undefined) return;
     if (colors.length) box.querySelector("#color-map").value = colorMap;
     paintColors(colorMap);

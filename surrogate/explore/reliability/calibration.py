@@ -101,13 +101,29 @@ def leave_one_out(table: Table, gap: float | None, nearest: int = NEAREST) -> ND
     """
     expected = np.full(len(table.psnr), np.nan)
     for row in range(len(expected)):
-        kept = table.members != table.members[row]
-        if table.appearances[row] != table.base:
-            kept &= table.appearances != table.appearances[row]
+        kept = _others(table, row)
         if kept.any():
             rest = table.of(kept)
             expected[row] = predicted(rest.places, adjusted(rest, gap, nearest), table.places[row], nearest)
     return expected
+
+
+def reach(table: Table) -> float:
+    """The largest distance to the nearest measurement at which an expectation was checked by `leave_one_out`; 0 where none was."""
+    distances = [0.0]
+    for row in range(len(table.psnr)):
+        others = table.places[_others(table, row)]
+        if len(others):
+            distances.append(float(np.linalg.norm(others - table.places[row], axis=1).min()))
+    return max(distances)
+
+
+def _others(table: Table, row: int) -> NDArray[np.bool_]:
+    """The rows (R,) of other members and, unless the row shows the base, of other appearances."""
+    kept = table.members != table.members[row]
+    if table.appearances[row] != table.base:
+        kept &= table.appearances != table.appearances[row]
+    return kept
 
 
 def leave_one_out_error(table: Table, gap: float | None) -> float | None:

@@ -1,10 +1,11 @@
 """What the page must know before the first picture: one JSON value about a surrogate and, where it is there, its catalog.
 
     title          as given
-    parameters     [{name, unit, low, high, train, validation}]: the last two are the values of members, sorted, for marks
-    variations     [{kind: "isovalue", unit, low, high, train, validation},
-                    {kind: "transfer_function", unit, bounds: {name: {low, high}}, opacity_points: [[value, opacity] * 4],
-                     gradient, color_maps: [{name, gradient}]},
+    parameters     [{name, unit, scale, low, high, least, most, train, validation}]: `low` to `high` was trained, `least` to `most`
+                   can be drawn; the last two are the values of members, sorted, for marks
+    variations     [{kind: "isovalue", label, unit, scale, low, high, least, most, train, validation},
+                    {kind: "transfer_function", label, unit, points: [{name, unit, origin, low, high, least, most} * 4],
+                     opacity_points: [[value, opacity] * 4], gradient, color_maps: [{name, gradient}]},
                     {kind: "field", names}]: of a field the base's name first
     histogram      {edges: [65], heights: [64]}: of the base's field over all members, heights the logarithms of counts in [0, 1];
                    null without
@@ -15,7 +16,9 @@
     truth          whether there is a catalog whose pictures can be shown
     model          {gaussians, megabytes, seconds}
 
-A gradient is a list of CSS colour stops whose places are percentages between the first and the last opacity point.
+A label names the field, with its unit; "" where nothing is known of it.  The values of `points` are places of control points, of
+which the base's are the origins.  A gradient is a list of CSS colour stops whose places are percentages between the first and the
+last opacity point.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, VolumeRendering, field_of
+from catalogs.appearance import Appearance, field_of
 from catalogs.cameras import OBLIQUE, Camera
 from catalogs.catalog import Catalog, Member
 from catalogs.parameters import Parameter
@@ -38,6 +41,7 @@ from catalogs.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.reliability.places import base_name
+from surrogate.explore.request import limits
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function
 from surrogate.model import Surrogate
@@ -45,6 +49,7 @@ from surrogate.notebook import first_camera
 
 MOST_TICKS, MOST_MEMBERS, MOST_SUMMARIES = 300, 5000, 200
 BINS = 64
+APART = 1e-3  # of a transfer function's range: how near to its ends control points may come
 MARKED = ("train", "validation")  # whose values the page marks
 
 Json = dict[str, Any]
@@ -59,9 +64,7 @@ def facts(run: Run) -> Json:
     found = {
         "title": run.title,
         "parameters": [_parameter(p, members) for p in surrogate.space.parameters],
-        "variations": [
-            found for v in surrogate.visualizations if (found := _variation(surrogate, v.variation, catalog))
-        ],
+        "variations": [found for v in surrogate.visualizations if (found := _variation(run, v.variation))],
         "histogram": _histogram(_base_field(surrogate, catalog), members),
         "camera": _first_orbit(run),
         "members": [
@@ -94,7 +97,12 @@ def _appearance(name: str, catalog: Catalog | None) -> Appearance | None:
 
 
 def _parameter(parameter: Parameter, members: Sequence[Member]) -> Json:
-    return asdict(parameter) | _marks([(m.split, m.parameters[parameter.name]) for m in members])
+    return _bounds(parameter) | _marks([(m.split, m.parameters[parameter.name]) for m in members])
+
+
+def _bounds(parameter: Parameter) -> Json:
+    least, most = limits(parameter)
+    return asdict(parameter) | {"least": least, "most": most}
 
 
 def _marks(values: Sequence[tuple[str, float]]) -> Json:
@@ -103,21 +111,26 @@ def _marks(values: Sequence[tuple[str, float]]) -> Json:
     return {split: [found[i] for i in spread(len(found), MOST_TICKS)] for split, found in by_split.items()}
 
 
-def _variation(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
+def _variation(run: Run, variation: Variation) -> Json | None:
     """A variation; None for transfer functions around a base that nobody knows any more."""
     if not variation.continuous:
         return {"kind": variation.kind, "names": [variation.base, *variation.parameter_names]}
     if variation.edits_base:
-        return _functions(surrogate, variation, catalog)
+        return _functions(run, variation)
     (parameter,) = variation.space.parameters
     marks = _marks([(s.split, s.values[0]) for s in variation.settings])
-    return {"kind": variation.kind, "unit": parameter.unit, "low": parameter.low, "high": parameter.high, **marks}
+    bounds = {name: value for name, value in _bounds(parameter).items() if name != "name"}
+    return {"kind": variation.kind, "label": _label(run, variation.settings[0].appearance), **bounds, **marks}
 
 
-def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | None) -> Json | None:
-    recolorable = base_function(surrogate)
-    stored = _appearance(variation.base, catalog)
-    base = recolorable or (stored.transfer_function if isinstance(stored, VolumeRendering) else None)
+def _label(run: Run, appearance: str) -> str:
+    """The name and the unit of the field that an appearance shows; "" where nothing is known."""
+    found = _appearance(appearance, run.catalog)
+    return "" if found is None or run.catalog is None else run.catalog.plan.field_label(field_of(found))
+
+
+def _functions(run: Run, variation: Variation) -> Json | None:
+    recolorable, base = base_function(run.surrogate), run.base_function
     if base is None:
         return None
     low, high = base.opacity_points[0][0], base.opacity_points[-1][0]
@@ -125,12 +138,22 @@ def _functions(surrogate: Surrogate, variation: Variation, catalog: Catalog | No
     maps = NAMES if recolorable is not None else ()
     return {
         "kind": variation.kind,
+        "label": _label(run, variation.base),
         "unit": next((p.unit for p in variation.space.parameters if p.unit), ""),
-        "bounds": {p.name: {"low": p.low, "high": p.high} for p in variation.space.parameters},
+        "points": [_point(p, run.origins[p.name], (low, high)) for p in variation.space.parameters],
         "opacity_points": [list(point) for point in base.opacity_points],
         "gradient": _gradient(base.color_points, low, high),
         "color_maps": [{"name": n, "gradient": _gradient(color_points(n, *spanned), low, high)} for n in maps],
     }
+
+
+def _point(parameter: Parameter, origin: float, ends: tuple[float, float]) -> Json:
+    """The place of a control point, whose displacement is the parameter: as far as it stays between the function's `ends`."""
+    gap = APART * (ends[1] - ends[0])
+    inner, outer = (0.0, 1.0) if parameter.name.endswith("opacity") else (ends[0] + gap, ends[1] - gap)
+    least, most = (min(outer, max(inner, origin + limit)) for limit in limits(parameter))
+    places = {"low": origin + parameter.low, "high": origin + parameter.high, "least": least, "most": most}
+    return {"name": parameter.name, "unit": parameter.unit, "origin": origin, **places}
 
 
 def _gradient(points: Sequence[tuple[float, float, float, float]], low: float, high: float) -> str:

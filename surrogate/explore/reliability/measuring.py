@@ -71,20 +71,27 @@ def measurements(run: Run, progress: Report = lambda *_: None) -> tuple[Measurem
 
     Empty without a catalog.  Where `progress` raises, nothing is kept.  Raises as `Run.members` does.
     """
-    if run.catalog is None:
-        return ()
-    key = key_of(run)
-    kept = None if run.folder is None else Record.load(run.folder / FILE, KIND, VERSION, key)
-    if kept is not None:
-        with suppress(KeyError, TypeError, ValueError):  # it is measured anew
-            return tuple(Measurement(**values) for values in kept.values["measured"])
-    started = time.process_time()
+    kept = kept_measurements(run)
+    if kept is not None or run.catalog is None:
+        return kept or ()
+    key, started = key_of(run), time.process_time()
     measured = tuple(_measured(run.surrogate, run.catalog, cases_of(run.surrogate, run.members), progress))
     if run.folder is not None:
         values = {"measured": [asdict(one) for one in measured]}
         with suppress(OSError):  # of a run that can only be read it is measured anew each time
             Record(KIND, VERSION, key, values, Provenance.now(time.process_time() - started)).save(run.folder / FILE)
     return measured
+
+
+def kept_measurements(run: Run) -> tuple[Measurement, ...] | None:
+    """Those that were measured before; empty without a catalog, None where they must be measured.  Raises as `Run.members` does."""
+    if run.catalog is None:
+        return ()
+    kept = None if run.folder is None else Record.load(run.folder / FILE, KIND, VERSION, key_of(run))
+    if kept is not None:
+        with suppress(KeyError, TypeError, ValueError):  # it is measured anew
+            return tuple(Measurement(**values) for values in kept.values["measured"])
+    return None
 
 
 def key_of(run: Run) -> dict[str, Any]:

@@ -19,21 +19,34 @@ from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 
 SAME_VALUE = 1e-9  # relative: a decimal number there and back
+_USE = {"train": "trained on", "validation": "validation: not trained on", "test": "test: not trained on"}
 SAME_CAMERA = 1e-6  # of directions, of the distance to the middle, and of intrinsics: what an address of 9 digits keeps
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredPicture:
-    """A picture of the catalog; `split` is that of the image: test wins over validation, validation over train."""
+    """A picture of the catalog.  Its member, its view and its appearance belong to a split each, "" for the base appearance."""
 
     member: Member
     appearance: str
     view: int
-    split: str
+    appearance_split: str = ""
 
     @property
     def camera(self) -> Camera:
         return self.member.cameras[self.view]
+
+    @property
+    def view_split(self) -> str:
+        return self.member.view_splits[self.view]
+
+    @property
+    def sentence(self) -> str:
+        """Which it is, and what of it training saw."""
+        said = [f"member {self.member.name} ({_USE[self.member.split]})", f"view {self.view} ({_USE[self.view_split]})"]
+        if self.appearance_split:
+            said.append(f"{self.appearance} ({_USE[self.appearance_split]})")
+        return ", ".join(said)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,7 +161,8 @@ class Truth:
         return base | {s.appearance: s.values for s in variation.settings}
 
     def _stored(self, member: Member, appearance: str, view: int) -> StoredPicture:
-        return StoredPicture(member, appearance, view, member.row_split(view, self.catalog.plan.setting(appearance)))
+        setting = self.catalog.plan.setting(appearance)
+        return StoredPicture(member, appearance, view, "" if setting is None else setting.split)
 
     def _appearance_at(self, setting: Setting) -> str | None:
         """The appearance that shows the setting's visualization parameters; None where none does."""

@@ -8,9 +8,11 @@ names everything by relative addresses, so that it works below the path of any p
 from __future__ import annotations
 
 import asyncio
+import errno
+import hashlib
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 from pathlib import Path
@@ -30,11 +32,13 @@ from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
 from surrogate.explore.server.calls import Call, Sockets, parsed, told
 from surrogate.explore.server.frames import Frames
-from surrogate.explore.server.guard import guard
+from surrogate.explore.server.guard import PAGE, guard
 
 DRAWING_THREADS = 2
 MOST_EXPORTS = 8  # one is made, the others wait
 PATIENCE = 10.0  # seconds
+FIRST_PORT, PORTS = 20_000, 10_000  # below those that systems give to outgoing connections
+NEIGHBOURS = 20  # ports that are tried before any other
 PARTING = 2.0  # seconds that answers on the way have when the server stops
 
 log = logging.getLogger(__name__)
@@ -66,16 +70,17 @@ class Explorer:
         """Where the page is, once `serve` listens."""
         return self.access.address(self.port)
 
-    async def serve(self, *, port: int = 0, ready: Callable[[str], Any]) -> None:
-        """Listen (port 0: any that is free), tell `ready` the address, and answer until this task is cancelled.
+    async def serve(self, *, port: int | None = None, ready: Callable[[str], Any]) -> None:
+        """Listen, tell `ready` the address, and answer until this task is cancelled.
 
-        What error to expect is measured meanwhile, unless it was measured before.
+        Port 0 is any that is free; without one it is the first free one of `ports_of` the run, so that pages find an explorer that
+        was started anew.  What error to expect is measured meanwhile, unless it was measured before.
         """
         http_log.addFilter(_is_ours)
         runner = web.AppRunner(self._application(), access_log=None, logger=http_log, shutdown_timeout=PARTING)
         await runner.setup()
         try:
-            await web.TCPSite(runner, self.access.host, port).start()
+            await self._listen(runner, ports_of(self.run) if port is None else (port,))
             self.port = runner.addresses[0][1]
             self._measuring.start()
             ready(self.address)
@@ -83,6 +88,18 @@ class Explorer:
         finally:
             self._closed.set()
             await runner.cleanup()
+
+    async def _listen(self, runner: web.AppRunner, ports: Sequence[int]) -> None:
+        """Listen on the first of the ports that is free."""
+        for port in ports:
+            site = web.TCPSite(runner, self.access.host, port)
+            try:
+                await site.start()
+                break
+            except OSError as error:
+                await site.stop()
+                if error.errno != errno.EADDRINUSE or port == ports[-1]:
+                    raise
 
     def close(self) -> None:
         """Stop drawing and measuring."""
@@ -107,10 +124,11 @@ class Explorer:
 
     def _application(self) -> web.Application:
         frames, surrogate, page = self.frames, self.run.surrogate, _page_folder()
+        origins = self.run.origins
         calls: dict[str, Call] = {
             "facts": lambda _: self._facts,
-            "frame": lambda request: frames.answer(frame_request(request, surrogate)),
-            "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate))},
+            "frame": lambda request: frames.answer(frame_request(request, surrogate, origins)),
+            "nearest": lambda request: {"found": frames.nearest(frame_request(request, surrogate, origins))},
         }
         sockets = Sockets(calls, self._drawing)
         application = web.Application(middlewares=[guard(self.access)])
@@ -129,7 +147,7 @@ class Explorer:
 
         def work() -> Export:
             go_on()
-            return exported(parsed(content), self.run, go_on)
+            return exported(parsed(content), self.run, go_on, self.frames.expectation)
 
         content = await request.read()
         if self._exports >= MOST_EXPORTS:
@@ -147,14 +165,24 @@ class Explorer:
         return web.Response(body=made.content, content_type=made.media_type, headers=headers)
 
 
+def ports_of(run: Run) -> tuple[int, ...]:
+    """Ports to listen on, by preference: those of the run's folder, the same every time, then any that is free."""
+    folder = run.folder or run.model_folder
+    if folder is None:
+        return (0,)
+    name = hashlib.sha256(str(folder.resolve()).encode(errors="surrogateescape")).digest()
+    first = FIRST_PORT + int.from_bytes(name[:4], "little") % PORTS
+    return (*range(first, first + NEIGHBOURS), 0)
+
+
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether aiohttp complains of this program, not of strangers who speak no HTTP."""
-    theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError
+    """Whether aiohttp complains of this program: not of strangers who speak no HTTP, or of its own race when it stops."""
+    theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError | asyncio.InvalidStateError
     return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
 
 
 def _page_folder() -> Path:
-    return Path(str(files("surrogate.explore").joinpath("page")))
+    return Path(str(PAGE))
 
 
 def _file(path: Path) -> Callable[[web.Request], Any]:

@@ -42,7 +42,8 @@ class Frames:
         """Encoded pictures and what is said beside them, as values that a message carries.
 
         `pictures`: bytes of each, in the order of the settings, then of the truth, then of the difference of the first two; `form`;
-        `size` [width, height]; `drawn`, milliseconds; `expected`, of the first; `difference` and `truth` where they are asked for.
+        `size` [width, height]; `drawn`, milliseconds; `expected`, of each setting, in PNG only; `difference` and `truth` where
+        they are asked for.
         """
         started = time.perf_counter()
         pictures = [
@@ -55,20 +56,26 @@ class Frames:
             answer["truth"] = None
             if self.truth is not None and stored is not None:
                 pictures.append(composite(self.truth.picture(stored), request.background))
-                answer["truth"] = {"member": stored.member.name, "split": stored.split, "view": stored.view}
+                answer["truth"] = {"member": stored.member.name, "view": stored.view, "sentence": stored.sentence}
         if (request.difference or request.truth) and len({p.shape for p in pictures}) == 1 < len(pictures):
             found = difference_of(*pictures)
             pictures.append(found.picture)
             answer["difference"] = {"psnr": found.psnr, "maximum": found.maximum, "high": found.high}
         drawn = 1e3 * (time.perf_counter() - started)
-        expectation = self.expectation
         return answer | {
             "pictures": [encode(picture, request.form) for picture in pictures],
             "form": request.form,
             "size": [request.camera.width, request.camera.height],
-            "expected": expectation and expectation.at(request.settings[0], self.surrogate).to_json(),
+            "expected": self._expected(request),
             "drawn": drawn,
         }
+
+    def _expected(self, request: FrameRequest) -> list[dict[str, Any]] | None:
+        """Of each setting as the camera sees it; None while something moves, and until it is known."""
+        expectation = self.expectation
+        if expectation is None or request.form != "png":
+            return None
+        return [expectation.at(s, self.surrogate, request.camera).to_json() for s in request.settings]
 
     def nearest(self, request: FrameRequest) -> dict[str, Any] | None:
         """What the stored picture shows that is most like the first setting from this camera; None without one.

@@ -6,18 +6,32 @@ to any server.
 
 from __future__ import annotations
 
+import re
+from base64 import b64encode
+from hashlib import sha256
+from importlib.resources import files
+
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 from catalogs.browse.access import Access
 
+PAGE = files("surrogate.explore").joinpath("page")
 LONGEST_PATH = 255  # characters; file systems fail at longer names, and nothing here has one
+
+
+def _own_scripts() -> str:
+    """The scripts that stand in the page itself, as a content security policy names them."""
+    found = re.findall(r"<script>(.*?)</script>", PAGE.joinpath("index.html").read_text(encoding="utf-8"), re.DOTALL)
+    return " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in found)
+
+
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
     "Content-Security-Policy": (
-        "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss:; "
+        f"default-src 'self'; script-src 'self' {_own_scripts()}; img-src 'self' blob: data:; connect-src 'self' ws: wss:; "
         "base-uri 'self'; form-action 'self'; object-src 'none'"
     ),
 }
@@ -61,7 +75,8 @@ async def _response(access: Access, request: web.Request, handler: Handler) -> w
         return web.Response(status=404, text="nothing here has so long a name\n")
     if not _brings_token(access, request):
         return await handler(request)
-    exchanged = web.Response(status=303, headers={"Location": "./"})
+    # The same path: "./" would lead astray from below a proxy's `/proxy/PORT`, to which the page adds the slash that it lacks.
+    exchanged = web.Response(status=303, headers={"Location": "?"})
     # Lax: whoever follows the printed address from another page, such as a terminal's, must come in at once.
     # An empty path: browsers then send it to this server alone, also below the path of a proxy.
     exchanged.set_cookie(access.cookie, access.token, path="", httponly=True, samesite="Lax")

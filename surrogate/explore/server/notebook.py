@@ -85,7 +85,7 @@ def show(
 ) -> Shown:
     """Explore `surrogate` in this notebook, `height` pixels tall.
 
-    With the folder of its `run` (such as "runs/tgv-dvr") the page also knows the stored pictures: trained values, the truth, what
+    With the folder of its `run` (such as "runs/tgv") the page also knows the stored pictures: trained values, the truth, what
     error to expect.  `base_url` is that of a Jupyter server with jupyter-server-proxy, through which the page is then reached;
     JupyterHub tells it by itself, and "" goes to this machine's own port all the same.  Raises ModuleNotFoundError without the
     extra `[explore]`, RuntimeError where no server can start.

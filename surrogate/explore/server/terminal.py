@@ -19,12 +19,14 @@ def explore(
     run: Run,
     *,
     host: str = LOCAL,
-    port: int = 0,
+    port: int | None = None,
     base_url: str = "",
     open_page: bool = False,
     announce: Callable[[str], Any] = print,
 ) -> None:
     """Show a run until Ctrl-C, after announcing its address.  Raises OSError where no server can listen there.
+
+    Without a `port` it is one of the run's own, see `Explorer.serve`.
 
     With Jupyter's `base_url` the address is a path below that of Jupyter, whose jupyter-server-proxy passes it on.
     """
@@ -51,9 +53,9 @@ async def _until_terminated(serving: Any) -> None:
     await task
 
 
-def _why_not(error: OSError | OverflowError, host: str, port: int) -> str:
+def _why_not(error: OSError | OverflowError, host: str, port: int | None) -> str:
     """Why no server can listen there, and what would do."""
-    if not 0 <= port <= 65535:
+    if port is not None and not 0 <= port <= 65535:
         return f"a port lies in 0 to 65535, got {port}"
     reason = getattr(error, "errno", None)
     if reason == errno.EADDRINUSE:

@@ -29,7 +29,7 @@ from surrogate.training.loop import StageRun
 from surrogate.training.run import train
 from surrogate.training.session import ProgressReport, TrainingProgress
 from surrogate.training.source import DECISION_IMAGES, Source
-from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
+from surrogate.training.visualizations import in_common, kind_of, new_visualization, visualization_stage
 
 BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's results and records
 # Settings with which all time is given to training itself.
@@ -157,7 +157,7 @@ class VisualizationExperiment:
         device, source = chosen_device(settings.device), Source(settings, self.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
         degree = int(settings.designs.visualization_color_degree)
-        visualization = new_visualization(*fitted, variation, source, degree)
+        visualization = in_common(new_visualization(*fitted, variation, source, degree), settings, data)
         stage = visualization_stage(*fitted, visualization, settings)
         return visualization, StageRun(stage, settings, data)
 
@@ -177,7 +177,7 @@ def _is_of(surrogate: Surrogate, source: Source) -> bool:
     """Whether what the surrogate knows means the same in the catalog."""
     own, there = surrogate.normalization, source.normalization
     same_box = own.extent == there.extent and (own.center == there.center).all()
-    return bool(same_box) and surrogate.space == source.catalog.plan.space
+    return bool(same_box) and surrogate.space == source.space
 
 
 def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from catalogs.catalog import Catalog
-from surrogate.gaussians import Gaussians
+from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
@@ -121,7 +121,7 @@ def _some_data(source: Source) -> tuple[TrainingData, float]:
 
 
 def _timed(
-    settings: TrainingSettings, gaussians: Gaussians, data: TrainingData, timed: Callable[[StageRun], float]
+    settings: TrainingSettings, gaussians: AnyGaussians, data: TrainingData, timed: Callable[[StageRun], float]
 ) -> tuple[float, float]:
     """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
     device, canonical, deformation = chosen_device(settings.device), 0.0, 0.0

@@ -24,8 +24,8 @@ from surrogate.studies.repeats.spread import summarize_repeats
 PAGE = "seeds.md"
 
 
-def repeats_section(record: Mapping[str, Any] | None, scene: str) -> list[str]:
-    """Blocks of Markdown from a `summarize_repeats` record; none without one."""
+def repeats_section(record: Mapping[str, Any] | None, source: str) -> list[str]:
+    """Blocks of Markdown from a `summarize_repeats` record of a scene or a run; none without one."""
     if record is None:
         return []
     blocks = [
@@ -39,24 +39,24 @@ def repeats_section(record: Mapping[str, Any] | None, scene: str) -> list[str]:
             f"The {names} beside the appearance `{varied['base']}`, at unseen views:",
             cell_table(varied, (names, "parameters"), METRICS, spread_number),
         ]
-    return [*blocks, f"<sub>{made_by(record, scene)}</sub>"]
+    return [*blocks, f"<sub>{made_by(record, source)}</sub>"]
 
 
-def made_by(record: Mapping[str, Any], scene: str) -> str:
+def made_by(record: Mapping[str, Any], source: str) -> str:
     """What made the numbers, where, and from which code."""
     machines = [f"{machine['processor']}, {machine['cores']} cores" for machine in record["machines"]]
     count = len(record["seeds"])
-    return f"`surrogate repeat scenes/{scene}.toml --seeds {count}`; {'; '.join(machines)}; commit {', '.join(record['commits'])}"
+    return f"`surrogate repeat {source} --seeds {count}`; {'; '.join(machines)}; commit {', '.join(record['commits'])}"
 
 
-def write_page(run: Path, scene: str, scores: Sequence[Scores]) -> Path | None:
-    """Write the table of a scene into its folder of results; None where there are fewer than two seeds."""
+def write_page(run: Path, name: str, source: str, scores: Sequence[Scores]) -> Path | None:
+    """Write the table of the scene or run that is the `source` into its folder of results; None for fewer than two seeds."""
     record = summarize_repeats(scores)
     if record is None:
         return None
     durable.make_folder(run / FOLDER)
     durable.replace(
-        run / FOLDER / PAGE, document(f"# {scene}", *repeats_section(record, scene), *_seeds(scores)).encode()
+        run / FOLDER / PAGE, document(f"# {name}", *repeats_section(record, source), *_seeds(scores)).encode()
     )
     return run / FOLDER / PAGE
 

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from catalogs import durable
+from surrogate.appearance.averages import LEAST_SPREAD, NEGLIGIBLE, TOLERANCE
 from surrogate.evaluation.tables import document, table_of
 from surrogate.provenance import commit, machine
 from surrogate.studies.stress.cases import Agreement, Case, Refusal
 from surrogate.studies.stress.check import MARGIN, Outcome
 from surrogate.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
+from surrogate.studies.stress.functions import FunctionCase, FunctionOutcome
 
 PAGE, PICTURE = "stress.md", "stress.png"
 COLUMNS = 9
@@ -42,6 +44,14 @@ the order of their index):"""
 REFUSALS = """## What must be refused
 
 The error names the attribute and the Gaussian, and nothing is drawn:"""
+FUNCTIONS = """## Transfer functions and values of the field
+
+Gaussians that carry values of the field, with spreads, look under a transfer function as its extinction and emission say, averaged
+over these values. *Average*: the largest error of the averages by the averaged extinction (at least {least:g} of the largest),
+against quadrature in float64; held to {tolerance:.0e}. *Shown*: that of opacity and opacity times colour in float32, against the
+float64 twin (`surrogate/appearance/transferred.py`); *gradient*: of a random functional of both by thickness, value and spread, of
+all Gaussians that are drawn; the kernel interpolates a table of averages, whose slopes err more than its values. A constant
+field has no spread; spreads below {spread:g} of the function's range count as that."""
 DRIFT = """## Does training drift?
 
 The same small ensemble (60 Gaussians with their bilinear deformation, 32 x 32 pixels) is trained three times on the same images
@@ -60,18 +70,25 @@ LIMITS = """## What it can not do
   can't hold."""
 
 
-def write(folder: Path, tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> None:
+def write(
+    folder: Path,
+    tables: Mapping[str, Sequence[Outcome]],
+    drift: Drift | None,
+    functions: Sequence[FunctionOutcome] = (),
+) -> None:
     """Write `stress.md` and `stress.png` into `folder`; `tables` holds the rows of each backend by its name."""
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(tables.values()))
     durable.replace(folder / PICTURE, _picture([o for o in first if o.pictures is not None]))
-    durable.replace(folder / PAGE, _page(tables, drift).encode())
+    durable.replace(folder / PAGE, _page(tables, drift, functions).encode())
 
 
-def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> str:
+def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None, functions: Sequence[FunctionOutcome]) -> str:
     rows = list(zip(*tables.values(), strict=True))  # a row holds an outcome of each backend
     drawn = [row for row in rows if isinstance(row[0].case, Case)]
-    missed = [(name, o) for name, outcomes in tables.items() for o in outcomes if not o.passed]
+    every: list[tuple[str, Outcome | FunctionOutcome]] = [(name, o) for name, of in tables.items() for o in of]
+    every += [("values", o) for o in functions]
+    missed = [(name, o) for name, o in every if not o.passed]
     verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
     return document(
         INTRODUCTION.format(backends=", ".join(tables), verdict=verdict, commit=commit(), **machine()),
@@ -94,12 +111,30 @@ def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None) -> str:
         _verdicts("bit for bit the same", [row for row in rows if isinstance(row[0].case, Agreement)]),
         REFUSALS,
         _verdicts("refused by name", [row for row in rows if isinstance(row[0].case, Refusal)]),
+        *_function_blocks(functions),
         *([] if drift is None else _drift_blocks(drift)),
         LIMITS,
     )
 
 
-def _reasons(cases: Sequence[Case]) -> str:
+def _function_blocks(functions: Sequence[FunctionOutcome]) -> list[str]:
+    if not functions:
+        return []
+    shown = table_of(
+        functions,
+        ("", lambda o: o.case.name),
+        ("average, found", lambda o: _error([o.average])),
+        ("shown, bound", lambda o: f"{o.case.shown:.0e}"),
+        ("shown, found", lambda o: _error([o.shown])),
+        ("gradient, bound", lambda o: f"{o.case.gradient:.0e}"),
+        ("gradient, found", lambda o: _error([o.gradient])),
+        ("finite", lambda o: "yes" if o.finite else "**no**"),
+    )
+    said = FUNCTIONS.format(least=NEGLIGIBLE, tolerance=TOLERANCE, spread=LEAST_SPREAD)
+    return [said, shown, "Where bounds differ from the usual ones:", _reasons([o.case for o in functions])]
+
+
+def _reasons(cases: Sequence[Case | FunctionCase]) -> str:
     reasons = dict.fromkeys(case.why for case in cases if case.why)
     return "\n".join(f"- {why}: {'; '.join(case.name for case in cases if case.why == why)}." for why in reasons)
 

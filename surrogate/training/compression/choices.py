@@ -8,7 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from surrogate.gaussians import NAMES, Gaussians
+from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
@@ -77,14 +77,20 @@ def choose_fine_tuning(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Ch
 def choose_attributes(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choice]:
     """Hold still every attribute that is not worth moving, one after the other, the least missed first."""
     search = Search(fitted, evaluator, "all")
-    alone = {name: evaluator.psnr(fitted.without(name)) for name in NAMES if fitted.deformation.moves(name)}
+    alone = {
+        name: evaluator.psnr(fitted.without(name))
+        for name in fitted.gaussians.tensors()
+        if fitted.deformation.moves(name)
+    }
     for turn, name in enumerate(sorted(alone, key=lambda n: -alone[n])):
         said = f"without {SAID.get(name, name)}"
         if search.before.psnr - alone[name] > max(HOPELESS, evaluator.tolerance):
             search.options.append(Option(said, alone[name]))
         elif not search.accepts(search.current.without(name), said, turn):
             break
-    moving = ", ".join(SAID.get(name, name) for name in NAMES if search.current.deformation.moves(name))
+    moving = ", ".join(
+        SAID.get(name, name) for name in fitted.gaussians.tensors() if search.current.deformation.moves(name)
+    )
     return search.made("attributes that deform", moving or "none")
 
 

@@ -17,7 +17,7 @@ from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage
 from surrogate.training.state import Fitted
-from surrogate.training.visualizations import new_visualization, visualization_stage
+from surrogate.training.visualizations import lighting_of, new_visualization, visualization_stage
 
 NAME, NAME_OF_F_VIS = "colour degree", "colour degree of F_vis"
 ASKED_AFTER = 0.2  # of stage 2: places and shapes are good enough then to tell, and most time is still to be saved
@@ -42,12 +42,14 @@ def choose_visualized_color_degree(
 ) -> tuple[int, Choice | None]:
     """0 unless a linear dependence on the direction is seen in validation images after a short stage 3 with each degree.
 
-    Nothing is asked, and the choice None, where the settings say it, where transfer functions are varied (they do not light),
-    where the base's colours depend on the direction already, or without validation images.
+    Nothing is asked, and the choice None, where the settings say it, where transfer functions are varied (they do not light) or
+    surfaces whose light is known, where the base's colours depend on the direction already, or without validation images.
     """
     asked, least = source.settings.designs.visualization_color_degree, fitted.gaussians.color_degree
     if asked != "auto":
         return max(int(asked), least), None
+    if lighting_of(variation, source) is not None:
+        return 0, None
     if variation.edits_base or least == 1 or not evaluator.data.validation:
         return least, None
     return _decided(NAME_OF_F_VIS, [_psnr_of_f_vis(fitted, variation, source, evaluator, d) for d in (0, 1)])
@@ -60,10 +62,10 @@ def _decided(name: str, scores: Sequence[float]) -> tuple[int, Choice]:
 
 def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> float:
     """Mean PSNR over the validation images once the colours, of this degree, have been trained."""
-    gaussians = fitted.gaussians.copy().with_color_degree(degree)
+    gaussians = fitted.gaussians.drawn().copy().with_color_degree(degree)
 
     def gaussians_at(parameters: Tensor) -> Gaussians:
-        return fitted.deformation.deformed(gaussians, parameters)
+        return fitted.deformation.deformed(gaussians, parameters).drawn()
 
     stage = Stage(
         name=NAME,

@@ -1,0 +1,113 @@
+"""How far a transfer function lies from the trained ones, in terms of what it makes visible.
+
+A field value fills some share of a member's volume (its histogram in the sidecar), and a function gives it an extinction: their
+product is how much of what is seen stands at that value.  New is what no trained function showed at least a quarter as strongly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.appearance import TransferFunction, VolumeRendering, field_of
+from catalogs.catalog import Catalog
+from catalogs.summary import FieldSummary
+from surrogate.deformation.extinction import MOST_OPAQUE
+from surrogate.model import Surrogate
+
+MAGNIFIED = 4.0  # times the trained extinction: what a function shows up to this often, training is taken to have shown
+SAMPLES = 8  # of a function within a bin of the histogram
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SeenValues:
+    """What training showed of every field value.
+
+    Attributes
+    ----------
+    edges : (K + 1,) field values; the first and the last bin hold what lies beyond the histograms of the members.
+    frequency : (K,) shares of the volume, mean over members.
+    extinctions : (K,) per world unit, the largest of all trained functions.
+    """
+
+    edges: NDArray[np.float64]  # [K + 1]
+    frequency: NDArray[np.float64]  # [K]
+    extinctions: NDArray[np.float64]  # [K]
+
+    @classmethod
+    def of(cls, summaries: Sequence[FieldSummary], functions: Sequence[TransferFunction]) -> SeenValues | None:
+        """What `functions` show of members with these summaries, whose histograms have the same bins; None without either."""
+        if not summaries or not functions:
+            return None
+        inner = summaries[0].bin_edges
+        low, high = (
+            min(inner[0], *(s.minimum for s in summaries)),
+            max(inner[-1], *(s.maximum for s in summaries)),
+        )
+        edges = np.array([low, *inner, high])  # [K + 1]
+        frequency = np.mean([_shares(summary) for summary in summaries], axis=0)  # [K]
+        return cls(edges, frequency, np.max([extinctions(function, edges) for function in functions], axis=0))
+
+    @classmethod
+    def of_training(cls, catalog: Catalog, surrogate: Surrogate) -> SeenValues | None:
+        """What the training of `surrogate` showed of the members of `catalog` that it learnt from.
+
+        None where it learnt from no volume rendering, or the members left no summaries.
+        """
+        functions, field = trained_functions(catalog, surrogate)
+        learnt = [member.summary(field) for member in catalog.members if member.split == "train"] if functions else []
+        return cls.of([summary for summary in learnt if summary is not None], functions)
+
+    def visible(self, function: TransferFunction) -> NDArray[np.float64]:
+        """The share of each bin (K,) in what `function` shows; zeros where it shows nothing."""
+        shown = self.frequency * extinctions(function, self.edges)  # [K]
+        return shown / total if (total := float(shown.sum())) > 0.0 else shown
+
+    def novelty(self, function: TransferFunction) -> float:
+        """The share, 0 to 1, of what `function` shows that training did not: 0 for one that shows nothing at all."""
+        asked = extinctions(function, self.edges)  # [K]
+        shown = float(self.frequency @ asked)
+        new = np.maximum(asked - MAGNIFIED * self.extinctions, 0.0)  # [K]
+        return float(self.frequency @ new) / shown if shown > 0.0 else 0.0
+
+    def quantile(self, function: TransferFunction, share: float) -> float:
+        """The field value below which this share of what `function` shows stands; raises ValueError where it shows nothing."""
+        cumulative = np.concatenate([[0.0], np.cumsum(self.visible(function))])  # [K + 1]
+        if cumulative[-1] <= 0.0:
+            raise ValueError(f"{function} shows nothing of these members, so it has no quantiles")
+        return float(np.interp(share, cumulative, self.edges))
+
+
+def trained_functions(catalog: Catalog, surrogate: Surrogate) -> tuple[list[TransferFunction], str]:
+    """The transfer functions whose pictures a surrogate learnt from, that of its base first, and the field that they show.
+
+    Without any where the base is no volume rendering.
+    """
+    known = {a.name: a for a in catalog.plan.appearances if isinstance(a, VolumeRendering)}
+    base = known.get(str(surrogate.training.get("appearance", "")))
+    if base is None:
+        return [], ""
+    variations = [v.variation for v in surrogate.visualizations if v.variation.edits_base]
+    names = [base.name, *(name for v in variations if v.base == base.name for name in v.named("train"))]
+    return [known[name].transfer_function for name in names if name in known], field_of(base)
+
+
+def extinctions(function: TransferFunction, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means (K,) of the extinction per world unit over bins with these edges (K + 1,)."""
+    inside = (np.arange(SAMPLES) + 0.5) / SAMPLES  # [S]
+    values = edges[:-1, None] + np.diff(edges)[:, None] * inside  # [K, S]
+    opacities = np.minimum(function.opacities(values), MOST_OPAQUE)  # [K, S]
+    return np.asarray(-np.log1p(-opacities).mean(axis=1) / function.opacity_unit_distance, dtype=np.float64)
+
+
+def _shares(summary: FieldSummary) -> NDArray[np.float64]:
+    """Shares (K,) of a member's volume below, in the bins of, and above its histogram."""
+    counted = float(summary.histogram.sum())
+    inside = summary.histogram * ((1.0 - summary.clipped_fraction) / counted) if counted else 0.0 * summary.histogram
+    below, above = summary.minimum < summary.bin_edges[0], summary.maximum > summary.bin_edges[-1]
+    # Which side they lie on is not kept: half of them on each, where there are both.
+    end = summary.clipped_fraction / max(1, below + above)
+    return np.array([end * below, *inside, end * above])

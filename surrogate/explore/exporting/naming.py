@@ -1,0 +1,60 @@
+"""Names of exported files: the run, what is shown, and a mark that tells exports apart."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from catalogs.cameras import Camera
+from surrogate.explore.run import Run
+from surrogate.explore.setting import Setting, shown
+
+MOST_LETTERS = 72  # before the mark
+MARK = 6  # hexadecimal digits of a SHA-256 over all that is asked for
+
+
+def file_name(run: Run, request: Any) -> str:
+    """Such as `tgv-tf-Re-1830-c2_opacity-0.45-3f9a1c`, without an ending: of letters, digits, `.`, `_` and `-`, at most 79.
+
+    `request` is a record of `surrogate.explore.exporting.exports`; equal ones have equal names.
+    """
+    words = [run.title or "surrogate", *_words(run, request)]
+    stem = "-".join(filter(None, map(_safe, words)))[:MOST_LETTERS].strip("-.") or "surrogate"
+    content = json.dumps([type(request).__name__, _plain(request)], sort_keys=True)
+    return f"{stem}-{hashlib.sha256(content.encode(errors='replace')).hexdigest()[:MARK]}"
+
+
+def _words(run: Run, request: Any) -> list[str]:
+    sweep = getattr(request, "sweep", None)
+    if sweep is None:
+        against = ["compared"] if hasattr(request, "other") else []
+        return [*against, *_values(run, request.setting.values), request.setting.color_map]
+    over = [f"{axis.name}-{axis.low + axis.origin:g}-to-{axis.high + axis.origin:g}" for axis in reversed(sweep.axes)]
+    return [*over, *_values(run, sweep.kept), sweep.base.color_map]
+
+
+def _values(run: Run, values: dict[str, float | str]) -> list[str]:
+    """Each with its name, but control points that stand where the base has them."""
+    moved = {name: value for name, value in values.items() if name not in run.origins or value}
+    return [
+        f"{name}-{value if isinstance(value, str) else format(value, 'g')}"
+        for name, value in shown(moved, run.origins).items()
+    ]
+
+
+def _safe(word: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", word).strip("-.")
+
+
+def _plain(value: Any) -> Any:
+    """A record in JSON values."""
+    if isinstance(value, Camera):
+        return value.to_json()
+    if isinstance(value, Setting):
+        return [dict(value.values), value.color_map]
+    if is_dataclass(value):
+        return [_plain(getattr(value, field.name)) for field in fields(value)]
+    return [_plain(part) for part in value] if isinstance(value, tuple | list) else value

@@ -1,0 +1,173 @@
+"""Requests of exports from the options of `surrogate export` and `surrogate sweep`.
+
+People give control points of transfer functions by their places; settings hold displacements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from catalogs.cameras import Camera
+from catalogs.variations import APPEARANCE, POINT_PARAMETERS
+from surrogate.evaluation.metrics import WHITE
+from surrogate.explore.exporting.exports import (
+    CommandRequest,
+    ComparisonRequest,
+    FilmRequest,
+    GaussiansRequest,
+    PictureRequest,
+    SheetRequest,
+)
+from surrogate.explore.exporting.kinds import FILM_STEPS, ROW_STEPS, SHEET_STEPS
+from surrogate.explore.exporting.pictures import record_of
+from surrogate.explore.exporting.sweep import Axis, Sweep, axis_over, parameter, parameters_of
+from surrogate.explore.request import Color, setting_of, within
+from surrogate.explore.run import Run
+from surrogate.explore.setting import Setting
+
+MOST_SIDE = 8192  # pixels that a command may ask for
+STORED = "stored"  # what --compare takes beside parameters
+
+
+def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequest:
+    """The request of a command's options, for one of `KINDS`: `surrogate export`'s, or `surrogate sweep`'s for sheets and films.
+
+    Simulation parameters that neither they nor the picture to be `like` tell stand in the middle of their bounds.  Raises
+    ValueError for wrong options.
+    """
+    surrogate = run.surrogate
+    like, camera, kept = _kept(options["like"]) if options.get("like") else (Setting({}), None, None)
+    setting = _setting(run, options["parameters"], options["color_map"], like)
+    if kind == "ply":
+        return GaussiansRequest(setting)
+    camera = camera or _view(run, options["view"])
+    if options["size"]:
+        camera = camera.resized(*_pixels(options["size"], camera))
+    background = _color(options["background"].split(",")) if options["background"] else None
+    if options.get("compare"):
+        other = None if options["compare"] == (STORED,) else _setting(run, options["compare"], "", setting)
+        return ComparisonRequest(setting, camera, other, background or kept or surrogate.background or WHITE)
+    if kind in ("png", "exr"):
+        return PictureRequest(setting, camera, background or kept or surrogate.background, kind)
+    down, film = options["down"], kind in ("gif", "mp4")
+    steps = options["steps"] or (FILM_STEPS if film else ROW_STEPS if down else SHEET_STEPS)
+    columns = _axis(run, options["over"], steps, options["low"], options["high"])
+    rows = _axis(run, down, options["rows_steps"], options["rows_from"], options["rows_to"]) if down else None
+    request = Sweep(setting, columns, rows), camera, background or surrogate.background or WHITE
+    if not film:
+        return SheetRequest(*request)
+    return FilmRequest(*request, kind, options["fps"], options["there_and_back"], options["caption"])
+
+
+def guesses(request: CommandRequest, run: Run) -> list[str]:
+    """Sentences naming what lies out of bounds, where a surrogate can only guess."""
+    if isinstance(request, SheetRequest | FilmRequest):
+        setting, axes = request.sweep.base, request.sweep.axes
+    else:
+        setting, axes = request.setting, ()
+    reached = {n: (value, value) for n, value in setting.values.items() if not isinstance(value, str)}
+    reached |= {axis.name: (axis.low, axis.high) for axis in axes}
+    sentences = []
+    for name, of in parameters_of(run.surrogate).items():
+        low, high = reached.get(name, (of.low, of.high))
+        if low < of.low or high > of.high:
+            first, last, least, most = (x + run.origins.get(name, 0.0) for x in (low, high, of.low, of.high))
+            far = f"{first:g}" if low == high else f"{first:g} to {last:g}"
+            sentences.append(f"{name} = {far} lies outside its bounds [{least:g}, {most:g}]: a guess")
+    return sentences
+
+
+def _kept(path: Path) -> tuple[Setting, Camera | None, Color | None]:
+    """The setting, camera and background that a picture keeps."""
+    record = record_of(path)
+    try:
+        parameters = {name: float(value) for name, value in record["parameters"].items()}
+        setting = Setting(parameters, dict(record["visualization"]), str(record["color_map"]))
+        camera = Camera.from_json(record["camera"]) if "camera" in record else None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"the picture keeps no setting or camera that is understood: {error!r}") from error
+    return setting, camera, None if record.get("background") is None else _color(record["background"])
+
+
+def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting) -> Setting:
+    """What the assignments ask for, over another setting, over the middle of all bounds; checked as a message of the page is."""
+    space, asked = run.surrogate.space, dict(map(_assignment, assignments))
+    known = [*space.names, *run.surrogate.visualization_names]
+    strange = [name for name in asked if name not in known]
+    if strange:
+        raise ValueError(f"this surrogate has the parameters {', '.join(known)}, got {', '.join(strange)}")
+    values = {name: _displacement(run, name, value) for name, value in asked.items()}
+    varied = {name: value for name, value in values.items() if name not in space.names}
+    middle = {p.name: p.middle for p in space.parameters}
+    simulated = {name: value for name, value in values.items() if name in space.names}
+    visualization = _merged(varied, like.visualization)
+    record = {
+        "parameters": {**middle, **like.parameters, **simulated},
+        "visualization": visualization,
+        "color_map": color_map or like.color_map,
+    }
+    return setting_of(record, run.surrogate, run.origins)
+
+
+def _merged(varied: Mapping[str, float | str], like: Mapping[str, float | str]) -> dict[str, float | str]:
+    """Visualization parameters over others of their own variation; of another one they stand alone."""
+    alike = set(varied) <= set(POINT_PARAMETERS) and set(like) <= set(POINT_PARAMETERS)
+    return {**like, **varied} if alike or not varied else dict(varied)
+
+
+def _displacement(run: Run, name: str, value: float | str) -> float | str:
+    """The value as settings hold it; raises ValueError for a control point of a base that nobody knows."""
+    if name not in POINT_PARAMETERS or isinstance(value, str):
+        return value
+    if not run.origins:
+        raise ValueError(
+            f"{name} can't be set without the catalog, which holds the transfer function that it belongs to"
+        )
+    return value - run.origins[name]
+
+
+def _axis(run: Run, name: str, steps: int, *ends: float | None) -> Axis:
+    of = parameter(run.surrogate, name)
+    origin = run.origins.get(name, 0.0)
+    reached = [None if end is None else within(_displacement(run, name, end), of, origin) for end in ends]
+    return axis_over(of, steps, *reached, origin=origin)
+
+
+def _assignment(text: str) -> tuple[str, float | str]:
+    name, _, value = (part.strip() for part in text.partition("="))
+    try:
+        return name, value if value and name == APPEARANCE else float(value)
+    except ValueError:
+        raise ValueError(f"parameters are given as NAME=VALUE, got {text!r}") from None
+
+
+def _view(run: Run, view: int) -> Camera:
+    if not 0 <= view < len(run.cameras):
+        raise ValueError(f"view must lie in 0..{len(run.cameras) - 1}, got {view}")
+    return run.cameras[view]
+
+
+def _color(parts: Any) -> Color:
+    try:
+        red, green, blue = (float(part) for part in parts)
+    except (TypeError, ValueError):
+        raise ValueError(f"a background is given as R,G,B, got {parts!r}") from None
+    if not all(0.0 <= part <= 1.0 for part in (red, green, blue)):
+        raise ValueError(f"a background lies in [0, 1], got {red:g},{green:g},{blue:g}")
+    return red, green, blue
+
+
+def _pixels(size: str, camera: Camera) -> tuple[int, int]:
+    """Width and height of "640x480", of "512", or of "2x": so many times those of the camera."""
+    text = size.lower()
+    width, _, height = text.partition("x")
+    try:
+        times = int(text[:-1]) if text.endswith("x") else 0
+        sides = (times * camera.width, times * camera.height) if times else (int(width), int(height or width))
+    except ValueError:
+        raise ValueError(f"a size is given as WIDTHxHEIGHT, or as 2x, got {size!r}") from None
+    if not all(1 <= side <= MOST_SIDE for side in sides):
+        raise ValueError(f"a side has 1 to {MOST_SIDE} pixels, got {size}")
+    return sides

@@ -1,0 +1,182 @@
+// The address holds the whole state: what is not there is as at first.  What is there and can't be is named in notes.
+
+import { digits } from "./elements.js";
+import { rounded as roundedOrbit } from "./orbit.js";
+import {
+  BACKGROUNDS, current, endsOf, firstSetting, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,
+  sweepable, variation,
+} from "./state.js";
+
+const SIDES = ["a", "b"], POINTS = ["c1", "c2"];
+const LONGEST = 40; // letters of what a note repeats
+
+export function addressOf(state, facts) {
+  const fields = new URLSearchParams(), first = firstState(facts);
+  const put = (name, value, otherwise) => { if (value !== otherwise) fields.set(name, value); };
+  put("mode", state.mode, first.mode);
+  const alike = JSON.stringify(state.settings[0]) === JSON.stringify(state.settings[1]);
+  state.settings.slice(0, alike ? 1 : 2).forEach((setting, i) => writeSetting(fields, SIDES[i], setting, facts));
+  put("active", SIDES[state.active], "a");
+  const { direction, up, distance, target, field } = state.orbit;
+  fields.set("camera", [...direction, ...up, distance, ...target, field].join(","));
+  put("against", state.against, first.against);
+  put("background", state.background, first.background);
+  put("full", state.full, first.full);
+  for (const [name, value] of Object.entries(state.sweep)) put(`sweep.${name}`, value, first.sweep[name]);
+  return `#${fields}`;
+}
+
+function writeSetting(fields, side, setting, facts) {
+  const first = firstSetting(facts), put = (name, value, otherwise) => { if (value !== otherwise) fields.set(`${side}.${name}`, value); };
+  for (const [name, value] of Object.entries(setting.parameters)) fields.set(`${side}.p.${name}`, value);
+  put("show", setting.kind, "base");
+  put("isovalue", setting.isovalue, first.isovalue);
+  put("appearance", setting.appearance, first.appearance);
+  put("colors", setting.colorMap, "");
+  for (const point of POINTS) put(point, placeOf(setting.points, point), placeOf(first.points, point));
+}
+
+const placeOf = (points, point) => `${points[`${point}_value`]},${points[`${point}_opacity`]}`;
+
+/** { state, notes }: what an address holds, and sentences about what of it can't be. */
+export function stateOf(address, facts) {
+  const reading = new Reading(address), state = firstState(facts);
+  state.mode = reading.choice("mode", MODES, state.mode);
+  const a = readSetting(reading, "a", facts, firstSetting(facts));
+  const b = reading.has("b.") ? readSetting(reading, "b", facts, firstSetting(facts)) : structuredClone(a);
+  state.settings = [a, b];
+  state.active = SIDES.indexOf(reading.choice("active", SIDES, "a"));
+  state.against = reading.choice("against", facts.truth ? ["setting", "truth"] : ["setting"], state.against);
+  state.orbit = readOrbit(reading, state.orbit);
+  state.background = readBackground(reading, state.background, facts);
+  state.full = Number(reading.choice("full", FULL_SIZES.map(String), String(state.full)));
+  state.sweep = readSweep(reading, state, facts);
+  reading.rest();
+  return { state, notes: reading.notes };
+}
+
+/** The parts of an address, each taken once; what can't be is noted. */
+class Reading {
+  constructor(address) {
+    this.fields = new URLSearchParams(address.replace(/^#/, ""));
+    this.left = new Set([...this.fields.keys()].filter(Boolean));
+    this.notes = [];
+  }
+
+  has(start) { return [...this.fields.keys()].some(name => name.startsWith(start)); }
+
+  text(name) {
+    this.left.delete(name);
+    return this.fields.get(name);
+  }
+
+  note(name, why, instead) { this.notes.push(`${spoken(name)} = ${short(this.fields.get(name))} ${why}${instead === undefined ? "" : `: ${instead} instead`}`); }
+
+  choice(name, known, otherwise) {
+    const text = this.text(name);
+    if (text === null || known.includes(text)) return text ?? otherwise;
+    this.note(name, "is unknown here", otherwise || "nothing");
+    return otherwise;
+  }
+
+  /** A number from `least` to `most` of the parameter; for another one the nearest that was trained. */
+  number(name, p, otherwise) {
+    const text = this.text(name);
+    return text === null ? otherwise : this.checked(name, text, p, otherwise);
+  }
+
+  checked(name, text, p, otherwise) {
+    const value = Number(text);
+    if (text.trim() === "" || !Number.isFinite(value)) {
+      this.note(name, "is no number", otherwise === "" ? "the bound" : digits(otherwise));
+      return otherwise;
+    }
+    if (p.least <= value && value <= p.most) return value;
+    const nearest = Math.max(p.low, Math.min(p.high, value));
+    this.note(name, `can't be drawn, only ${digits(p.least)} to ${digits(p.most)}`, digits(nearest));
+    return nearest;
+  }
+
+  rest() { for (const name of this.left) this.notes.push(`${short(name)} is no part of a link: left out`); }
+}
+
+/** The name of a part for people: "A: Re" of "a.p.Re". */
+const spoken = name => short(name.replace(/^([ab])\.(p\.)?/, (_, side) => `${side.toUpperCase()}: `));
+const short = text => text.length > LONGEST ? `${text.slice(0, LONGEST)}…` : text;
+
+function readSetting(reading, side, facts, setting) {
+  for (const p of facts.parameters) setting.parameters[p.name] = reading.number(`${side}.p.${p.name}`, p, setting.parameters[p.name]);
+  setting.kind = reading.choice(`${side}.show`, ["base", ...facts.variations.map(v => v.kind)], setting.kind);
+  const isovalue = variation(facts, "isovalue"), field = variation(facts, "field"), functions = variation(facts, "transfer_function");
+  if (isovalue) setting.isovalue = reading.number(`${side}.isovalue`, isovalue, setting.isovalue);
+  if (field) setting.appearance = reading.choice(`${side}.appearance`, field.names, setting.appearance);
+  if (functions) {
+    setting.colorMap = reading.choice(`${side}.colors`, ["", ...functions.color_maps.map(map => map.name)], "");
+    readPoints(reading, side, setting, facts);
+  }
+  return setting;
+}
+
+function readPoints(reading, side, setting, facts) {
+  const first = { ...setting.points };
+  for (const point of POINTS) {
+    const name = `${side}.${point}`, text = reading.text(name), parts = (text ?? "").split(",");
+    if (text !== null && parts.length !== 2) reading.note(name, "is no value and opacity", placeOf(first, point));
+    if (parts.length !== 2) continue;
+    ["value", "opacity"].forEach((axis, i) => {
+      const p = pointsOf(facts).find(one => one.name === `${point}_${axis}`);
+      setting.points[p.name] = reading.checked(name, parts[i], p, setting.points[p.name]);
+    });
+  }
+  for (const p of pointsOf(facts)) { // of links from before: displacements
+    const name = `${side}.${p.name}`, moved = { low: p.low - p.origin, high: p.high - p.origin, least: p.least - p.origin, most: p.most - p.origin };
+    if (reading.fields.has(name)) setting.points[p.name] = p.origin + reading.number(name, moved, 0);
+  }
+  if (first.c1_value !== undefined && setting.points.c1_value >= setting.points.c2_value) {
+    reading.notes.push("the control points cross: they stand where they were at first");
+    setting.points = first;
+  }
+}
+
+function readOrbit(reading, otherwise) {
+  const text = reading.text("camera"), values = (text ?? "").split(",").map(Number);
+  if (text === null) return otherwise;
+  const direction = values.slice(0, 3), up = values.slice(3, 6), [distance] = values.slice(6), field = values[10];
+  const proper = values.length === 11 && values.every(Number.isFinite) && text.split(",").every(part => part.trim());
+  const upright = Math.hypot(...direction) > 0.5 && Math.hypot(...up) > 0.5 && distance > 0 && field >= 1 && field <= 150;
+  if (proper && upright) return roundedOrbit({ direction, up, distance, target: values.slice(7, 10), field });
+  reading.note("camera", "is no camera", "the first view");
+  return otherwise;
+}
+
+function readBackground(reading, otherwise, facts) {
+  const known = [...Object.values(BACKGROUNDS), facts.background].filter(Boolean), text = reading.text("background");
+  if (text === null || known.includes(text.toLowerCase())) return text?.toLowerCase() ?? otherwise;
+  if (/^#[0-9a-f]{6}$/i.test(text)) return text.toLowerCase();
+  reading.note("background", "is no colour #rrggbb", otherwise);
+  return otherwise;
+}
+
+function readSweep(reading, state, facts) {
+  const sweep = firstSweep(facts), known = sweepable(facts, current(state));
+  sweep.name = reading.choice("sweep.name", known.map(p => p.name), sweep.name);
+  sweep.second = reading.choice("sweep.second", ["", ...known.map(p => p.name).filter(name => name !== sweep.name)], "");
+  for (const [name, ...ends] of [["name", "low", "high"], ["second", "secondLow", "secondHigh"]]) {
+    const p = known.find(one => one.name === sweep[name]);
+    if (!p) continue;
+    for (const end of ends) sweep[end] = reading.number(`sweep.${end}`, p, "");
+    const range = rangeOf(endsOf(sweep, name === "second"), p);
+    if (range.low < range.high) continue;
+    reading.notes.push(`a sweep goes from a value to a larger one, not from ${digits(range.low)} to ${digits(range.high)}: over the bounds instead`);
+    for (const end of ends) sweep[end] = "";
+  }
+  for (const name of ["count", "secondCount"]) {
+    const text = reading.text(`sweep.${name}`), count = Number(text);
+    if (text === null) continue;
+    if (Number.isInteger(count) && count >= 2 && count <= MOST_COUNT) sweep[name] = count;
+    else reading.note(`sweep.${name}`, `is not 2 to ${MOST_COUNT}`, sweep[name]);
+  }
+  const possible = possibleSweep({ ...state, sweep }, facts);
+  if (possible.secondCount !== sweep.secondCount) reading.notes.push(`so many pictures don't fit: ${possible.secondCount} rows instead of ${sweep.secondCount}`);
+  return possible;
+}

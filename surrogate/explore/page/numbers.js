@@ -1,0 +1,43 @@
+// An input for one number.  What is typed and can be drawn is drawn; of anything else the input says why not, and goes back.
+
+import { digits, element } from "./elements.js";
+
+/**
+ * `range()` is { least, most } now; `changed(value)` hears what is accepted; `attributes` are the input's.
+ * Returns { input, note, set(value) }: `note` is the element that says what was refused.
+ */
+export function numberInput(title, range, changed, attributes = {}) {
+  const note = element("p", { class: "refused", role: "alert", hidden: true });
+  let now = NaN;
+  const input = element("input", {
+    type: "number", step: "any", ...attributes,
+    oninput: () => show(""),
+    onchange: () => {
+      const { least, most } = range(), text = input.value, value = Number(text);
+      const proper = text.trim() !== "" && Number.isFinite(value);
+      if (proper && least <= value && value <= most) {
+        show("");
+        changed(value);
+        return;
+      }
+      show(`${proper ? digits(value) : "That"} ${proper ? "can't be drawn" : "is no number"}: ${title} goes from ${digits(least)} to ${digits(most)}, and stays ${digits(now)}.`);
+      input.value = now;
+    },
+  });
+
+  function show(text) {
+    note.textContent = text;
+    note.hidden = !text;
+    input.setAttribute("aria-invalid", Boolean(text));
+  }
+
+  function set(value) {
+    if (value === now && Number(input.value) === value) return;
+    now = value;
+    input.value = value;
+    input.title = value;
+    show("");
+  }
+
+  return { input, note, set };
+}

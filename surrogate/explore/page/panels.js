@@ -1,0 +1,137 @@
+// The controls beside the picture, a section each.  `explorer` holds the state and hears what is changed.
+
+import { button, digits, element, field, menu, section, tabs } from "./elements.js";
+import { numberInput } from "./numbers.js";
+import { PRESETS, seenFrom } from "./orbit.js";
+import { slider } from "./sliders.js";
+import { BACKGROUNDS, COUNTS, current, endsOf, FULL_SIZES, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
+import { transferEditor } from "./transfer.js";
+import { KIND_NAMES } from "./words.js";
+
+/** Sliders of the simulation parameters: { box, set(setting) }; those of the names in `swept` are hidden. */
+export function parameterPanel(explorer, swept) {
+  const { facts } = explorer;
+  const sliders = facts.parameters.map((p, i) => slider(p, `parameter-${i}`, value => {
+    current(explorer.state).parameters[p.name] = value;
+    explorer.changed();
+  }));
+  sliders.forEach(({ box }, i) => { box.hidden = swept.includes(facts.parameters[i].name); });
+  const alone = facts.parameters.every(p => swept.includes(p.name));
+  const legend = element("p", { class: "legend", hidden: alone }, element("i", { class: "train" }), "trained", element("i", { class: "validation" }), "validated");
+  const box = section("Simulation parameters", ...sliders.map(s => s.box), legend, memberMenu(explorer));
+  return { box, set: setting => facts.parameters.forEach((p, i) => sliders[i].set(setting.parameters[p.name])) };
+}
+
+function memberMenu(explorer) {
+  const { members, parameters } = explorer.facts;
+  if (!members.length) return null;
+  const choice = element("select", { id: "member", onchange: event => {
+    const member = members[+event.target.value];
+    parameters.forEach((p, i) => { current(explorer.state).parameters[p.name] = member.values[i]; });
+    explorer.refresh();
+    explorer.changed();
+  } }, element("option", { value: "", disabled: true, selected: true }, "choose…"));
+  for (const split of ["train", "validation", "test"]) {
+    const group = element("optgroup", { label: split });
+    members.forEach((m, i) => { if (m.split === split) group.append(element("option", { value: i }, `${m.name}: ${m.values.map(digits).join(", ")}`)); });
+    if (group.children.length) choice.append(group);
+  }
+  return field("Go to member", choice);
+}
+
+/** How the field is shown: { box, set(setting) }; null where there is one way only. */
+export function visualizationPanel(explorer, swept) {
+  const { facts } = explorer, setting = current(explorer.state), kinds = ["base", ...facts.variations.map(v => v.kind)];
+  if (kinds.length === 1) return null;
+  const choose = kind => { current(explorer.state).kind = kind; explorer.set({}); document.getElementById(`kind-${kind}`).focus(); };
+  const chooser = tabs("How the field is shown", "kind", "visualization-panel", setting.kind, kinds.map(kind => [kind, KIND_NAMES[kind]]), choose);
+  const shown = kindPanel(explorer, setting.kind, swept);
+  const panel = element("div", { id: "visualization-panel", role: "tabpanel", "aria-labelledby": `kind-${setting.kind}` }, shown.box);
+  return { box: section("Visualization", chooser, panel), set: shown.set };
+}
+
+function kindPanel(explorer, kind, swept) {
+  const { facts } = explorer, of = variation(facts, kind);
+  const change = values => { Object.assign(current(explorer.state), values); explorer.changed(); };
+  if (kind === "isovalue") {
+    const made = slider({ name: "isovalue", ...of }, "isovalue", isovalue => change({ isovalue }));
+    made.box.hidden = swept.includes("isovalue");
+    return { box: made.box, set: setting => made.set(setting.isovalue) };
+  }
+  if (kind === "transfer_function") {
+    const editor = transferEditor(of, facts.histogram, points => change({ points }), colorMap => change({ colorMap }));
+    return { box: editor.box, set: setting => editor.set(setting.points, setting.colorMap) };
+  }
+  if (kind === "field") {
+    const box = menu("Appearance", "appearance", "", of.names.map(name => [name, name]), appearance => change({ appearance }));
+    return { box, set: setting => { box.querySelector("select").value = setting.appearance; } };
+  }
+  return { box: element("p", { class: "hint" }, "The base appearance, as it was rendered."), set: () => {} };
+}
+
+export function viewPanel(explorer) {
+  const { facts } = explorer;
+  const presets = element("div", { class: "buttons", role: "group", "aria-label": "Look from" }, ...Object.entries(PRESETS).map(([name, direction]) =>
+    button(name, () => explorer.look(seenFrom(explorer.state.orbit, direction)), { "aria-label": `Look from ${name.replace("−", "minus ").replace("+", "plus ")}` })));
+  return section("View", presets, element("div", { class: "buttons" },
+    button("Reset", () => explorer.look(facts.camera), { id: "reset-view" }),
+    facts.truth && button("Nearest stored view", () => explorer.goToStored(found => explorer.look(found.orbit))),
+    button("Copy camera", () => explorer.copy(JSON.stringify(explorer.request(false).camera), "camera"))));
+}
+
+export function displayPanel(explorer) {
+  const { facts, state } = explorer, behind = Object.entries(BACKGROUNDS).map(([name, color]) => [color, name]);
+  if (facts.background) behind.push([facts.background, "trained"]);
+  if (!behind.some(([color]) => color === state.background)) behind.push([state.background, state.background]);
+  return section("Display",
+    menu("Background", "background", state.background, behind, background => explorer.set({ background })),
+    menu("Pixels at rest", "full", state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => explorer.set({ full: +size })));
+}
+
+export function comparePanel(explorer) {
+  const { state, facts } = explorer;
+  const against = menu("With", "against", state.against, [["setting", "another setting"], ["truth", "the stored picture", !facts.truth]], chosen => explorer.set({ against: chosen }));
+  if (state.against === "truth")
+    return section("Compare", against,
+      element("p", { class: "hint" }, "The catalog holds pictures of its own members from its own views, and no others."),
+      button("Nearest stored picture", () => explorer.goToStored(found => explorer.takeStored(found)), { id: "nearest-picture" }));
+  const edit = element("div", { class: "buttons", role: "group", "aria-label": "Which setting the controls change" }, ...["A", "B"].map((name, i) =>
+    button(`Change ${name}`, () => explorer.set({ active: i }), { id: `edit-${name}`, "aria-pressed": state.active === i })));
+  const copy = () => { state.settings[1 - state.active] = structuredClone(current(state)); explorer.changed(); };
+  return section("Compare", against, edit, element("div", { class: "buttons" },
+    button(`Copy ${"AB"[state.active]} to ${"BA"[state.active]}`, copy), button("Swap", () => explorer.set({ settings: [...state.settings].reverse() }))));
+}
+
+export function sweepPanel(explorer) {
+  const { state, facts } = explorer, { sweep } = state, known = sweepable(facts, current(state)), { first, second } = sweptOf(state, facts);
+  const change = values => explorer.set({ sweep: { ...explorer.state.sweep, ...values } });
+  const names = known.map(p => [p.name, p.name.replace("_", " ")]), others = names.filter(([other]) => other !== first.name);
+  const counted = (most, now) => [...new Set([...COUNTS.filter(n => n <= most), now])].sort((a, b) => a - b).map(n => [n, String(n)]);
+  return section("Sweep",
+    menu("Across", "sweep-first", first.name, names, name => change({ name, low: "", high: "", ...(sweep.second === name && { second: "", secondLow: "", secondHigh: "" }) })),
+    limits(sweep, first, false, change),
+    menu("Pictures", "sweep-count", sweep.count, counted(Infinity, sweep.count), count => change({ count: +count })),
+    menu("Down", "sweep-second", sweep.second, [["", "nothing"], ...others], name => change({ second: name, secondLow: "", secondHigh: "" })),
+    second && limits(sweep, second, true, change),
+    second && menu("Rows", "sweep-rows", sweep.secondCount, counted(mostRows(sweep.count), sweep.secondCount), count => change({ secondCount: +count })));
+}
+
+/** From where to where a parameter is swept. */
+function limits(sweep, p, second, change) {
+  const range = rangeOf(endsOf(sweep, second), p), [low, high] = second ? ["secondLow", "secondHigh"] : ["low", "high"];
+  const title = p.name.replace("_", " "), apart = 1e-6 * (p.high - p.low);
+  const from = numberInput(title, () => ({ least: p.least, most: range.high - apart }), value => change({ [low]: value === p.low ? "" : value }), { id: `sweep-${low}` });
+  const to = numberInput(title, () => ({ least: range.low + apart, most: p.most }), value => change({ [high]: value === p.high ? "" : value }), { id: `sweep-${high}` });
+  from.set(range.low);
+  to.set(range.high);
+  const labelled = (words, { input }) => element("label", {}, element("span", {}, p.unit ? `${words} (${p.unit})` : words), input);
+  const outside = range.low < p.low || range.high > p.high;
+  return element("div", {}, element("div", { class: "numbers" }, labelled("From", from), labelled("To", to)), from.note, to.note,
+    outside && element("p", { class: "warning outside" }, `Extrapolation: trained from ${digits(p.low)} to ${digits(p.high)}. A guess.`));
+}
+
+export function modelPanel(explorer) {
+  const { model } = explorer.facts;
+  return section("Model", element("p", { class: "hint" },
+    [`${model.gaussians.toLocaleString("en")} Gaussians`, `${digits(+model.megabytes.toPrecision(2))} MB`, model.seconds ? `trained in ${Math.round(model.seconds)} s` : ""].filter(Boolean).join(", ")));
+}

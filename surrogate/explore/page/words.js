@@ -1,0 +1,36 @@
+// What is said of settings, and of the errors to expect.
+
+import { digits } from "./elements.js";
+import { pointsOf, variation } from "./state.js";
+
+export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };
+
+/** A parameter's value with its name and unit. */
+export const valued = (p, value) => `${p.name.replace("_", " ")} ${digits(+value.toPrecision(5))}${p.unit ? ` ${p.unit}` : ""}`;
+
+/** A setting in words; parameters that are told elsewhere are left out. */
+export function described(setting, facts, without = []) {
+  const said = facts.parameters.filter(p => !without.includes(p.name)).map(p => valued(p, setting.parameters[p.name]));
+  if (setting.kind === "isovalue" && !without.includes("isovalue")) said.push(valued({ name: "isovalue", ...variation(facts, "isovalue") }, setting.isovalue));
+  if (setting.kind === "field") said.push(setting.appearance);
+  if (setting.kind === "transfer_function") {
+    const moved = pointsOf(facts).filter(p => !without.includes(p.name) && setting.points[p.name] !== p.origin);
+    said.push(...moved.map(p => valued(p, setting.points[p.name])));
+    if (setting.colorMap) said.push(setting.colorMap);
+  }
+  return said.join(", ");
+}
+
+/** What error to expect of all pictures of a sweep, in a sentence. */
+export function spanOf(expected) {
+  const known = expected.map(one => one.psnr).filter(psnr => psnr !== null), missing = expected.length - known.length;
+  const reason = expected.find(one => one.psnr === null)?.short ?? "";
+  if (!known.length) return reason;
+  const [low, high] = [Math.min(...known).toFixed(1), Math.max(...known).toFixed(1)];
+  const span = `expected PSNR ${low === high ? low : `${low} to ${high}`} dB (higher is better; from 40 dB on differences are hardly visible)`;
+  const far = expected.filter(one => one.psnr !== null && one.far).length;
+  return [span, missing && `${missing} of ${expected.length} pictures: ${reason}`, far && `${far} of ${expected.length} far from training members: likely worse`].filter(Boolean).join("; ");
+}
+
+/** The same of one picture, as short as can be. */
+export const shortest = expected => expected.psnr === null ? "not measured" : `${expected.psnr.toFixed(1)} dB`;

@@ -1,0 +1,79 @@
+"""The light on isosurfaces: known from the catalog, so that Gaussians need to learn only where their surface faces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.appearance import Appearance, Isosurface
+from catalogs.numbers import finite, fraction, row
+
+STRENGTHS = ("ambient", "diffuse", "specular", "specular_power")
+LEAST_FACING = 1e-6  # below which a power of it need not have a finite derivative
+CLOSE, MOSTLY = (
+    8.0 / 255.0,
+    0.9,
+)  # how far a pixel may be from every colour of a lit surface, and how many must be so near
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """A surface of one colour under a headlight at the eye, seen from both sides (Blinn-Phong, as `Isosurface` says).
+
+    Attributes
+    ----------
+    color : straight RGB of the surface.
+    ambient, diffuse, specular, specular_power : the light's, not negative.
+    """
+
+    color: tuple[float, float, float]
+    ambient: float
+    diffuse: float
+    specular: float
+    specular_power: float
+
+    @classmethod
+    def of(cls, appearances: Sequence[Appearance]) -> Lighting | None:
+        """The light that all appearances share; None where they are not all isosurfaces, or not lit alike."""
+        surfaces = [a for a in appearances if isinstance(a, Isosurface)]
+        found = {cls(a.color, *(float(getattr(a, name)) for name in STRENGTHS)) for a in surfaces}
+        return found.pop() if len(found) == 1 and len(surfaces) == len(appearances) else None
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Lighting:
+        """The lighting that `to_json` described; raises ValueError for a strength or a colour that can't be."""
+        if set(values) != {"color", *STRENGTHS}:
+            raise ValueError(f"lighting must consist of {['color', *STRENGTHS]}, got {sorted(values)}")
+        red, green, blue = (fraction(c, "lighting color") for c in row(values["color"], 3, "lighting color"))
+        strengths = {name: finite(values[name], f"lighting {name}") for name in STRENGTHS}
+        for name, strength in strengths.items():
+            if strength < 0.0:
+                raise ValueError(f"lighting {name} must not be negative, got {strength:g}")
+        return cls((red, green, blue), **strengths)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {**asdict(self), "color": list(self.color)}
+
+    def colors(self, normals: Tensor, directions: Tensor) -> Tensor:
+        """Straight RGB (N, 3), at most 1, of surfaces with `normals` (N, 3) seen along unit `directions` (N, 3).
+
+        A normal shorter than 1 stands for a surface that faces many ways: it turns as dark as one that faces away.
+        """
+        facing = (normals * directions).sum(dim=1, keepdim=True).abs().clamp(LEAST_FACING, 1.0)  # [N, 1]
+        color = normals.new_tensor(self.color)  # [3]
+        shade = (self.ambient + self.diffuse * facing) * color + self.specular * facing**self.specular_power  # [N, 3]
+        return shade.clamp(max=1.0)
+
+    def explains(self, pixels: NDArray[np.floating]) -> bool:
+        """Whether opaque `pixels` (M, 3) in [0, 1] are such as this light leaves on the surface; not where there are none."""
+        facing = torch.linspace(0.0, 1.0, 128)[:, None]  # [128, 1]
+        shades = self.colors(facing, torch.ones_like(facing)).numpy()  # [128, 3]
+        nearest = np.abs(pixels[:, None] - shades).max(axis=2).min(axis=1)  # [M]
+        return len(pixels) > 0 and bool(np.mean(nearest <= CLOSE) >= MOSTLY)

@@ -1,0 +1,98 @@
+"""The Gaussians of one member, and pictures of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from catalogs.cameras import Camera
+from catalogs.numbers import fraction, row
+from surrogate.gaussians import Gaussians, Normalization
+from surrogate.notebook import deformed_html
+from surrogate.rasterizer import Rasterizer
+
+
+@dataclass(frozen=True, eq=False)
+class DeformedGaussians:
+    """The Gaussians of one member: `render` shows them; world units everywhere.
+
+    Made by `Surrogate.at`; nothing here depends on the parameters any more, so moving the camera costs only drawing.  It can be
+    pickled.
+    """
+
+    gaussians: Gaussians  # in normalized coordinates
+    parameters: Mapping[str, float | str]  # those of the simulation, and of the visualization where they were given
+    normalization: Normalization
+    rasterizer: Rasterizer
+
+    def render(self, camera: Camera, *, background: Sequence[float] | None = None) -> NDArray[np.float32]:
+        """The picture that `camera` (world units) sees, (H, W, 4) float32 premultiplied RGBA in [0, 1].
+
+        With a `background` (red, green, blue), each in [0, 1], it is opaque: composited on that colour, alpha 1.  Raises ValueError
+        for another background.
+        """
+        return self.render_over(camera, checked_background(background))
+
+    def render_over(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The same with a background from `checked_background`."""
+        return self._picture(camera, background)
+
+    def render_alone(self, camera: Camera, background: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """The same picture by one thread on a CPU, so that many are drawn side by side; `background` from `checked_background`."""
+        return self._picture(camera, background, threads=1)
+
+    def _picture(
+        self, camera: Camera, background: NDArray[np.float32] | None, threads: int | None = None
+    ) -> NDArray[np.float32]:
+        with torch.no_grad():
+            rendering = self.rasterizer.draw(self.gaussians, self.normalization.camera(camera), threads=threads)
+        color, alpha = rendering.color.cpu().numpy(), rendering.alpha.cpu().numpy()[..., None]  # [H, W, 3], [H, W, 1]
+        if background is not None:
+            color = color + (1.0 - alpha) * background
+            alpha = np.ones_like(alpha)
+        return np.clip(np.concatenate([color, alpha], axis=-1), 0.0, 1.0)
+
+    @property
+    def means(self) -> NDArray[np.float64]:
+        """Centres in world units, (N, 3)."""
+        return self.gaussians.means.double().cpu().numpy() * self.normalization.extent + self.normalization.center
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """Standard deviations along the principal axes in world units, (N, 3)."""
+        return self.gaussians.scales().double().cpu().numpy() * self.normalization.extent
+
+    @property
+    def opacities(self) -> NDArray[np.float32]:
+        """Opacities, (N,)."""
+        return self.gaussians.opacities().cpu().numpy()
+
+    def __len__(self) -> int:
+        return len(self.gaussians)
+
+    def __repr__(self) -> str:
+        at = named(self.parameters)
+        return f"<DeformedGaussians at {at or 'no parameters'}: {len(self):,} Gaussians>"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a picture."""
+        return deformed_html(self)
+
+
+def named(parameters: Mapping[str, float | str]) -> str:
+    """Parameters in words, such as "Re=1830, time=1"."""
+    values = {name: f"{v:g}" if not isinstance(v, str) else repr(v) for name, v in parameters.items()}
+    return ", ".join(f"{name}={value}" for name, value in values.items())
+
+
+def checked_background(background: Any) -> NDArray[np.float32] | None:
+    """A background as (3,) float32, None for none; raises ValueError for what is no colour."""
+    if background is None:
+        return None
+    what = "background, (red, green, blue) each in [0, 1],"
+    return np.array([fraction(channel, what) for channel in row(background, 3, what)], dtype=np.float32)

@@ -1,0 +1,155 @@
+"""Where among its parameters a surrogate is asked: checked, named, and as deformations take it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from catalogs.appearance import TransferFunction
+from catalogs.parameters import ParameterSpace
+from catalogs.words import one_line
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
+from surrogate.deformation import Deformation
+from surrogate.deformation.visualization import Visualization
+from surrogate.gaussians import Gaussians
+from surrogate.model.deformed import named
+
+FARTHEST = 10.0  # times the range of a parameter beyond its bounds: what is learnt says nothing of farther values
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Parameters of one member, as they are seen.
+
+    Attributes
+    ----------
+    parameters : by name, in their units.
+    simulation : (P,) normalized.
+    visualization : the one that is asked, with its normalized parameters `settings` (V,), or any transfer `function` instead.
+    warnings : a sentence about each parameter that is out of bounds.
+    """
+
+    parameters: Mapping[str, float | str]
+    simulation: NDArray[np.float64]  # [P]
+    visualization: Visualization | None = None
+    settings: NDArray[np.float64] | None = None  # [V]
+    function: TransferFunction | None = None
+    warnings: tuple[str, ...] = ()
+
+    __repr__ = one_line
+
+    @property
+    def normalized(self) -> torch.Tensor:
+        """All that deformations are functions of, (P + V,) float32; (P,) where no visualization parameters are given."""
+        parts = [self.simulation] if self.settings is None else [self.simulation, self.settings]
+        return torch.from_numpy(np.concatenate(parts)).to(torch.float32)
+
+    def deform(self, gaussians: AnyGaussians, simulation: Deformation) -> Gaussians:
+        """What is drawn here of the canonical `gaussians` moved by F_sim; raises ValueError where they are not finite."""
+        with torch.no_grad():
+            if self.function is not None and isinstance(gaussians, FieldGaussians):
+                deformed = simulation.deformed(gaussians, self.normalized).drawn(self.function)
+            elif self.visualization is None:
+                deformed = simulation.deformed(gaussians, self.normalized).drawn()
+            elif self.function is not None:
+                deformed = self.visualization.under(gaussians, simulation, self.normalized, self.function)
+            else:
+                deformed = self.visualization.gaussians_at(gaussians, simulation, self.normalized)
+            if self.warnings:
+                self.check_finite(deformed)
+        return deformed
+
+    def check_finite(self, deformed: Gaussians) -> None:
+        """Raise ValueError where Gaussians here can't be drawn."""
+        drawn = (deformed.means, deformed.scales(), deformed.quats, deformed.opacities(), deformed.colors)
+        if not all(bool(torch.isfinite(tensor).all()) for tensor in drawn):
+            raise ValueError(
+                f"the surrogate extrapolates to numbers that are not finite at {named(self.parameters)}: choose values nearer "
+                "the bounds"
+            )
+
+
+def place_of(
+    space: ParameterSpace, visualizations: Sequence[Visualization], parameters: Mapping[str, Any], outside: Any
+) -> Place:
+    """The place of simulation parameters, all of them by name, and of visualization parameters of one variation.
+
+    Raises ValueError for missing, unknown, non-finite and absurd ones, or where no variation has them; `outside` says whether
+    others out of bounds leave `warnings`.
+    """
+    of_vis = {name for v in visualizations for name in v.variation.asked_names}
+    varied = {n: v for n, v in parameters.items() if n in of_vis}
+    place = simulation_place(space, {n: v for n, v in parameters.items() if n not in varied}, outside)
+    if not varied:
+        return place
+    visualization = _varying(visualizations, varied)
+    variation = visualization.variation
+    values = variation.values_of(varied, outside="allow")  # [V]
+    if values is not None:
+        _check_near(variation.space, values)
+    return Place(
+        {**place.parameters, **dict.fromkeys(variation.asked_names, 0.0), **varied},
+        place.simulation,
+        visualization,
+        variation.normalize(values),
+        warnings=place.warnings + (() if values is None else tuple(variation.space.outside(values).values())),
+    )
+
+
+def simulation_place(space: ParameterSpace, parameters: Mapping[str, Any], outside: Any) -> Place:
+    """The place of simulation parameters alone."""
+    if outside not in ("warn", "allow"):
+        raise ValueError(f'outside must be "warn" or "allow", got {outside!r}')
+    values = space.values(parameters, outside="allow")  # [P]
+    _check_near(space, values)
+    by_name = dict(zip(space.names, values.tolist(), strict=True))
+    return Place(by_name, space.normalize(values), warnings=tuple(space.outside(values).values()))
+
+
+def transfer_place(
+    space: ParameterSpace,
+    visualizations: Sequence[Visualization],
+    parameters: Mapping[str, Any],
+    function: TransferFunction,
+    outside: Any,
+    *,
+    carried: bool = False,
+) -> Place:
+    """The place of simulation parameters under any transfer function.
+
+    `carried` says that the Gaussians carry the field's values.  Raises ValueError where neither they nor a variation know any.
+    """
+    place = simulation_place(space, parameters, outside)
+    if carried:
+        return replace(place, function=function)
+    known = [v for v in visualizations if v.variation.edits_base]
+    if not known:
+        raise ValueError(
+            'the Gaussians of this surrogate carry colours and know no transfer functions: train with carried = "values"'
+        )
+    return Place(place.parameters, place.simulation, known[0], function=function, warnings=place.warnings)
+
+
+def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.float64]) -> None:
+    for parameter, value in zip(space.parameters, values, strict=True):
+        fraction = parameter.fraction(float(value))
+        beyond = max(-fraction, fraction - 1.0)
+        if beyond > FARTHEST:
+            raise ValueError(
+                f"parameter {parameter.name} = {value:g} lies {beyond:,.0f} times its range [{parameter.low:g}, "
+                f"{parameter.high:g}] beyond it, where nothing is known: choose a value nearer its bounds, at most "
+                f"{FARTHEST:g} times the range away"
+            )
+
+
+def _varying(visualizations: Sequence[Visualization], parameters: Mapping[str, Any]) -> Visualization:
+    """That whose variation has all these parameters."""
+    for visualization in visualizations:
+        if set(parameters) <= set(visualization.variation.asked_names):
+            return visualization
+    raise ValueError(f"parameters {sorted(parameters)} belong to different variations: set those of one")

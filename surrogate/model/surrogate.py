@@ -1,0 +1,254 @@
+"""`Surrogate`, a trained ensemble: shown, stored and moved as a whole."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+import surrogate
+from catalogs.appearance import TransferFunction
+from catalogs.cameras import Camera
+from catalogs.parameters import ParameterSpace
+from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
+from surrogate.deformation import Deformation
+from surrogate.deformation.visualization import Visualization
+from surrogate.gaussians import Normalization
+from surrogate.model.batches import draw_all, paired, rows_of, warn_of
+from surrogate.model.deformed import DeformedGaussians, checked_background
+from surrogate.model.differentiable import DifferentiableSurrogate
+from surrogate.model.form import fields_of, stored
+from surrogate.model.places import Place, place_of, transfer_place
+from surrogate.notebook import surrogate_html
+from surrogate.rasterizer import Rasterizer
+from surrogate.splatting import AUTO
+from surrogate.splatting.cuda import usable_device
+from surrogate.storage import models
+from surrogate.storage.encoding import Encoding
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """A trained ensemble.
+
+    >>> picture = Surrogate.load("runs/tgv/surrogate").at(Re=830.0, time=6.5).render(camera)   # doctest: +SKIP
+    >>> picture = Surrogate.load("runs/tgv-iso/surrogate").at(Re=1830.0, isovalue=5.5).render(camera)   # doctest: +SKIP
+    >>> surrogate = Surrogate.load("runs/tiny-fields/surrogate")   # doctest: +SKIP
+    >>> picture = surrogate.at(Re=1830.0, appearance="speed-dvr").render(camera)   # doctest: +SKIP
+
+    Attributes
+    ----------
+    gaussians : the canonical ones, in normalized coordinates.
+    deformation : how the parameters move them.
+    space : the parameters' names, units and bounds.
+    normalization : between world and normalized coordinates.
+    rasterizer : the constants it was trained with.
+    background : the colour behind the volume in the images it was trained on; None where they had alpha.
+    encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
+        are what these decode to.  One that was replaced since is stored as it is.
+    visualizations : how it follows an isovalue or a transfer function as well, and shows other fields.
+    training : how it came to be: `seconds`, `steps`, `settings`, `curve`, `appearance`, `fingerprint`.
+    """
+
+    gaussians: AnyGaussians
+    deformation: Deformation
+    space: ParameterSpace
+    normalization: Normalization
+    rasterizer: Rasterizer
+    background: tuple[float, float, float] | None = None
+    training: Mapping[str, Any] = field(default_factory=dict)
+    encodings: Mapping[str, Encoding] = field(default_factory=dict)
+    visualizations: tuple[Visualization, ...] = ()
+
+    def at(self, *, outside: Any = "warn", **parameters: float | str) -> DeformedGaussians:
+        """The ensemble at `parameters`, those of the simulation all by name, in their units.
+
+        Without more it looks as the base appearance does.  The visualization parameters of one variation may follow, all of
+        them: an `isovalue`; the displacements of the base transfer function's inner control points (those left out are
+        zero), beside which `under` takes any other transfer function; or the name of another `appearance` that was learnt, such
+        as one of another field.
+
+        Raises ValueError for missing, unknown or non-finite ones, or where no variation has them; warns where one lies out of
+        bounds, unless `outside` is "allow".
+        """
+        return self._at(self._place(parameters, outside), outside)
+
+    def under(
+        self, transfer_function: TransferFunction, /, *, outside: Any = "warn", **parameters: float
+    ) -> DeformedGaussians:
+        """The ensemble at simulation `parameters` under any transfer function, in opacity and colour.
+
+        What no training function showed is a guess.  Raises ValueError where the surrogate
+        knows no field values (it then learnt colours, or transfer functions by their displacements), or as `at` does.
+        """
+        return self._at(self._place(parameters, outside, transfer_function), outside)
+
+    def render(
+        self,
+        parameters: Any,
+        cameras: Camera | Sequence[Camera],
+        *,
+        background: Sequence[float] | None = None,
+        outside: Any = "warn",
+        transfer_function: TransferFunction | None = None,
+    ) -> NDArray[np.float32]:
+        """B pictures at once, (B, H, W, 4) float32 premultiplied RGBA: each is what `at(...).render(...)` gives, bit for bit.
+
+        Parameters
+        ----------
+        parameters : (B, P) in the order of `space`, an array, a tensor or nested lists; or names and (B,) values, or one value for
+            all, such as {"Re": [1600, 1800], "isovalue": 5.5}; or a list of B mappings, which may differ in their names.
+        cameras : one for all, or B of equal size; where `parameters` has one row, that member is seen by all cameras.
+        background, outside : as in `render` and `at` of one picture.
+        transfer_function : any, as in `under`.
+
+        All cores work side by side, a picture each, and one member is deformed a few times at most however many cameras see it.
+        Raises ValueError as `at` does, and where lengths or sizes do not fit, before anything is drawn.
+        """
+        colour = checked_background(background)
+        rows, views, size = paired(rows_of(self.space, parameters), cameras)
+        known: dict[str, Place] = {}
+        places = []
+        for row in rows:
+            key = repr(sorted(row.items()))
+            if key not in known:
+                known[key] = self._place(row, outside, transfer_function)
+            places.append(known[key])
+        if outside == "warn":
+            warn_of(places, stacklevel=2)
+        side_by_side = not self.gaussians.means.is_cuda
+        return draw_all(places, views, size, self._deformed, colour, side_by_side=side_by_side)
+
+    def differentiable(
+        self, device: str | torch.device = "cpu", *, dtype: torch.dtype = torch.float32
+    ) -> DifferentiableSurrogate:
+        """The same as a torch module, whose pictures have gradients by parameters, the camera's pose and all that was trained.
+
+        Parameters
+        ----------
+        device : "cpu", whose gradients are those of the C++ kernels, or "cuda", of gsplat.
+        dtype : float32, or float64, which plain torch draws: slow, and the definition.
+
+        Raises as `to`, and ValueError for other types.  The numbers are copies: this surrogate never changes.
+        """
+        if dtype not in (torch.float32, torch.float64):
+            raise ValueError(f"dtype must be torch.float32 or torch.float64, got {dtype}")
+        moved, rasterizer = self.to(device), self.rasterizer.for_any_device()
+        return DifferentiableSurrogate(
+            moved.gaussians.to(dtype),
+            moved.deformation.to(dtype),
+            [v.to(dtype) for v in moved.visualizations],
+            self.space,
+            self.normalization,
+            replace(rasterizer, backend="reference") if dtype == torch.float64 else rasterizer,
+        )
+
+    def show(self, run: str | os.PathLike[str] | None = None, *, height: int = 720, base_url: str | None = None) -> Any:
+        """Explore this surrogate in Jupyter, `height` pixels tall; needs the extra `[explore]`.
+
+        With the folder of its `run` (such as "runs/tgv") the page also shows the stored pictures beside it.  `base_url` is
+        that of a Jupyter server with jupyter-server-proxy, where the browser can't reach this machine; JupyterHub tells its own.
+        What comes back has an `address`, and `close` stops it.
+        """
+        return surrogate.show(self, run, height=height, base_url=base_url)
+
+    @property
+    def visualization_names(self) -> tuple[str, ...]:
+        """The visualization parameters that `at` takes."""
+        return tuple(name for v in self.visualizations for name in v.variation.asked_names)
+
+    def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> Place:
+        if function is None:
+            return place_of(self.space, self.visualizations, parameters, outside)
+        carried = isinstance(self.gaussians, FieldGaussians)
+        return transfer_place(self.space, self.visualizations, parameters, function, outside, carried=carried)
+
+    def _at(self, place: Place, outside: Any) -> DeformedGaussians:
+        """The Gaussians there; warns, at the line of the caller's caller, unless `outside` is "allow"."""
+        if outside == "warn":
+            for sentence in place.warnings:
+                warnings.warn(sentence, stacklevel=3)
+        return self._deformed(place)
+
+    def _deformed(self, place: Place) -> DeformedGaussians:
+        deformed = place.deform(self.gaussians, self.deformation)
+        return DeformedGaussians(deformed, place.parameters, self.normalization, self.rasterizer)
+
+    def to(self, device: str | torch.device) -> Surrogate:
+        """The same on another device, which draws it: "cpu", or "cuda", which needs the extra `[cuda]` and draws by gsplat.
+
+        Raises RuntimeError saying what is missing where there is no such device, ValueError for other kinds of devices.
+        """
+        moved = usable_device(device)
+        return replace(
+            self,
+            gaussians=self.gaussians.to(moved),
+            deformation=self.deformation.to(moved),
+            rasterizer=replace(self.rasterizer, backend=AUTO),
+            visualizations=tuple(v.to(moved) for v in self.visualizations),
+        )
+
+    @property
+    def megabytes(self) -> float:
+        """Size of the model's tensors as they are stored, 10^6 bytes."""
+        return self._stored().megabytes
+
+    @property
+    def digest(self) -> str:
+        """A SHA-256 over all that is stored of the model."""
+        return self._stored().digest
+
+    @staticmethod
+    def exists(directory: str | os.PathLike[str]) -> bool:
+        """Whether `directory` holds a finished surrogate."""
+        return models.exists(directory)
+
+    def save(self, directory: str | os.PathLike[str]) -> None:
+        """Write `model.safetensors`, then `model.json`, which makes it a surrogate, into `directory`."""
+        self._stored().save(directory)
+
+    @classmethod
+    def load(cls, directory: str | os.PathLike[str]) -> Surrogate:
+        """The surrogate that was saved into `directory`; the folder may come from anyone, for nothing in it is run.
+
+        Raises FileNotFoundError where there is none, ValueError for one of a newer schema and, naming the part, for one that is
+        damaged.
+        """
+        return models.load(directory, lambda model: cls(**fields_of(model)))
+
+    @classmethod
+    def of_bytes(cls, tensors: bytes, record: bytes, device: str = "cpu") -> Surrogate:
+        """The surrogate whose two files hold these bytes, on a device; raises ValueError as `load` does, RuntimeError as `to`."""
+        made = models.of_contents(tensors, record, lambda model: cls(**fields_of(model)))
+        return made if device == "cpu" else made.to(device)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles, copies and what goes to other processes hold the bytes that `save` writes, and the device."""
+        return type(self).of_bytes, (*self._stored().contents(), str(self.gaussians.means.device))
+
+    def _stored(self) -> models.StoredModel:
+        return stored(self)
+
+    def _following(self) -> str:
+        variations = [v.variation for v in self.visualizations]
+        kinds = [v.name for v in variations if v.continuous]
+        others = [s.appearance for v in variations if not v.continuous for s in v.settings]
+        following = f"any {' and '.join(kinds)}, " if kinds else ""
+        return following + (f"also as {', '.join(others)}, " if others else "")
+
+    def __repr__(self) -> str:
+        bounds = ", ".join(f"{p.name} {p.low:g}..{p.high:g} {p.unit}".strip() for p in self.space.parameters)
+        return (
+            f"<Surrogate of {bounds or 'one member'}: {len(self.gaussians):,} Gaussians, "
+            f"{self.deformation.kind} deformation, {self._following()}{self.megabytes:.1f} MB>"
+        )
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a picture at the middle of the parameters."""
+        return surrogate_html(self)

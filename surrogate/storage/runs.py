@@ -1,0 +1,184 @@
+"""A run: the folder of one surrogate, and `run.json` in it, which says what it learns from and how.
+
+    run.json     the catalog, its members' splits, the settings of training, and what they were chosen from
+    surrogate/   the model
+    report/      what `surrogate evaluate` wrote
+
+A run without `run.json`, made by a scene of an earlier version, has its catalog beside it as `catalog.cdb`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from catalogs.catalog import Catalog, CatalogError
+from catalogs.splits import Splits, choose_splits
+from catalogs.words import shortened
+from surrogate.provenance import commit, machine
+from surrogate.settings import TrainingSettings
+from surrogate.storage import models
+from surrogate.storage.records import read_json, write_json
+
+RECORD, MODEL, REPORT = "run.json", "surrogate", "report"
+BESIDE = "catalog.cdb"
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What `run.json` says.
+
+    Attributes
+    ----------
+    catalog : path of the catalog, relative to the run's folder where both have a folder in common.
+    settings : those of training, as JSON values.
+    splits : of the members that belong to the run; None: all members, as the catalog has them.
+    fingerprint : of the training, by which the catalog is recognized.
+    asked : what the command said, as JSON values; empty for a run of a scene.
+    chosen : what followed from it, and from the machine's speed; for people.
+    made : commit, machine and time.
+    """
+
+    catalog: str
+    settings: Mapping[str, Any] = field(repr=False)
+    splits: Splits | None = None
+    fingerprint: str = ""
+    asked: Mapping[str, Any] = field(default_factory=dict)
+    chosen: Mapping[str, Any] = field(default_factory=dict)
+    made: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def save(self, folder: Path) -> None:
+        """Write `run.json` into the run's folder, at once and whole."""
+        made = {"commit": commit(), "machine": machine(), "at": datetime.now(UTC).isoformat(timespec="seconds")}
+        values = {
+            "schema": SCHEMA,
+            **vars(self),
+            "splits": None if self.splits is None else self.splits.to_json(),
+            "made": dict(self.made) or made,
+        }
+        write_json(folder / RECORD, values)
+
+    @classmethod
+    def load(cls, folder: Path) -> RunRecord | None:
+        """What the run's `run.json` says; None without one.  Raises ValueError for a damaged or newer one."""
+        path = folder / RECORD
+        if not path.is_file():
+            return None
+        values = read_json(path)
+        try:
+            values = dict(values or {})
+            if values.pop("schema") > SCHEMA:
+                raise ValueError("it is of a newer version of gs-surrogate")
+            splits = values.pop("splits")
+            record = cls(**values, splits=None if splits is None else Splits.from_json(splits))
+            if not isinstance(record.catalog, str) or not isinstance(record.fingerprint, str):
+                raise TypeError("catalog and fingerprint must be text")
+            if not all(isinstance(v, Mapping) for v in (record.settings, record.asked, record.chosen, record.made)):
+                raise TypeError("settings, asked, chosen and made must be tables")
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{path} is damaged ({error!r}): remove {folder}, and train again") from error
+        return record
+
+
+@dataclass(frozen=True, eq=False)
+class RunFolder:
+    """A run's folder, opened: whoever needs its catalog, splits or settings asks here, whether a scene made it or not."""
+
+    folder: Path
+    record: RunRecord | None = None
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> RunFolder:
+        """The run in the folder `path`; its catalog is opened when it is first asked for.
+
+        Raises FileNotFoundError for a folder that holds no run, ValueError for a damaged `run.json`.
+        """
+        folder = Path(path)
+        record = RunRecord.load(folder)
+        if record is None and not (folder / BESIDE).is_dir() and not models.exists(folder / MODEL):
+            raise FileNotFoundError(
+                f"there is no trained surrogate in {folder}, nor {RECORD}: `surrogate train` makes them"
+            )
+        return cls(folder, record)
+
+    @property
+    def name(self) -> str:
+        """That of the folder."""
+        return self.folder.resolve().name
+
+    @property
+    def model(self) -> Path:
+        """Where the surrogate is kept."""
+        return self.folder / MODEL
+
+    @property
+    def catalog_path(self) -> Path:
+        """Where the catalog is, or was."""
+        return Path(os.path.normpath(self.folder / (BESIDE if self.record is None else self.record.catalog)))
+
+    @property
+    def missing(self) -> str:
+        """A sentence where the catalog is gone, with what helps; "" where it is there."""
+        if self.catalog_path.is_dir():
+            return ""
+        moved = (
+            f": if it was moved, `surrogate train NEW/PLACE/{self.catalog_path.name} -o {self.folder}` finds it again"
+        )
+        return f"the catalog of {self.folder} is not at {self.catalog_path} any more{moved if self.record else ''}"
+
+    @cached_property
+    def catalog(self) -> Catalog:
+        """The catalog as the run sees it: its members, each with the run's split.
+
+        Raises CatalogError where it is gone or damaged, or lacks members that the run has.
+        """
+        if self.missing:
+            raise CatalogError(self.missing)
+        catalog = Catalog.open(self.catalog_path)
+        splits = None if self.record is None else self.record.splits
+        return catalog if splits is None else seen_by_run(catalog, splits)
+
+    @property
+    def settings(self) -> TrainingSettings:
+        """Those of training; raises ValueError where this version can't read them, FileNotFoundError where nobody knows them."""
+        if self.record is not None:
+            place, found = self.folder / RECORD, self.record.settings
+        else:
+            place = self.model / models.RECORD
+            stored = read_json(place)
+            if stored is None:
+                raise FileNotFoundError(f"{self.folder} has no trained surrogate yet")
+            found = (stored.get("training") or {}).get("settings") or {}
+        try:
+            return TrainingSettings(**found)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"the settings in {place} can't be read by this version: {error}") from error
+
+
+def seen_by_run(catalog: Catalog, splits: Splits) -> Catalog:
+    """The catalog with these splits; raises CatalogError where it lacks members that they name."""
+    lost = sorted(set(splits.members) - {path.name for path in catalog.member_paths()})
+    if lost:
+        raise CatalogError(f"{catalog.path} lacks members that the run has: {shortened(lost, 5)}")
+    return catalog.with_splits(splits)
+
+
+def with_chosen_splits(catalog: Catalog, appearance: str, hold_out: float | None, seed: int) -> Catalog:
+    """The catalog as a new run sees it that learns `appearance`, "" for the first; see `catalogs.splits.choose_splits`."""
+    shown = appearance or catalog.appearance_names[0]
+    if shown not in catalog.appearance_names:
+        return catalog  # whoever learns it says so
+    return catalog.with_splits(choose_splits(catalog.members, catalog.plan.space, shown, hold_out=hold_out, seed=seed))
+
+
+def path_between(folder: Path, catalog: Path) -> str:
+    """The catalog's path as `run.json` keeps it: relative to the run's folder where both have a folder in common, else absolute."""
+    here, there = folder.resolve(), catalog.resolve()
+    common = Path(os.path.commonpath([here, there]))
+    return os.path.relpath(there, here) if common != Path(common.anchor) else str(there)

@@ -1,0 +1,173 @@
+"""The run of a catalog: begun by what a command asks for, or found as an earlier one left it."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from catalogs.catalog import Catalog
+from surrogate.settings import TrainingSettings
+from surrogate.storage import models
+from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
+from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, seen_by_run, with_chosen_splits
+from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
+from surrogate.training.source import Source
+
+MOST_CALMED = 2  # times that a training which diverged begins anew
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a command says about a run of a catalog; what it leaves out is chosen.
+
+    Attributes
+    ----------
+    budget : in minutes or steps; where neither is said, ten minutes, unless the settings say how many steps there are.
+    hold_out : share of the training members that test the surrogate.
+    settings : values by key of the `[training]` table.
+    """
+
+    budget: Budget = Budget()  # noqa: RUF009 - immutable
+    hold_out: float | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        TrainingSettings(**self.settings)  # says what is wrong
+
+    @property
+    def whole_budget(self) -> Budget:
+        """The budget, or the one that stands where none is said."""
+        said = self.budget.minutes, self.budget.steps, *(self.settings.get(key) for key in STEP_KEYS)
+        return self.budget if any(said) else Budget(minutes=MINUTES)
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values, for `run.json`."""
+        return {**vars(self.whole_budget), "hold_out": self.hold_out, "settings": dict(self.settings)}
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """The settings in a TOML file: its `[training]` table, such as a scene has, or all of it.
+
+    Raises ValueError naming the file for what is no TOML, or no settings; OSError where it can't be read.
+    """
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = tables.get("training", tables)
+        if not isinstance(found, dict):
+            raise ValueError(f"training must be a table, got {found!r}")
+        TrainingSettings(**found)
+    except ValueError as error:
+        raise ValueError(f"settings {path}: {error}") from error
+    return found
+
+
+def begin(path: Path, folder: Path, asked: Asked, *, elapsed: Callable[[], float] = lambda: 0.0) -> RunFolder:
+    """The run of the catalog at `path` in `folder`: the one that is there, or a new one as it is `asked` for.
+
+    A catalog that was moved is found again.  `elapsed` says how many seconds of a budget in minutes are spent already.  Raises
+    ValueError, with nothing written, where the folder holds a run that something else was asked for, of another catalog or of a
+    scene, and where the catalog can't be learnt from; RuntimeError where another process is at work there.
+    """
+    catalog, known = Catalog.open(path), RunRecord.load(folder)
+    if known is not None:
+        return _found(RunFolder(folder, known), catalog, asked)
+    if (
+        (folder / BESIDE).exists()
+        or models.exists(folder / "surrogate")
+        or (folder / "surrogate" / CHECKPOINT).exists()
+    ):
+        raise ValueError(
+            f"{folder} holds the results of a scene, or of an earlier version: choose another folder with -o"
+        )
+    first = TrainingSettings(**asked.settings)
+    seen = with_chosen_splits(catalog, first.appearance, asked.hold_out, first.seed)
+    Source(first, seen)  # says what can't be learnt
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with locked(folder):
+            settings, chosen = budgeted(asked.settings, seen, asked.whole_budget, elapsed)
+            record = RunRecord(
+                path_between(folder, path),
+                settings.to_json(),
+                seen.splits,
+                fingerprint(settings, seen),
+                asked.to_json(),
+                chosen,
+            )
+            record.save(folder)
+    except BaseException:
+        _remove_empty(folder)
+        raise
+    return RunFolder.open(folder)
+
+
+def calmer(run: RunFolder) -> RunFolder | None:
+    """A run of a catalog that diverged, begun anew with half the rates of F_sim; None after two times, and for a scene."""
+    known = run.record
+    if known is None or not known.asked or known.chosen.get("calmed", 0) >= MOST_CALMED:
+        return None
+    rates = run.settings.rates
+    settings = run.settings.changed(latent_rate=rates.latent / 2.0, embedding_rate=rates.embedding / 2.0)
+    chosen = {**known.chosen, "calmed": known.chosen.get("calmed", 0) + 1}
+    with locked(run.folder):
+        (run.model / CHECKPOINT).unlink(missing_ok=True)
+        mark = fingerprint(settings, run.catalog)
+        replace(known, settings=settings.to_json(), fingerprint=mark, chosen=chosen).save(run.folder)
+    return RunFolder.open(run.folder)
+
+
+def _found(run: RunFolder, catalog: Catalog, asked: Asked) -> RunFolder:
+    """The run that is there, if nothing else is asked for; its record follows a catalog that was moved."""
+    assert run.record is not None
+    others = _disagreements(run.record, asked)
+    if others:
+        raise ValueError(
+            f"{run.folder} was begun with {'; '.join(others)}: `surrogate train {run.folder}` goes on with it, -o names another "
+            "folder"
+        )
+    if run.missing or not catalog.path.samefile(run.catalog_path):
+        seen = None if run.record.splits is None else seen_by_run(catalog, run.record.splits)
+        if fingerprint(run.settings, seen or catalog) != run.record.fingerprint:
+            raise ValueError(
+                f"{run.folder} is a run of {run.catalog_path}, not of {catalog.path}: -o names another folder"
+            )
+        run = replace(run, record=replace(run.record, catalog=path_between(run.folder, catalog.path)))
+        assert run.record is not None
+        run.record.save(run.folder)
+    return run
+
+
+def _disagreements(known: RunRecord, asked: Asked) -> list[str]:
+    """In what a run was begun otherwise than it is asked for now; what is not asked for agrees with everything."""
+    now = {"minutes": asked.budget.minutes, "steps": asked.budget.steps, "hold_out": asked.hold_out}
+    said = [
+        f"{_option(name, known.asked.get(name))}, not {_option(name, value)}"
+        for name, value in now.items()
+        if value is not None and value != known.asked.get(name)
+    ]
+    before, given = (TrainingSettings(**values).to_json() for values in (known.settings, asked.settings))
+    others = [key for key in asked.settings if before.get(key) != given.get(key)]
+    return said + [f"{key}={before.get(key)}, not {given.get(key)}" for key in others]
+
+
+def _option(name: str, value: Any) -> str:
+    option = f"--{name.replace('_', '-')}"
+    return f"no {option}" if value is None else f"{option} {value:g}"
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove a folder that was made for nothing."""
+    (folder / ".lock").unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def seconds_of_process() -> float:
+    """Since this process began."""
+    import psutil
+
+    return time.time() - psutil.Process().create_time()

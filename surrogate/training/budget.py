@@ -1,0 +1,227 @@
+"""What a budget in minutes or steps leads to: how many Gaussians, trained for how many steps, on this machine.
+
+The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  Both rules are
+those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side: where members look much alike,
+more Gaussians were worth more than more steps; where a hundred members differ strongly, steps were
+(`python -m benchmarks.budgets`).
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from catalogs.catalog import Catalog
+from surrogate.evaluation.metrics import WHITE
+from surrogate.evaluation.scoring import spread
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.cuda import chosen_device
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.data import ImageRow, TrainingData, load_examples, training_rows, validation_rows
+from surrogate.training.loop import StageRun, mean_psnr
+from surrogate.training.source import Source
+from surrogate.training.stages import Stage, new_deformation, simulation_stage
+from surrogate.training.state import Fitted
+from surrogate.training.visualizations import new_visualization, visualization_stage
+
+MINUTES = 10.0  # where nobody says
+FEWEST_SECONDS = 15.0  # below which a budget in minutes is refused
+STEP_KEYS = ("canonical_steps", "deformation_steps", "visualization_steps")
+
+# How many Gaussians and steps
+LARGEST, SMALLEST = 60_000, 1_000
+FEWEST_STEPS = 20  # of a stage
+ENOUGH_STEPS = 2_000, 20_000  # and within these two for each image: with fewer there are fewer Gaussians as well
+FEWEST_GAUSSIANS = 0.25  # of those that the pictures are worth
+CANONICAL_SHARE, MOST_CANONICAL = 0.06, 1_000  # of stages 1 and 2
+MODES_OF_VALUES = (
+    32  # of carried values, which are also learnt without a stage of their own for the canonical Gaussians
+)
+VALIDATIONS, MOST_BETWEEN = 16, 1_000  # in a training, and steps between them at most
+
+# What takes time beside the steps
+COLOR_PROBES = 0.07  # of the steps of stages 1 and 2: the question whether colours depend on the direction
+COMPRESSION = 0.18  # of the same steps: fine-tunings after each choice
+PICTURES = 4_000  # drawn to make the choices of compression
+LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
+SPARE = 3.0  # seconds, to begin and to write down
+
+# How the speed is measured
+SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Minutes of time on this machine, or steps over all stages; neither where the settings say all."""
+
+    minutes: float | None = None
+    steps: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.minutes is not None and self.steps is not None:
+            raise ValueError("a budget is in minutes or in steps, not in both")
+        if self.minutes is not None and not FEWEST_SECONDS <= 60.0 * self.minutes < math.inf:
+            raise ValueError(f"--minutes must be a time, at least {FEWEST_SECONDS / 60.0:g}, got {self.minutes:g}")
+        if self.steps is not None and self.steps < 1:
+            raise ValueError(f"--steps must be at least 1, got {self.steps}")
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Seconds that a step takes in stage 2, and in stage 3 of each variation; that drawing and that loading an image take."""
+
+    step: float
+    varied: tuple[float, ...]
+    draw: float
+    load: float
+
+    @property
+    def mean_step(self) -> float:
+        """Over all stages, which have equally many steps."""
+        return statistics.fmean((self.step, *self.varied))
+
+
+def budgeted(
+    given: Mapping[str, Any], catalog: Catalog, budget: Budget, elapsed: Callable[[], float] = lambda: 0.0
+) -> tuple[TrainingSettings, dict[str, Any]]:
+    """The settings that a budget and the keys that are `given` lead to, and what they were chosen from.
+
+    `elapsed` says how many seconds of the budget's minutes are spent already.  A budget in steps leads to the same settings on
+    every machine.  Raises ValueError where keys are given that the budget decides on, or the time is too short.
+    """
+    settings = TrainingSettings(**given)
+    source = Source(settings, catalog)
+    if budget.minutes is None and budget.steps is None:
+        return settings, {}
+    decided = [key for key in STEP_KEYS if given.get(key)]
+    if decided:
+        raise ValueError(f"a budget decides on the steps of training: leave out {', '.join(decided)}, or the budget")
+    if budget.steps is not None:
+        chosen = _sized(given, source, len(_rows(source)[0]), budget.steps)
+        return chosen, {"gaussians": chosen.gaussians, "steps": budget.steps}
+    return _in_time(given, source, 60.0 * float(budget.minutes or 0.0), elapsed)
+
+
+def gaussians_for(pixels: int, images: int, steps: int) -> int:
+    """How many Gaussians are worth having for so many images of so many pixels, in so many steps of stages 1 and 2."""
+    worth = min((128 * 128 * pixels) ** 0.5, LARGEST)  # two a pixel at 64 x 64, one at 128 x 128, a half at 256 x 256
+    low, high = ENOUGH_STEPS
+    part = steps / min(max(2 * images, low), high)
+    wanted = worth * min(1.0, max(FEWEST_GAUSSIANS, part))
+    digits = 10 ** max(0, len(str(int(wanted))) - 2)
+    return max(SMALLEST, round(wanted / digits) * digits)
+
+
+def _sized(given: Mapping[str, Any], source: Source, images: int, steps: int) -> TrainingSettings:
+    """The given settings with so many steps over all stages, and with what follows from them where it is not given.
+
+    `images` are those of the base appearance that are learnt.
+    """
+    stages = 1 + len(source.variations)
+    each = max(1, steps // stages)
+    joint = source.field is not None or given.get("canonical_steps") == 0
+    canonical = 0 if joint else min(MOST_CANONICAL, round(CANONICAL_SHARE * each))
+    follows = {
+        **_design(source),
+        "gaussians": gaussians_for(_pixels(source), images, each),
+        "validation_interval": min(MOST_BETWEEN, max(1, steps // VALIDATIONS)),
+    }
+    lengths = {"canonical_steps": canonical, "deformation_steps": each - canonical}
+    return TrainingSettings(**{**follows, **given, **lengths, **({"visualization_steps": each} if stages > 1 else {})})
+
+
+def _in_time(
+    given: Mapping[str, Any], source: Source, seconds: float, elapsed: Callable[[], float]
+) -> tuple[TrainingSettings, dict[str, Any]]:
+    rows = _rows(source)
+    images = sum(map(len, rows))
+    choosing = source.settings.compression.enabled and bool(validation_rows(source.catalog, [source.appearance], 1))
+    most = gaussians_for(_pixels(source), 0, ENOUGH_STEPS[0])
+    tried = TrainingSettings(**{"gaussians": most, **_design(source), **given})
+    while True:
+        pace = measure_pace(Source(tried, source.catalog), rows)
+        left = seconds - elapsed() - SPARE - pace.load * images
+        compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
+        overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
+        steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
+        if steps < FEWEST_STEPS * len(rows):
+            raise ValueError(
+                f"{seconds / 60.0:g} minutes are too short here: to load {images:,} images takes {pace.load * images:.0f} s, "
+                f"and a step {1e3 * pace.mean_step:.0f} ms"
+            )
+        chosen = _sized(
+            given if compressing or not choosing else {"fit_to_need": False, **given}, source, len(rows[0]), steps
+        )
+        if chosen.gaussians >= tried.gaussians:
+            break
+        tried = chosen  # fewer Gaussians for few steps, which are then faster
+    return chosen.changed(gaussians=tried.gaussians), {
+        "gaussians": tried.gaussians,
+        "steps": steps,
+        "milliseconds_per_step": round(1e3 * pace.mean_step, 2),
+        "images": images,
+        "seconds_to_load": round(pace.load * images, 1),
+        "compressed": compressing,
+    }
+
+
+def _design(source: Source) -> dict[str, Any]:
+    """Settings that follow from what Gaussians carry."""
+    return {} if source.field is None else {"latent_size": MODES_OF_VALUES}
+
+
+def _rows(source: Source) -> list[list[ImageRow]]:
+    """The training images of the base appearance, and of each variation."""
+    shown = [[source.appearance], *([s.appearance for s in v.settings] for v in source.variations)]
+    return [training_rows(source.catalog, names) for names in shown]
+
+
+def _pixels(source: Source) -> int:
+    """Of a picture: the median over the shared cameras, or over the members' first ones."""
+    cameras = source.catalog.plan.cameras or [member.cameras[0] for member in source.catalog.members]
+    return int(statistics.median(camera.width * camera.height for camera in cameras))
+
+
+@one_torch_thread()
+def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]]) -> Pace:
+    """Train a little on some of the `rows` of each stage, and say how long it took."""
+    settings, loaded, seconds = source.settings, list[TrainingData](), 0.0
+    for variation, of in zip((None, *source.variations), rows, strict=True):
+        few = [of[i] for i in spread(len(of), SAMPLED)]
+        load_examples(source.catalog, few[:1], source.normalization, variation)  # what only the first one takes
+        started = time.perf_counter()
+        examples = load_examples(source.catalog, few, source.normalization, variation)
+        seconds += time.perf_counter() - started
+        loaded.append(TrainingData(examples, (), source.catalog.plan.background))
+    load = seconds / sum(len(data.examples) for data in loaded)
+    gaussians = source.initial_gaussians(loaded[0])
+    fitted = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
+    fitted = fitted.to(chosen_device(settings.device))
+    stages = [simulation_stage(*fitted.copy(), settings)]
+    for variation in source.variations:
+        stages.append(visualization_stage(*fitted, new_visualization(*fitted, variation, source), settings))
+    step, *varied = (_seconds(stage, settings, data) for stage, data in zip(stages, loaded, strict=True))
+    return Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0]), load)
+
+
+def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData) -> float:
+    """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
+    run, taken = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
+    while run.step < MOST_STEPS and (len(taken) < LEAST_STEPS or sum(taken) < LEAST_SECONDS):
+        started = time.perf_counter()
+        run.advance()
+        taken.append(time.perf_counter() - started)
+    return statistics.median(taken[LEAST_STEPS // 4 :])
+
+
+def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingData) -> float:
+    """Of a picture that is judged, deformation included."""
+    some, background = data.examples[:LEAST_DRAWN], data.background or WHITE
+    started = time.perf_counter()
+    mean_psnr(fitted.at, some, Rasterizer.of(settings), background)
+    return (time.perf_counter() - started) / len(some)

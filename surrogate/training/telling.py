@@ -1,0 +1,113 @@
+"""What `surrogate train` says on a terminal: what is about to be learnt, and how well it was."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from catalogs.appearance import Appearance, Isosurface, VolumeRendering, field_of
+from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.variations import Variation
+from catalogs.words import shortened
+from surrogate.evaluation.cases import Case, base_cells
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import mean, score_cases, spread
+from surrogate.model import Surrogate
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.runs import RunFolder
+from surrogate.training.source import Source
+
+MOST_SCORED = 40  # test images
+UNKNOWN = "no member tests it, so nothing is known of unseen parameters"
+HOLD_OUT, FEWEST = "--hold-out 0.2 keeps some aside", 3  # members, of which one may lie between others
+
+
+def opening(run: RunFolder) -> Iterator[str]:
+    """What a new run of a catalog learns, from which members, and for how long."""
+    source, catalog, record = Source(run.settings, run.catalog), run.catalog, run.record
+    learnt = learnt_line(catalog.plan, source.appearance, source.variations)
+    yield f"{run.catalog_path}: {learnt}{' (--appearance learns another)' if '; not ' in learnt else ''}"
+    yield f"  {members_line(catalog)}"
+    if record is not None and record.chosen:
+        yield f"  {_budget(run)}"
+
+
+def closing(surrogate: Surrogate, catalog: Catalog, folder: Path) -> Iterator[str]:
+    """How good a surrogate is on a few test images, and what comes next."""
+    yield f"  {_score(surrogate, catalog)}"
+    yield f"next: surrogate explore {folder}     (in a browser)"
+    yield f"      surrogate evaluate {folder}    (tables and pictures)"
+
+
+def about(run: RunFolder, surrogate: Surrogate) -> Iterator[str]:
+    """What a run's surrogate is, from what, and how it was trained."""
+    yield repr(surrogate)
+    if run.missing:
+        yield f"  {run.missing}"
+    else:
+        variations = [v.variation for v in surrogate.visualizations]
+        yield f"  {run.catalog_path}: {learnt_line(run.catalog.plan, str(surrogate.training['appearance']), variations)}"
+        yield f"  {members_line(run.catalog)}"
+    for parameter in (p for v in surrogate.visualizations for p in v.variation.space.parameters):
+        yield f"  {parameter}"
+    for name, value in surrogate.training.get("settings", {}).items():
+        yield f"  {name:<22} {value}"
+    for choice in surrogate.training.get("choices", ()):
+        yield f"  needed: {choice['name']:<22} {choice['kept']}"
+    if {"seconds", "steps"} <= set(surrogate.training):
+        yield f"  trained in {surrogate.training['seconds']:.0f} s, {surrogate.training['steps']} steps"
+
+
+def learnt_line(plan: CatalogPlan, appearance: str, variations: Sequence[Variation]) -> str:
+    """Which of a catalog's appearances are learnt, over which parameters, and which are not."""
+    shown = next(a for a in plan.appearances if a.name == appearance)
+    learnt = {appearance, *(s.appearance for v in variations for s in v.settings)}
+    others = [name for name in plan.appearance_names if name not in learnt]
+    label = plan.field_label(field_of(shown))
+    text = f"learns {_kind(shown)} {appearance}{f' of {label}' if label else ''} over {plan.space}"
+    if variations:
+        text += f", and {' and '.join(f'{len(v.settings)} {v.plural}' for v in variations)}"
+    return text + (f"; not {shortened(others, 4)}" if others else "")
+
+
+def members_line(catalog: Catalog) -> str:
+    """How many members are learnt from, choose and test; where none tests, what is therefore not known."""
+    members = catalog.members
+    counts = Counter(member.split for member in members)
+    views = any("validation" in member.view_splits for member in members)
+    choosing = counts["validation"] or ("some of their views" if views else 0)
+    text = f"{len(members)} member{'s' * (len(members) != 1)}: {counts['train']} to learn from, {choosing} to choose by"
+    if counts["test"]:
+        return f"{text}, {counts['test']} to test"
+    return f"{text}; {UNKNOWN}" + (f" ({HOLD_OUT})" if len(members) >= FEWEST else "")
+
+
+def _kind(shown: Appearance) -> str:
+    if isinstance(shown, VolumeRendering):
+        return "the volume rendering"
+    return "the isosurface" if isinstance(shown, Isosurface) else "the pictures"
+
+
+def _budget(run: RunFolder) -> str:
+    settings, chosen = run.settings, dict(run.record.chosen if run.record else {})
+    stages = settings.steps.canonical + settings.steps.deformation
+    text = f"{settings.gaussians:,} Gaussians, {chosen.get('steps', stages):,} steps"
+    pace, minutes = chosen.get("milliseconds_per_step"), (run.record.asked if run.record else {}).get("minutes")
+    return text + (f" of {pace:.3g} ms, which should take {minutes:g} minutes in all" if pace and minutes else "")
+
+
+@one_torch_thread()
+def _score(surrogate: Surrogate, catalog: Catalog) -> str:
+    cells = base_cells(catalog, str(surrogate.training["appearance"]))
+    for views, parameters, words in (
+        ("unseen_views", "unseen_parameters", "unseen views and parameters"),
+        ("seen_views", "unseen_parameters", "unseen parameters"),
+        ("unseen_views", "seen_parameters", f"unseen views of members that it learnt from; {UNKNOWN}"),
+    ):
+        group: list[Case] = list(cells[views][parameters])
+        if group:
+            some = [group[i] for i in spread(len(group), MOST_SCORED)]
+            [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, some)
+            return f"PSNR {mean(found.values(), 'psnr'):.2f} dB over {len(some)} test images: {words}"
+    return "no image tests it: the catalog has no view and no member that was not learnt from"

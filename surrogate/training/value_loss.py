@@ -1,0 +1,101 @@
+"""What values Gaussians blend to at given places, and how far that is from the field: a loss that needs no picture.
+
+The C++ kernel is tested against its readable twin, `blended_values_reference`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+import native
+from surrogate.derivatives import require_no_second_derivative
+from surrogate.splatting.reference import rotations
+
+REACH = 3.0  # standard deviations
+NAMES = ("means", "scales", "quats", "weights", "values")
+
+
+def value_loss(blended: Tensor, truth: Tensor) -> Tensor:
+    """Mean absolute difference of blended values (Q,) to the field's own (Q,), over the places that a Gaussian covers.
+
+    Those that none covers, where `blended` is not a number, are left out; the loss is 0 where all are.
+    """
+    covered = ~blended.isnan()  # [Q]
+    differences = torch.where(covered, blended - truth, 0.0)  # [Q]
+    return differences.abs().sum() / covered.sum().clamp(min=1)
+
+
+def blended_values(
+    means: Tensor,
+    scales: Tensor,
+    quats: Tensor,
+    weights: Tensor | None,
+    values: Tensor,
+    places: Tensor,
+    *,
+    reach: float = REACH,
+) -> Tensor:
+    """The values that N Gaussians carry, blended at Q places x: (Q,), sum_i w_i G_i(x) u_i / sum_i w_i G_i(x).
+
+    G_i is the Gaussian without a factor, 1 at its mean, and 0 beyond `reach` standard deviations (Mahalanobis distance).  A place
+    that no Gaussian of positive weight covers has no value: NaN.  Differentiable by all but `places`, once; what is not to follow
+    the values is passed detached, which also takes less time.
+
+    Parameters
+    ----------
+    means, scales, quats : (N, 3), (N, 3), (N, 4), as in `surrogate.splatting.render`.
+    weights : (N,) w, not negative, such as optical depths; None for equal ones.
+    values : (N,) u.
+    places : (Q, 3), in the coordinates of `means`.
+
+    In main memory and float32 the C++ kernel computes it on one core, anything else the twin, whose memory grows with N times Q.
+    Raises ValueError for shapes that do not belong together, and where a number is not finite or a weight negative.
+    """
+    weights = torch.ones_like(values) if weights is None else weights
+    tensors = (means, scales, quats, weights, values)
+    if all(tensor.is_cpu and tensor.dtype == torch.float32 for tensor in (*tensors, places)):
+        return _BlendedValues.apply(places, reach, *tensors)
+    return blended_values_reference(*tensors, places, reach=reach)
+
+
+def blended_values_reference(
+    means: Tensor,
+    scales: Tensor,
+    quats: Tensor,
+    weights: Tensor,
+    values: Tensor,
+    places: Tensor,
+    *,
+    reach: float = REACH,
+) -> Tensor:
+    """The same in plain torch, over all pairs: the definition that the kernel is tested against."""
+    offsets = places[:, None, :] - means  # [Q, N, 3]
+    local = torch.einsum("qnc,nck->qnk", offsets, rotations(quats)) / scales  # [Q, N, 3]
+    squared = (local**2).sum(dim=2)  # [Q, N]
+    near = squared <= reach**2  # [Q, N]
+    shares = weights * torch.where(near, torch.exp(-0.5 * torch.where(near, squared, 0.0)), 0.0)  # [Q, N]
+    total = shares.sum(dim=1)  # [Q]
+    covered = total > 0.0  # [Q]
+    return torch.where(covered, (shares @ values) / torch.where(covered, total, 1.0), torch.nan)
+
+
+class _BlendedValues(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, *inputs: Any) -> Tensor:
+        places, reach, *tensors = inputs
+        arrays = [tensor.detach().numpy() for tensor in tensors]
+        ctx.blend = native.blend(arrays, places.detach().numpy(), reach)
+        ctx.save_for_backward(*tensors)  # torch refuses a backward pass after they have changed
+        return torch.from_numpy(ctx.blend.values).to(places.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative("blended_values", "blended_values_reference")
+        _ = ctx.saved_tensors
+        needed = ctx.needs_input_grad[2:]
+        found = native.blend_gradients(ctx.blend, gradients[0].nan_to_num(0.0).numpy(), any(needed[:3]))
+        made = [None] * (len(NAMES) - len(found)) + [torch.from_numpy(array) for array in found]
+        return None, None, *(gradient if wanted else None for gradient, wanted in zip(made, needed, strict=True))
