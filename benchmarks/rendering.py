@@ -1,6 +1,6 @@
 """Measure rendering and write what was found into docs/rendering.md and docs/rendering.png.
 
-    LP_NUM_THREADS=0 python -m benchmarks.rendering [--machine "two shared cores"]
+    LP_NUM_THREADS=0 python -m benchmarks.rendering [--machine "two shared cores"] [--parts hard]
 
 Errors do not depend on the machine; times do.  About five minutes of one core, most of them for the float64
 reference, then half a minute of two.
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.hard_inputs import hard_inputs
 from benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from benchmarks.splatting.figures import panels
 from benchmarks.timing import processor_seconds
@@ -264,12 +265,14 @@ def figure(found: dict[str, Found]) -> None:
 def main() -> None:
     parser = command_line("rendering", __doc__)
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
-    machine = parser.parse_args().machine
+    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="those to measure")
+    arguments = parser.parse_args()
+    machine = arguments.machine
     os.environ.setdefault("LP_NUM_THREADS", "0")  # one thread per process, before the driver starts
     on, folders = f"{machine} ({open_window().backend})", ("render", "catalogs", "insitu", "benchmarks/rendering.py")
     made = made_by("rendering", *folders, on=on, environment="LP_NUM_THREADS=0 ")
     found: dict[str, Found] = {}
-    parts = {name: partial(part, found) for name, part in PARTS.items()}
+    parts = {name: partial(part, found) for name, part in PARTS.items() if name in arguments.parts}
     failed = write_parts(PAGE, parts, made, stopwatch())
     if set(found) == set(appearances()):
         figure(found)
@@ -306,12 +309,23 @@ def centroid_part(_: dict[str, Found]) -> str:
     return titled(title, table(["", "mean offset", "largest offset"], rows))
 
 
+def hard_part(_: dict[str, Found]) -> str:
+    grid = member()
+    header = ["field, float64", "volume, dB", "lit volume, dB", "isosurface, dB"]
+    title = "Hard inputs: volumes against the float64 ray-marcher at the same steps, isosurfaces against the field's as it is"
+    return titled(
+        title,
+        table(header, hard_inputs(grid, appearances()["smooth"].transfer_function, cameras(grid, size=48)[VIEWS[1]])),
+    )
+
+
 PARTS: Mapping[str, Callable[[dict[str, Found]], str]] = {
     "smooth": lambda found: speed_part("smooth", found),
     "peaks": lambda found: speed_part("narrow peaks", found),
     "throughput": throughput_part,
     "isosurface": isosurface_part,
     "centroids": centroid_part,
+    "hard": hard_part,
 }
 
 

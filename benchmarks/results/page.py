@@ -7,12 +7,14 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from benchmarks.results.ablations import study_section
+from benchmarks.results.functions import functions_section
 from benchmarks.results.gaps import Gap, gaps_of
 from benchmarks.results.parts import parts_of
 from benchmarks.results.quality import quality_tables
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import report_sources, study_sources
 from catalogs import durable
+from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.evaluation.tables import NOTHING, document, number, plain_spread, table, table_of
 from surrogate.report.report import RECORD
 from surrogate.storage.records import read_json
@@ -22,12 +24,16 @@ PAGE = "results.md"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")
 INTRODUCTION = (
     "Every number on this page was read from [records](records/README.md) by `python -m benchmarks.results`, which `make results` "
-    "ends with; what is missing stands at the end, with the command that makes it.  Means over test images, which no choice was "
-    "made on; PSNR of the full frame, on white or on the data's own background, by the definitions that stand in every report.  "
-    "Where there are several seeds, ± is their sample standard deviation.  A *ceiling* is what as many Gaussians reach that are "
-    "fitted, for as many steps, to one unseen member (and setting) alone, at its unseen views; in brackets the surrogate on the "
-    "same images.  *Trivial predictors* mix stored pictures at the very same view: ones that the surrogate is not given and that "
-    "need not exist; those of settings are on the images that they can predict."
+    "ends with; what is missing stands at the end, with the command that makes it.  Means over test images: no choice was "
+    "made on them, but this page, the explorer's and others show them.  PSNR of the full frame, on white or on the data's own "
+    "background, by the definitions that stand in every report.  Where there are several seeds, ± is their sample standard "
+    "deviation.  A *ceiling* is what as many Gaussians reach that are fitted, for as many steps, to one unseen member (and "
+    "setting) alone, at its unseen views; in brackets the surrogate on the same images: what a model lacks to its ceiling at "
+    "*seen* parameters is underfitting, what it lacks from seen to unseen ones is prediction.  *The same model at the centre of "
+    "the parameters*, of the scene's own seed, shows every member as it shows the one in the middle: where that is as good, the "
+    "parameters hardly matter.  *Trivial predictors* mix stored pictures at the very same view: ones that the surrogate is not "
+    f"given and that need not exist.  An image counts {MOST_DECIBELS:.0f} dB at most, which some of theirs reach.  Those of "
+    "settings mix pictures of the very member that is asked for, under the trained settings that it was rendered with."
 )
 COST_COLUMNS = (  # times are of the scene's own seed
     ("scene", lambda scene: f"`{scene.name}`"),
@@ -64,6 +70,7 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
                 report_sources(s for s in scenes if s.name in one.scenes),
             )
         ),
+        *functions_section(scenes),
         "## How large, how fast",
         "Times are medians, one picture at a time.",
         table_of(known, *COST_COLUMNS) if known else "No scene has a report yet.",

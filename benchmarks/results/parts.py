@@ -8,9 +8,12 @@ from typing import Any
 
 from benchmarks.results.scenes import SceneResults
 from catalogs.variations import KINDS
+from surrogate.evaluation.cases import PARAMETERS
+from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.evaluation.tables import NOTHING, metric_number, number, spread_number
 
 BASE = "base"
+NEARLY_CUT = MOST_DECIBELS - 5.0  # dB; some of the images of such a mean are cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +56,42 @@ class Part:
             return NOTHING
         entries = self.record["trivial_predictors"]
         means = [entry["psnr"].get(row, {}) if self.kind == BASE else entry["psnr"] for entry in entries]
-        value, name = max(
-            ((of[column], e["name"]) for of, e in zip(means, entries, strict=True) if of.get(column) is not None),
-            default=(None, ""),
-        )
-        if value is None:
+        known = [(of[column], i) for i, of in enumerate(means) if of.get(column) is not None]
+        if not known:
             return NOTHING
-        return f"{number(value)} ({name.split(' (')[0]})"
+        value, best = max(known)
+        entry = entries[best]
+        remarks = [
+            entry["name"].split(" (")[0],
+            *self._uncut(entry, value, row, column),
+            *self._uncapped(entry, column),
+        ]
+        return f"{number(value)} ({'; '.join(remarks)})"
+
+    def at_center(self, row: str, column: str) -> str:
+        """PSNR in dB of the same model with the simulation's parameters at their centre, on the same images."""
+        known = self.record.get("at_center")
+        return NOTHING if known is None else number(known["psnr"][row][column])
+
+    def _uncut(self, entry: Mapping[str, Any], value: float, row: str, column: str) -> list[str]:
+        """Of a predictor near the most that an image counts, the PSNR of its mean error, which is not cut."""
+        means = entry.get("psnr_of_mean_error", {})
+        uncut = (means.get(row, {}) if self.kind == BASE else means).get(column)
+        return [f"of the mean error {uncut:.2f}"] if value > NEARLY_CUT and uncut is not None and uncut > value else []
+
+    def _uncapped(self, entry: Mapping[str, Any], column: str) -> list[str]:
+        """Of a predictor from fewer settings than training showed: how many, and what it reaches where it has more."""
+        shown, trained = entry.get("settings_shown", {}), self.record.get("settings_trained")
+        if not trained or column not in shown or shown[column][0] >= trained:
+            return []
+        fewest, most = shown[column]
+        remarks = [f"from {fewest if fewest == most else f'{fewest} to {most}'} of {trained} trained {self.what}"]
+        fuller = [other for other, (least, _) in shown.items() if other in PARAMETERS and least > most]
+        return remarks + [
+            f"with {shown[other][0]}, at {other.replace('_', ' ')}, {number(entry['psnr'][other])}"
+            for other in fuller
+            if entry["psnr"].get(other) is not None
+        ]
 
     def beside_ceiling(self) -> str:
         """PSNR in dB of the same Gaussians fitted alone, and of the surrogate on the same images."""

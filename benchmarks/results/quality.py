@@ -11,6 +11,7 @@ from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
 from surrogate.evaluation.tables import HEADINGS, NOTHING, table_of
 
 CEILING, TRIVIAL = "ceiling (surrogate there), dB", "best trivial predictor, dB"
+CENTER = "the same model at the centre of the parameters, dB"
 Cell = tuple[str, str]  # row and column
 
 
@@ -110,6 +111,7 @@ def _made(
         ("scene", lambda part: f"`{part.scene}`"),
         *first,
         *((HEADINGS[metric], figure(metric)) for metric in ("psnr_foreground", "ssim", *perceptual)),
+        (CENTER, lambda part: part.at_center(*at(part))),
         (CEILING, Part.beside_ceiling),
         (TRIVIAL, lambda part: part.best_trivial(*at(part))),
         ("seeds", Part.seeds),

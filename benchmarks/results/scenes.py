@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.functions.measured import Shown, load
 from benchmarks.results.studies import StudyResults, published_study, read_studies
 from catalogs.appearance import ImportedImages, appearance_to_json
 from catalogs.scene import Scene
@@ -36,6 +37,7 @@ class SceneResults:
     ceilings : entries about the same model, as `load_ceilings` has them.
     repeats : `summarize_repeats` of the seeds of the same settings; None for fewer than two.
     studies : its ablations.
+    functions : how functions that were never trained are shown, a record and its rows for each seed.
     earlier : whether any of it was measured by other code than the present, or is known from an earlier page alone.
     """
 
@@ -48,6 +50,7 @@ class SceneResults:
     ceilings: Sequence[Mapping[str, Any]] = ()
     repeats: Mapping[str, Any] | None = None
     studies: Sequence[StudyResults] = ()
+    functions: Sequence[tuple[Record, Sequence[Shown]]] = ()
     earlier: bool = False
 
 
@@ -70,7 +73,7 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     scores = load_scores(folder, **asked)
     known = load_report(folder, settings.seed)
     report = known if known is not None and known.agrees(asked) else None
-    studies = read_studies(folder, settings)
+    studies, functions = read_studies(folder, settings), load(folder, settings.to_json())
     published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
     if published is not None:
         measured = {study.kind for study in studies}
@@ -78,7 +81,7 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         studies = [*studies, *(study for study in old if study.kind not in measured)]
     if report is None and not scores and published is not None:
         figures = {name: published.values[name] for name in ("report", "ceilings", "repeats")}
-        return SceneResults(*of_scene, **figures, studies=studies, earlier=True)
+        return SceneResults(*of_scene, **figures, studies=studies, functions=functions, earlier=True)
     [(base_of_most, _)] = Counter(one.base for one in scores).most_common(1) or [("", 0)]
     mark = base_of_most if report is None else report.key["mark"]
     seeds = [one for one in scores if one.base == mark]
@@ -90,5 +93,6 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         ceilings,
         summarize_repeats(seeds),
         studies,
+        functions,
         earlier=not made_by <= {code()} or any(study.earlier for study in studies),
     )

@@ -27,26 +27,26 @@ def study_sources(scene: str, study: StudyResults) -> str:
     results = study.results
     seeds = sorted({int(result.settings["seed"]) for result in results})
     command = f"{study.kind.command(scene)} --seconds {study.budget:g} --seeds {len(seeds)}"
-    made = _made([asdict(result.provenance) for result in results], seeds)
+    made = made_from([asdict(result.provenance) for result in results], seeds)
     return f"<sub>`{command}`: {made}.</sub>"
 
 
 def _of_scene(scene: SceneResults) -> list[tuple[str, str]]:
-    """The commands that made a scene's numbers, each with its `_made`."""
+    """The commands that made a scene's numbers, each with its `made_from`."""
     if scene.report is None:
         return []
-    found = [(f"surrogate evaluate scenes/{scene.name}.toml", _made([scene.report], [scene.report["seed"]]))]
+    found = [(f"surrogate evaluate scenes/{scene.name}.toml", made_from([scene.report], [scene.report["seed"]]))]
     if scene.repeats is not None:
         seeds, machines, commits = (scene.repeats[name] for name in ("seeds", "machines", "commits"))
-        made = _made([{"machine": machine, "commit": commit} for machine in machines for commit in commits], seeds)
+        made = made_from([{"machine": machine, "commit": commit} for machine in machines for commit in commits], seeds)
         found.append((f"surrogate repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
     if scene.ceilings:
         seeds = sorted({int(entry["seed"]) for entry in scene.ceilings})
-        found.append((f"surrogate ceiling scenes/{scene.name}.toml", _made(scene.ceilings, seeds)))
+        found.append((f"surrogate ceiling scenes/{scene.name}.toml", made_from(scene.ceilings, seeds)))
     return found
 
 
-def _made(records: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> str:
+def made_from(records: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> str:
     """From which commits, on which machines and with which seeds; a record has a "commit" and a "machine"."""
     commits = ", ".join(dict.fromkeys(f"`{record['commit']}`" for record in records))
     machines = "; ".join(dict.fromkeys(_machine(record["machine"] or {}) for record in records))

@@ -1,0 +1,1 @@
+"""A surrogate under transfer functions that it never saw, against the field itself."""
