@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import defaultdict
 from pathlib import Path
 
 import hypothesis
@@ -20,6 +21,19 @@ hypothesis.settings.load_profile("any machine")
 # A shell that starts the tests in the background lets them inherit "ignore Ctrl-C"; some of them press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+SLOW = 20  # a slow test takes about as long as so many others
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put files that take long before the others where several processes share them, so that all end at about one time."""
+    if not hasattr(config, "workerinput"):
+        return
+    lasting: dict[Path, int] = defaultdict(int)
+    for item in items:
+        lasting[item.path] += SLOW if item.get_closest_marker("slow") else 1
+    items.sort(key=lambda item: (-lasting[item.path], item.path))
 
 
 @pytest.fixture(scope="session")

@@ -29,20 +29,20 @@ def start(command: str, runs: Path, *arguments: str) -> subprocess.Popen[str]:
     )
 
 
-def finish(process: subprocess.Popen[str], seconds: float = 180.0) -> str:
+def finish(process: subprocess.Popen[str], seconds: float = 550.0) -> str:
     output, _ = process.communicate(timeout=seconds)
     assert process.returncode == 0, output
     return output
 
 
-def interrupt_when(process: subprocess.Popen[str], ready: Path, pattern: str, seconds: float = 60.0) -> None:
+def interrupt_when(process: subprocess.Popen[str], ready: Path, pattern: str, seconds: float = 300.0) -> None:
     """Press Ctrl-C, for the whole process group, as soon as a file that matches is there."""
     until = time.monotonic() + seconds
     while time.monotonic() < until and process.poll() is None and not list(ready.glob(pattern)):
         time.sleep(0.05)
     assert process.poll() is None, process.communicate()[0]
     os.killpg(process.pid, signal.SIGINT)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=300)
     assert process.returncode != 0
     assert "Traceback" not in output, output
 

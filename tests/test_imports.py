@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ast
+import resource
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -38,15 +38,17 @@ def test_every_module_of_a_package_loads_without_the_other_half(package: str) ->
 
 @pytest.mark.parametrize("package", ["insitu", "catalogs", "surrogate"])
 def test_help_answers_within_half_a_second(package: str) -> None:
+    """Of the processor: others may have it meanwhile."""
     command = [sys.executable, "-c", f"from {package}.cli import main; main()", "--help"]
     seconds = []
-    for _ in range(5):
-        started = time.perf_counter()
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         result = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=60)
-        seconds.append(time.perf_counter() - started)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
         assert result.returncode == 0, result.stderr
         assert "Usage" in result.stdout
-    assert min(seconds) < 0.5, f"fastest of five took {min(seconds):.2f} s"
+    assert min(seconds) < 0.5, f"best of three took {min(seconds):.2f} s"
 
 
 def test_the_packages_themselves_load_nothing_heavy() -> None:

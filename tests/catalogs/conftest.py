@@ -44,7 +44,8 @@ def summary(seed: int = 0) -> FieldSummary:
     points = random.random((5, 3)).astype(np.float32)
     values = random.random(5).astype(np.float32)
     edges = np.linspace(0.0, 1.0, 257)
-    return FieldSummary(0.0, 1.0, 0.01, np.arange(256, dtype=np.int64), edges, points, values, values)
+    even = random.random((3, 3)).astype(np.float32)
+    return FieldSummary(0.0, 1.0, 0.01, np.arange(256, dtype=np.int64), edges, points, values, values, even, even[:, 0])
 
 
 def add_member(catalog: Catalog, name: str, reynolds: float, *, split: str = "train", seed: int = 0) -> None:

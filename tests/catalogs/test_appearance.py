@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 
 import numpy as np
@@ -73,6 +74,53 @@ def test_impossible_transfer_functions_are_refused(colors: tuple, opacities: tup
 def test_malformed_records_are_named(record: dict[str, object], named: str) -> None:
     with pytest.raises(ValueError, match=named):
         appearance_from_json(record)
+
+
+ENDS = ((0, 0, 0, 0), (1, 1, 1, 1)), ((0, 0), (1, 1))
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: Isosurface("iso", 0.5, color="red"), r"appearance 'iso': color, .*, must be 3 numbers, got 'red'"),
+        (lambda: Isosurface("iso", 0.5, color=(1, 0)), r"'iso': color, .*, must be 3 numbers, got 2: \(1, 0\)"),
+        (lambda: Isosurface("iso", 0.5, color=(255, 0, 0)), r"'iso': color must lie in \[0, 1\], got 255"),
+        (lambda: Isosurface("iso", 0.5, color=("r", 0, 0)), "must be a finite number, got 'r'"),
+        (lambda: Isosurface("iso", "0.5"), "appearance 'iso': isovalue must be a finite number, got '0.5'"),
+        (lambda: Isosurface("iso", float("nan")), "appearance 'iso': isovalue must be a finite number, got nan"),
+        (lambda: Isosurface("iso", np.array([0.5])), "appearance 'iso': isovalue must be a finite number"),
+        (lambda: Isosurface("iso", 0.5, ambient=-0.1), "appearance 'iso': ambient must not be negative, got -0.1"),
+        (lambda: Isosurface("iso", 0.5, specular_power=None), "specular_power must be a finite number, got None"),
+        (lambda: Isosurface(5, 0.5), "the name of an appearance must be text, got 5"),
+        (lambda: Isosurface("", 0.5), "the name of an appearance must be text, got ''"),
+        (lambda: VolumeRendering("dvr", "hot"), "'dvr': transfer_function must be a TransferFunction, got 'hot'"),
+        (lambda: VolumeRendering("dvr", None), "'dvr': transfer_function must be a TransferFunction, got None"),
+        (lambda: VolumeRendering("dvr", FUNCTION, shaded="yes"), "'dvr': shaded must be True or False, got 'yes'"),
+        (lambda: VolumeRendering(None, FUNCTION), "the name of an appearance must be text, got None"),
+        (lambda: ImportedImages("x", 5), "appearance 'x': note must be text, got 5"),
+        (lambda: TransferFunction(*ENDS, "far"), "opacity_unit_distance must be a finite number, got 'far'"),
+        (lambda: TransferFunction("hot", ENDS[1], 1.0), "color_points must be at least two points of 4 numbers"),
+        (lambda: TransferFunction(ENDS[0], (0, 1), 1.0), "each of opacity_points must be 2 numbers, got 0"),
+        (lambda: TransferFunction(ENDS[0], ((0, "a"), (1, 1)), 1.0), "must be a finite number, got 'a'"),
+        (lambda: TransferFunction(ENDS[0], ((0, 0), (np.inf, 1)), 1.0), "must be a finite number, got inf"),
+    ],
+)
+def test_what_could_not_be_drawn_or_written_down_is_refused_when_made(
+    made: Callable[[], Appearance], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        made()
+
+
+def test_numbers_of_numpy_become_plain_ones_that_json_can_hold() -> None:
+    points = np.array([[0, 0, 0, 0], [1, 1, 1, 1]], np.float32), np.array([[0, 0], [1, 1]], np.int64)
+    function = TransferFunction(*points, np.float32(0.5))  # type: ignore[arg-type]
+    appearances = (
+        VolumeRendering("dvr", function, shaded=np.True_),  # type: ignore[arg-type]
+        Isosurface("iso", np.float32(0.25), np.array([1, 0, 0]), np.float16(0.5), specular_power=np.int8(3)),  # type: ignore[arg-type]
+    )
+    for appearance in appearances:
+        assert appearance_from_json(json.loads(json.dumps(appearance_to_json(appearance)))) == appearance
 
 
 # Literally what was written before appearances could name a field: plans and fingerprints of trained runs are compared with it.

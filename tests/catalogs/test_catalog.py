@@ -20,12 +20,14 @@ from catalogs.catalog import Catalog, CatalogError
 from catalogs.check import check
 from catalogs.images import ImageError
 from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.table import JOURNAL, SPARE
 from tests.catalogs.conftest import add_member, make_plan, picture
 
 
 def tree(path: Path) -> dict[str, bytes]:
-    """Every file below `path` but the lock."""
-    return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file() and p.name != ".lock"}
+    """Every file below `path` but the lock and what is derived and hidden."""
+    derived = {".lock", JOURNAL, SPARE}
+    return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file() and p.name not in derived}
 
 
 def test_what_was_written_is_read(catalog: Catalog) -> None:
@@ -126,18 +128,22 @@ def test_an_incomplete_member_is_not_stored(catalog: Catalog) -> None:
 def test_a_disk_that_fills_at_any_write_changes_nothing(
     catalog: Catalog, monkeypatch: pytest.MonkeyPatch, left: int
 ) -> None:
-    """24 images, summary, rows and record of the member, and the new table: the disk is full after `left` of them."""
-    before, write, count = tree(catalog.path), durable.write, [0]
+    """24 images, summary, rows and record of the member, the new table and the journal: the disk is full after `left` of them."""
+    before, count = tree(catalog.path), [0]
 
-    def full(path: Path, data: bytes) -> None:
-        count[0] += 1
-        if count[0] <= left:
-            write(path, data)
-            return
-        write(path, data[: len(data) // 2])
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    def filling(write: Callable[[Path, bytes], None]) -> Callable[[Path, bytes], None]:
+        def full(path: Path, data: bytes) -> None:
+            count[0] += 1
+            if count[0] <= left:
+                write(path, data)
+                return
+            write(path, data[: len(data) // 2])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr(durable, "write", full)
+        return full
+
+    monkeypatch.setattr(durable, "write", filling(durable.write))
+    monkeypatch.setattr(durable, "append", filling(durable.append))
     if left < 28:
         with pytest.raises(OSError, match="No space left"):
             add_member(catalog, "third", 150.0)
@@ -198,7 +204,7 @@ def test_a_read_only_folder_is_named_and_nothing_changes(read_only: Catalog) -> 
     before = tree(read_only.path)
     said = as_nobody(lambda: add_member(read_only, "second", 150.0))
     assert said.startswith("PermissionError")
-    assert str(read_only.path / "members") in said
+    assert str(read_only.path) in said
     said = as_nobody(lambda: Catalog.create(read_only.path.parent / "new.cdb", make_plan()) and None)
     assert said.startswith("PermissionError")
     assert "new.cdb" in said
@@ -214,7 +220,7 @@ def test_a_read_only_catalog_is_read(read_only: Catalog) -> None:
     assert as_nobody(read) == ""
 
 
-@pytest.mark.parametrize(("schema", "message"), [(99, "newer"), (4, "newer"), (0, "damaged"), (True, "damaged")])
+@pytest.mark.parametrize(("schema", "message"), [(99, "newer"), (5, "newer"), (0, "damaged"), (True, "damaged")])
 def test_other_schemas_are_refused(catalog: Catalog, schema: int, message: str) -> None:
     path = catalog.path / "catalog.json"
     record = json.loads(path.read_text())
@@ -347,3 +353,42 @@ def test_other_things_are_not_taken_over(tmp_path: Path) -> None:
     with pytest.raises(CatalogError, match=r"thesis\.tex"):
         Catalog.create(path, make_plan())
     assert (path / "thesis.tex").read_text() == "years of work"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        (
+            '"color": [',
+            '"color": ["red", ',
+            r"appearance 'iso': color, .*, must be 3 numbers, got 4: \['red', 0.85, 0.85",
+        ),
+        ('"isovalue": 0.25', '"isovalue": null', "appearance 'iso': isovalue must be a finite number, got None"),
+        ('"isovalue": 0.25', '"isovalue": NaN', "appearance 'iso': isovalue must be a finite number, got nan"),
+        (
+            '"opacity_unit_distance": 0.1',
+            '"opacity_unit_distance": -1',
+            "appearance 'dvr' of .* must be positive, got -1",
+        ),
+        ('"low": 100.0', '"low": "x"', "parameter Re: low, one of its bounds, must be a finite number, got 'x'"),
+        ('"fx": ', '"fx": -', "a camera's fx must be positive"),
+    ],
+)
+def test_a_poisoned_catalog_says_in_one_sentence_what_is_wrong(
+    catalog: Catalog, before: str, after: str, message: str
+) -> None:
+    path = catalog.path / "catalog.json"
+    text = " ".join(path.read_text().split()).replace("[ ", "[")
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+    with pytest.raises(CatalogError, match=rf"catalog\.json is damaged: {message}") as caught:
+        Catalog.open(catalog.path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_plan_that_json_cannot_hold_leaves_nothing(tmp_path: Path) -> None:
+    plan = make_plan()
+    object.__setattr__(plan.appearances[1], "isovalue", float("nan"))  # past its constructor
+    with pytest.raises(CatalogError, match="this plan can't be written down"):
+        Catalog.create(tmp_path / "a.cdb", plan)
+    assert list(tmp_path.iterdir()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from catalogs.catalog import Catalog
 from catalogs.check import check
 from catalogs.cli import main
 from catalogs.images import write_image
+from tests.catalogs.conftest import add_member
 
 
 def rewrite(path: Path, old: str, new: str) -> None:
@@ -86,8 +88,27 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "another format": (lambda c: (c / IMAGE).write_text("hello"), "row 5", "no PNG"),
     "stray quote": (lambda c: rewrite(c / "data.csv", "120.0,1.0,dvr", '120.0,1.0,d"r'), "data.csv", "line 2"),
     "newer schema": (lambda c: rewrite(c / "catalog.json", '"schema": 2', '"schema": 9'), "catalog.json", "newer"),
+    "table is a pipe": (lambda c: pipe(c / "data.csv"), "data.csv", "named pipe"),
+    "description is a pipe": (lambda c: pipe(c / "catalog.json"), "catalog.json", "named pipe"),
+    "record is a pipe": (lambda c: pipe(c / "members/first/member.json"), "first", "named pipe"),
+    "rows are a pipe": (lambda c: pipe(c / "members/first/rows.csv"), "first", "named pipe"),
+    "summary is a pipe": (lambda c: pipe(c / "members/first/field.npz"), "first", "named pipe"),
+    "image is a pipe": (lambda c: pipe(c / IMAGE), "row 5", "named pipe"),
+    "image is a device": (lambda c: device(c / IMAGE), "row 5", "device"),
+    "table is a device": (lambda c: device(c / "data.csv"), "data.csv", "device"),
+    "table is a folder": (lambda c: ((c / "data.csv").unlink(), (c / "data.csv").mkdir()), "data.csv", "a folder"),
     "damaged summary": (lambda c: cut(c / "members/first/field.npz"), "first", "summary"),
 }
+
+
+def pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def device(path: Path) -> None:
+    path.unlink()
+    path.symlink_to("/dev/zero")
 
 
 def drop_rows(path: Path, member: str) -> None:
@@ -112,6 +133,31 @@ def test_the_table_can_be_rebuilt(catalog: Catalog) -> None:
     result = CliRunner().invoke(main, ["check", "--repair", str(catalog.path)])
     assert result.exit_code == 0, result.output
     assert "nothing wrong" in result.output
+
+
+@pytest.mark.parametrize("damage", [lambda rows: rows.unlink(), pipe, lambda rows: rows.write_text("x")])
+def test_the_rows_of_members_can_be_rebuilt(catalog: Catalog, damage: Callable[[Path], object]) -> None:
+    before = (catalog.path / "data.csv").read_bytes()
+    damage(catalog.path / "members/first/rows.csv")
+    result = CliRunner().invoke(main, ["check", "--repair", str(catalog.path)])
+    assert result.exit_code == 0, result.output
+    assert (catalog.path / "data.csv").read_bytes() == before
+    assert (catalog.path / "members/first/rows.csv").is_file()
+
+
+def test_lost_rows_block_no_writer(catalog: Catalog) -> None:
+    (catalog.path / "members/first/rows.csv").unlink()
+    (catalog.path / "data.csv").unlink()
+    add_member(catalog, "third", 150.0)
+    assert [f.place for f in check(catalog.path)] == ["member first"]
+
+
+def test_the_order_of_members_in_the_table_is_free(catalog: Catalog) -> None:
+    lines = (catalog.path / "data.csv").read_bytes().splitlines(keepends=True)
+    (catalog.path / "data.csv").write_bytes(b"".join([lines[0], *lines[25:], *lines[1:25]]))
+    assert check(catalog.path) == []
+    (catalog.path / "data.csv").write_bytes(b"".join([lines[0], *lines[2:25], lines[1], *lines[25:]]))
+    assert [f.place for f in check(catalog.path)] == ["data.csv"]
 
 
 def test_the_smallest_damage_is_one_finding(catalog: Catalog) -> None:

@@ -79,6 +79,7 @@ def test_an_exr_keeps_texts_and_every_bit(tmp_path: Path, channels: int) -> None
     assert exr_text(tmp_path / "a.exr", "some-key") == '{"Ω": 0.3}'
     assert exr_text(tmp_path / "a.exr", "other") is None
     assert np.array_equal(read_stored(tmp_path / "a.exr"), pixels)
+    assert b"capDate" not in (tmp_path / "a.exr").read_bytes(), "the time of writing makes equal pictures differ"
 
 
 def test_encoded_pictures_are_whole_and_small(tmp_path: Path) -> None:

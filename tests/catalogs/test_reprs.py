@@ -17,15 +17,20 @@ from catalogs.browse.access import Access
 from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog
 from catalogs.check import Finding
+from catalogs.durable import Stamp
 from catalogs.exchange.nerf import ImportedMember
 from catalogs.exchange.transforms import Frame
+from catalogs.journal import Stamps
 from catalogs.members import Member
+from catalogs.missing import MissingMember
 from catalogs.notebook.cards import Picture
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.plan import CatalogPlan
 from catalogs.png import PngHeader
 from catalogs.progress import Count
+from catalogs.quantity import Quantity
 from catalogs.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
+from catalogs.splits import Splits
 from catalogs.summary import FieldSummary
 from catalogs.variations import Setting, field_variation, isovalue_family, transfer_function_family
 
@@ -58,6 +63,9 @@ SUMMARY = FieldSummary(
 )
 SHOWN: list[tuple[Any, str]] = [
     (Parameter("Re", 1500.0, 2500.0), "Re"),
+    (Splits({"a": "train"}, 9), "9"),
+    (MissingMember("a", PARAMETERS, "ValueError: bad"), "ValueError: bad"),
+    (Quantity("Q", "1/s²"), "1/s²"),
     (SPACE, "<ParameterSpace of Re in [1500, 2500], time in [0, 2] s>"),
     (CAMERAS[0], "256x256 pixels"),
     (FUNCTION, "<TransferFunction over [-1, 3]: 2 colour and 4 opacity points>"),
@@ -71,7 +79,7 @@ SHOWN: list[tuple[Any, str]] = [
     (field_variation("dvr", appearances=["speed-dvr"]), "<FieldVariation: field: dvr, or speed-dvr>"),
     (PLAN, "252 views of dvr, dvr-train-01"),
     (MEMBER, "<Member a (train): Re=1500 time=0.25; 252 views of dvr, dvr-train-01"),
-    (SUMMARY, "<FieldSummary from -1 to 3, 2.00 % clipped, 9 points>"),
+    (SUMMARY, "<FieldSummary from -1 to 3, 2.00 % clipped, 9 points by opacity, 0 evenly>"),
     (PlannedMember("a", PARAMETERS, "train", MEMBER.appearances), "<PlannedMember a (train): Re=1500"),
     (ViewPlan(), "256"),
     (VariedMembers(FUNCTIONS.variation), "transfer_function of dvr"),
@@ -81,6 +89,7 @@ SHOWN: list[tuple[Any, str]] = [
     (ImportedMember("a", (0.1, 0.2), "train", (FRAME,) * 100, ("train",) * 100), "a"),
     (Picture(np.zeros((64, 64, 3), np.uint8), "below"), "below"),
     (PngHeader(8, 6, 8, 2, False), "8"),
+    (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
     (Finding("data.csv", "is missing"), "is missing"),
     (Access("0.0.0.0", "secret"), "0.0.0.0"),
     (Count("drawing", 1, 2, 0.5), "drawing"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -10,21 +11,16 @@ import numpy as np
 import pytest
 
 from catalogs.appearance import Isosurface
+from catalogs.parameters import SPLITS
 from catalogs.plan import CatalogPlan
 from catalogs.scene import PlannedMember, Scene
+from tests.support.scenes import REYNOLDS, SIMULATED, scene
 
 SCENES = sorted((Path(__file__).resolve().parents[2] / "scenes").glob("*.toml"))
 
-MINIMAL = """
+MINIMAL = f"""
 name = "demo"
-[source]
-kind = "simulation"
-simulation = "taylor_green"
-[[parameters]]
-name = "Re"
-low = 100.0
-high = 200.0
-[members]
+{SIMULATED}{REYNOLDS}[members]
 train = 4
 validation = [[150.0]]
 test = [155.0]
@@ -34,12 +30,6 @@ kind = "isosurface"
 name = "surface"
 isovalue = 0.5
 """
-
-
-def scene(tmp_path: Path, text: str) -> Scene:
-    path = tmp_path / "demo.toml"
-    path.write_text(text)
-    return Scene.load(path)
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
@@ -71,12 +61,59 @@ def test_members_are_counts_or_lists_and_keep_their_split(tmp_path: Path) -> Non
         ("isovalue = 0.5", "isovalue = 0.5\nshiny = 1", "shiny"),
         ('kind = "isosurface"', 'kind = "solid"', "solid"),
         ("seed = 3", "seed = 3\n[views]\nwidth = 0", "width"),
-        ('name = "demo"', 'name = "demo', "demo.toml"),
+        ('name = "demo"', 'name = "demo', "scene.toml"),
     ],
 )
 def test_a_mistake_is_named_with_its_file(tmp_path: Path, old: str, new: str, named: str) -> None:
-    with pytest.raises(ValueError, match=r"demo\.toml") as caught:
+    with pytest.raises(ValueError, match=r"scene\.toml") as caught:
         scene(tmp_path, MINIMAL.replace(old, new, 1))
+    assert named in str(caught.value)
+
+
+RUNS = MINIMAL.replace("[members]", '[[parameters]]\nname = "time"\nlow = 0.0\nhigh = 9.0\n[members]').replace(
+    "train = 4\nvalidation = [[150.0]]\ntest = [155.0]",
+    """
+train = [
+  { Re = 100.0, time = [1.0, 3.5] },
+  { time = 2, Re = 200 },
+  [150.0, 4.0],
+]
+test = [{ Re = [120.0, 130.0], time = 5.0 }]""",
+)
+
+
+def test_the_dumps_of_a_run_are_one_table(tmp_path: Path) -> None:
+    loaded = scene(tmp_path, RUNS)
+    assert [(m.name, *m.parameters.values()) for m in loaded.members] == [
+        ("train-000", 100.0, 1.0),
+        ("train-001", 100.0, 3.5),
+        ("train-002", 200.0, 2.0),
+        ("train-003", 150.0, 4.0),
+        ("test-000", 120.0, 5.0),
+        ("test-001", 130.0, 5.0),
+    ]
+    assert all(type(value) is float for m in loaded.members for value in m.parameters.values())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("Re = 100.0, time = [1.0, 3.5]", "time = [1.0, 3.5]", "members.train[0] must give Re, time, got time"),
+        ("time = 2, Re = 200", "time = 2, Re = 200, Ma = 1", "members.train[1] must give Re, time, got time, Re, Ma"),
+        (
+            "Re = 100.0, time = [1.0, 3.5]",
+            "Re = [100.0], time = [1.0]",
+            "members.train[0]: one parameter may be a list",
+        ),
+        ("time = [1.0, 3.5]", "time = []", "members.train[0].time is empty"),
+        ("time = [1.0, 3.5]", "time = [1.0, 1.0]", "two are the same"),
+        ("time = [1.0, 3.5]", 'time = ["one"]', "one"),
+        ("[150.0, 4.0]", "[150.0]", "members.train[2] must hold 2 values"),
+    ],
+)
+def test_a_mistake_in_a_run_is_named(tmp_path: Path, old: str, new: str, named: str) -> None:
+    with pytest.raises(ValueError, match=r"scene\.toml") as caught:
+        scene(tmp_path, RUNS.replace(old, new, 1))
     assert named in str(caught.value)
 
 
@@ -93,16 +130,36 @@ def test_absent_data_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         loaded.data_path()
 
 
-VARIED = """
+OF_CATALOG = 'name = "demo"\n[source]\nkind = "catalog"\npath = "flow.cdb"\n'
+
+
+def test_a_catalog_is_found_beside_the_scene_and_says_all_else(tmp_path: Path) -> None:
+    loaded = scene(tmp_path, OF_CATALOG + "hold_out = 0.2\n[members]\nseed = 4\n[training]\ngaussians = 7\n")
+    assert loaded.catalog_path == loaded.path.parent / "flow.cdb"
+    assert (loaded.source["hold_out"], loaded.seed, loaded.training) == (0.2, 4, {"gaussians": 7})
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("hold_out = 1.2", r"source.hold_out.*must lie in \(0, 1\), got 1.2"),
+        ("hold_out = true", "got True"),
+        ("holdout = 0.2", r"unknown keys \['holdout'\]"),
+        ("[views]\nwidth = 3", r"\['views'\] are the catalog's own"),
+        ("[members]\nvalidation = 3", "members.validation does not apply"),
+        ("[members]\ntrain = 3", "only seed and validation apply"),
+    ],
+)
+def test_what_a_scene_of_a_catalog_can_not_say_is_named(tmp_path: Path, more: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        scene(tmp_path, OF_CATALOG + more)
+    with pytest.raises(ValueError, match=r"source\.path must name a catalog"):
+        scene(tmp_path, OF_CATALOG.replace('"flow.cdb"', "3"))
+
+
+VARIED = f"""
 name = "demo"
-[source]
-kind = "simulation"
-simulation = "taylor_green"
-[[parameters]]
-name = "Re"
-low = 100.0
-high = 200.0
-[members]
+{SIMULATED}{REYNOLDS}[members]
 train = 8
 validation = [120.0, 180.0]
 test = [150.0]
@@ -123,7 +180,7 @@ of = "dvr"
 train = [0.2, 0.4, 0.8]
 validation = [0.3]
 test = [0.5]
-style = { color = [1.0, 0.5, 0.0] }
+style = {{ color = [1.0, 0.5, 0.0] }}
 [[variation]]
 kind = "transfer_function"
 of = "dvr"
@@ -211,6 +268,24 @@ def test_without_variations_members_show_all(tmp_path: Path) -> None:
     assert all(member.appearances is None for member in loaded.members)
 
 
+def test_the_default_scene_asks_between_what_it_is_taught() -> None:
+    makefile = (SCENES[0].parents[1] / "Makefile").read_text()
+    assert re.search(r"^SCENE +\?= tgv$", makefile, re.MULTILINE)
+    loaded = Scene.load(SCENES[0].parent / "tgv.toml")
+    assert Counter(m.split for m in loaded.members) == {"train": 41, "validation": 6, "test": 13}
+    runs = {split: {m.parameters["Re"] for m in loaded.members if m.split == split} for split in SPLITS}
+    assert [len(runs[split]) for split in SPLITS] == [9, 2, 4]
+    assert not runs["train"] & (runs["validation"] | runs["test"]), "runs of their own"
+    assert not runs["validation"] & runs["test"]
+    places = {
+        split: loaded.space.normalize([[*m.parameters.values()] for m in loaded.members if m.split == split])
+        for split in SPLITS
+    }
+    assert (np.abs(places["test"]) < 0.95).all(), "within what is taught"
+    nearest = np.linalg.norm(places["test"][:, None] - places["train"], axis=-1).min(axis=1)
+    assert nearest.min() > 0.15, "and not beside a training member"
+
+
 @pytest.mark.parametrize(
     ("name", "kind", "settings", "shown"),
     [
@@ -280,7 +355,7 @@ def test_the_varied_scenes_of_the_repository(
 )
 def test_a_mistake_in_a_variation_is_named(tmp_path: Path, old: str, new: str, named: str) -> None:
     assert old in VARIED
-    with pytest.raises(ValueError, match=r"demo\.toml") as caught:
+    with pytest.raises(ValueError, match=r"scene\.toml") as caught:
         scene(tmp_path, VARIED.replace(old, new, 1))
     assert named in str(caught.value)
 
@@ -344,6 +419,6 @@ def test_the_scene_of_two_fields() -> None:
 )
 def test_a_mistake_in_a_field_is_named(tmp_path: Path, old: str, new: str, named: str) -> None:
     assert old in FIELDS
-    with pytest.raises(ValueError, match=r"demo\.toml") as caught:
+    with pytest.raises(ValueError, match=r"scene\.toml") as caught:
         scene(tmp_path, FIELDS.replace(old, new, 1))
     assert named in str(caught.value)

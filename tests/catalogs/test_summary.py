@@ -20,12 +20,37 @@ def test_it_reads_back_what_was_kept(tmp_path: Path) -> None:
     assert all(np.array_equal(getattr(kept, f.name), getattr(again, f.name)) for f in fields(kept))
 
 
-def test_four_thousand_points_take_kilobytes(tmp_path: Path) -> None:
+def test_six_thousand_points_take_kilobytes(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     points = random.random((4000, 3)).astype(np.float32)
-    large = replace(summary(), points=points, point_values=points[:, 0], point_opacities=points[:, 1])
+    large = replace(
+        summary(),
+        points=points,
+        point_values=points[:, 0],
+        point_opacities=points[:, 1],
+        even_points=points[:2000],
+        even_values=points[:2000, 2],
+    )
     save_summaries(tmp_path / "field.npz", {"": large})
-    assert (tmp_path / "field.npz").stat().st_size < 100_000
+    assert (tmp_path / "field.npz").stat().st_size < 120_000
+
+
+@pytest.mark.parametrize("names", [[""], ["q", "speed"]], ids=["one field", "two fields"])
+def test_an_archive_from_before_there_were_even_points_is_read(tmp_path: Path, names: list[str]) -> None:
+    path, kept = tmp_path / "field.npz", {name: summary(number) for number, name in enumerate(names)}
+    save_summaries(path, kept)
+    without(path, "even_points", "even_values")
+    for name, read in load_summaries(path).items():
+        assert (read.even_points.shape, read.even_values.shape) == ((0, 3), (0,))
+        assert same(replace(read, even_points=kept[name].even_points, even_values=kept[name].even_values), kept[name])
+
+
+@pytest.mark.parametrize("name", ["even_points", "even_values", "points", "minimum"])
+def test_an_archive_that_lacks_an_array_is_refused(tmp_path: Path, name: str) -> None:
+    save_summaries(tmp_path / "field.npz", {"": summary()})
+    without(tmp_path / "field.npz", name)
+    with pytest.raises(ValueError, match=r"field\.npz is no field summary"):
+        load_summaries(tmp_path / "field.npz")
 
 
 @pytest.mark.parametrize("data", [b"", b"hello", pickle.dumps({"minimum": 1.0})])
@@ -42,11 +67,25 @@ def test_pickled_objects_inside_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [{"points": np.zeros((5, 2))}, {"point_values": np.zeros(4)}, {"bin_edges": np.zeros(9)}]
+    "change",
+    [
+        {"points": np.zeros((5, 2))},
+        {"point_values": np.zeros(4)},
+        {"bin_edges": np.zeros(9)},
+        {"even_points": np.zeros((3, 2))},
+        {"even_values": np.zeros(2)},
+    ],
+    ids=lambda change: next(iter(change)),
 )
 def test_shapes_must_agree(change: dict[str, np.ndarray]) -> None:
     with pytest.raises(ValueError, match=r"must|needs"):
         replace(summary(), **change)  # type: ignore[arg-type]
+
+
+def without(path: Path, *names: str) -> None:
+    """Write the archive again, for each field without the arrays of these names."""
+    with np.load(path) as archive:
+        np.savez_compressed(path, **{name: a for name, a in archive.items() if name.split("/")[-1] not in names})
 
 
 def same(first: FieldSummary, second: FieldSummary) -> bool:

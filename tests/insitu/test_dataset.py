@@ -18,6 +18,10 @@ from catalogs.check import check
 from catalogs.scene import Scene
 from insitu.cli import main
 from insitu.dataset import make_dataset
+from insitu.dumps import runs_of
+from insitu.simulations import simulation
+from insitu.sources import ensemble_of
+from tests.support.scenes import REYNOLDS, SIMULATED, scene
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -39,25 +43,20 @@ target_decibels = 40.0
 
 SIMULATION = f"""
 name = "flow"
-[source]
-kind = "simulation"
-simulation = "taylor_green"
-resolution = 16
+{SIMULATED}resolution = 16
 time = 0.5
-[[parameters]]
-name = "Re"
-low = 100.0
-high = 200.0
-[members]
+{REYNOLDS}[members]
 train = [100.0, 200.0]
 test = [150.0]
 {APPEARANCE}"""
 
 
-def scene(folder: Path, text: str) -> Scene:
-    path = folder / "scene.toml"
-    path.write_text(text)
-    return Scene.load(path)
+TIMED = SIMULATION.replace("time = 0.5\n", "").replace(
+    "[members]", '[[parameters]]\nname = "time"\nlow = 0.1\nhigh = 0.9\n[members]'
+)
+TIMED = TIMED.replace("[100.0, 200.0]", "[[100.0, 0.2], [100.0, 0.8], [200.0, 0.5]]").replace(
+    "[150.0]", "[[150.0, 0.4]]"
+)
 
 
 @pytest.fixture
@@ -104,6 +103,19 @@ def test_a_simulation_is_rendered_over_processes_and_then_left_alone(tmp_path: P
     assert again.made == 0
     assert before == (record.read_bytes(), (result.catalog / "data.csv").stat().st_mtime_ns)
     assert json.loads(record.read_text())["seconds"] == pytest.approx(result.seconds, abs=1.0)
+
+
+def test_a_catalog_that_is_there_is_only_looked_at(tmp_path: Path) -> None:
+    made = make_dataset(scene(tmp_path, SIMULATION), tmp_path / "runs", workers=1)
+    shutil.move(made.catalog, tmp_path / "flow.cdb")
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\n[source]\nkind = "catalog"\npath = "flow.cdb"\n')
+    found = make_dataset(Scene.load(path), tmp_path / "runs")
+    assert (found.catalog, found.members, found.made) == (tmp_path / "flow.cdb", 3, 0)
+    assert not (tmp_path / "runs/mine").exists()
+    path.write_text('name = "mine"\n[source]\nkind = "catalog"\npath = "none.cdb"\n')
+    with pytest.raises(ValueError, match=r"none\.cdb"):
+        make_dataset(Scene.load(path), tmp_path / "runs")
 
 
 def test_what_is_missing_is_made_and_another_scene_is_refused(tmp_path: Path) -> None:
@@ -190,11 +202,48 @@ def test_a_stored_ensemble_is_rendered(tmp_path: Path, stored: Path) -> None:
         ("resolution = 16", "resolution = 16\nsize = 3", "size"),
         ('"taylor_green"', '"weather"', "weather"),
         ('name = "Re"', 'name = "Ma"', "Re"),
+        ("time = 0.5\n", "", "source of kind simulation lacks time: state it in"),
+        ("resolution = 16", "resolution = 16\nsolver_resolution = 12", "at least the field's 16, got 12"),
+        (
+            "resolution = 16",
+            "resolution = 16\nsolver_resolution = 24.5",
+            "solver_resolution must be a whole number, got 24.5",
+        ),
+        ("time = 0.5", 'time = "late"', "source.time must be a number, got 'late'"),
     ],
 )
 def test_a_wrong_source_is_named_before_anything_is_written(tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make_dataset(scene(tmp_path, SIMULATION.replace(old, new, 1)), tmp_path / "runs")
+    assert not (tmp_path / "runs").exists()
+
+
+def test_time_may_be_a_parameter(tmp_path: Path) -> None:
+    timed = scene(tmp_path, TIMED)
+    source = ensemble_of(timed).source
+    assert [[m.name for m in run] for run in runs_of(source, timed.members)] == [
+        ["train-000", "train-001"],
+        ["train-002"],
+        ["test-000"],
+    ]
+    result = make_dataset(timed, tmp_path / "runs", workers=1)
+    assert (result.made, result.failures) == (4, {})
+    made = Catalog.open(result.catalog)
+    assert [m.provenance["time"] for m in made.members] == [m.parameters["time"] for m in made.members]
+    assert "time" not in made.plan.provenance["source"]
+    assert make_dataset(timed, tmp_path / "runs").made == 0
+    field = simulation("taylor_green").run({"Re": 100.0}, resolution=16, time=0.8).values
+    assert made.member("train-001").parameters == {"Re": 100.0, "time": 0.8}
+    summary = made.member("train-001").summary()
+    assert summary is not None
+    assert summary.maximum == pytest.approx(field.max(), rel=1e-3)
+
+
+def test_time_stands_in_one_place(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"scene\.toml: time is one of .*leave it out of \[source\]"):
+        make_dataset(
+            scene(tmp_path, TIMED.replace("resolution = 16", "resolution = 16\ntime = 0.5")), tmp_path / "runs"
+        )
     assert not (tmp_path / "runs").exists()
 
 
@@ -251,7 +300,7 @@ def test_an_hdf5_file_is_rendered_as_a_toml_file_says(tmp_path: Path, stored: Pa
         (["--shard", "two"], "I/N"),
         (["--appearance", "{folder}/empty.toml"], r"empty.toml: it holds no [[appearance]]"),
         (["--appearance", "{folder}/empty.toml", "--scene", "{folder}/empty.toml"], "leave out"),
-        (["--dataset", "pressure"], "no dataset 'pressure'"),
+        (["--dataset", "pressure"], "no field ['pressure']"),
         (["--validation", "9"], "9 validation members"),
     ],
 )

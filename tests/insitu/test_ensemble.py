@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -10,7 +11,6 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.scene import PlannedMember, ViewPlan
 from insitu.ensemble import pilot_members, run_ensemble
 from insitu.planning import PlanOptions
+from tests.support.executors import AtOnce
 
 PROJECT = Path(__file__).resolve().parents[2]
 SPACE = ParameterSpace((Parameter("w", 0.0, 1.0),))
@@ -81,18 +82,6 @@ class Source:
         if accident == "die" or (accident == "die once" and Path(self.log).read_text().count(member.name) == 1):
             os.kill(os.getpid(), signal.SIGKILL)
         return blob(member.parameters["w"])
-
-
-class AtOnce(Executor):
-    """Runs everything in this thread when it is submitted."""
-
-    def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(call(*arguments, **named))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
 
 def planned(count: int = 5) -> list[PlannedMember]:
@@ -169,6 +158,10 @@ def test_a_full_disk_stops_the_ensemble_at_once(tmp_path: Path, log: Path) -> No
     result = run_ensemble(tmp_path / "a.cdb", planned(), source, OPTIONS, workers=1)
     assert names(tmp_path / "a.cdb") == ["m0"]
     assert set(result.failures) == {"m1", "m2", "m3", "m4"}
+    _, only = str(result).splitlines()
+    assert (
+        only == f"  4 members (m1, m2, m3, m4): No space left on device ({tmp_path / 'a.cdb'}): make room or permission"
+    )
     assert log.read_text().split()[-1] == "m1"
 
 
@@ -183,6 +176,58 @@ def test_another_plan_or_other_members_are_refused_with_their_names(tmp_path: Pa
     with pytest.raises(ValueError, match="width 32 here, 16 in the catalog"):
         run_ensemble(path, planned(6), source, other, executor=AtOnce())
     assert before == {p: p.read_bytes() for p in path.rglob("*") if p.is_file()}
+
+
+@dataclass(frozen=True)
+class FileSource(Source):
+    """Blobs of a file that may change."""
+
+    file: str = "blobs.h5"
+    held: tuple[tuple[str, int], ...] = ()
+    plan_holds: int = 1
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        return {"kind": "blob", "file": self.file, "contents": {"size": self.plan_holds}}
+
+    def record(self, member: PlannedMember) -> Mapping[str, Any]:
+        return {**self.identity, "contents": {"size": dict(self.held).get(member.name, 1)}}
+
+    def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
+        return before.get("contents") != self.record(member)["contents"]
+
+
+def test_shards_of_other_data_or_contents_do_not_mix(tmp_path: Path, log: Path) -> None:
+    path = tmp_path / "a.cdb"
+    run_ensemble(path, planned(), FileSource(str(log)), OPTIONS, executor=AtOnce(), shard=(1, 2))
+    before = {p: p.read_bytes() for p in path.rglob("*") if p.is_file()}
+    with pytest.raises(ValueError, match=r'source\.file: "other\.h5" here, "blobs\.h5" in the catalog'):
+        run_ensemble(path, planned(), FileSource(str(log), file="other.h5"), OPTIONS, shard=(2, 2))
+    changed = FileSource(str(log), held=(("m2", 5), ("m4", 5)))
+    with pytest.raises(ValueError, match=r"other contents of the files than they have now, of 2 members \(m2, m4\)"):
+        run_ensemble(path, planned(), changed, OPTIONS, shard=(2, 2))
+    assert before == {p: p.read_bytes() for p in path.rglob("*") if p.is_file()}
+    run_ensemble(path, planned(), changed, OPTIONS, executor=AtOnce(), existing="skip")
+    assert names(path) == [f"m{i}" for i in range(5)]
+
+
+def test_a_catalog_of_before_sources_were_kept_goes_on(tmp_path: Path, log: Path) -> None:
+    path = tmp_path / "a.cdb"
+    run_ensemble(path, planned(), FileSource(str(log)), OPTIONS, executor=AtOnce(), shard=(1, 2))
+    for record in (path / "catalog.json", path / "members" / "m0" / "member.json"):
+        told = json.loads(record.read_text())
+        del told["provenance"]["source"]
+        record.write_text(json.dumps(told))
+    source = StoredBefore(str(log))
+    assert len(run_ensemble(path, planned(), source, OPTIONS, executor=AtOnce()).rendered) == 2
+
+
+@dataclass(frozen=True)
+class StoredBefore(FileSource):
+    """Which takes a member without a record for unchanged, as every reader does."""
+
+    def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
+        return "contents" in before and super().is_changed(member, before)
 
 
 def test_what_a_killed_run_left_is_completed(tmp_path: Path, log: Path) -> None:
@@ -252,8 +297,8 @@ def test_interrupted_it_leaves_no_process_and_goes_on(tmp_path: Path, log: Path,
     settings = {"project": str(PROJECT), "tests": str(Path(__file__).parent), "path": str(path), "log": str(log)}
     script.write_text(textwrap.dedent(SLOW_ENSEMBLE).format(**settings))
     process = subprocess.Popen([sys.executable, str(script)], start_new_session=True, stderr=subprocess.PIPE)
-    until = time.monotonic() + 60
-    while time.monotonic() < until and not list(path.glob("members/.*/dvr/*.png")):
+    until = time.monotonic() + 200
+    while time.monotonic() < until and not list(path.glob(".unfinished/*/dvr/*.png")):
         assert process.poll() is None, process.stderr
         time.sleep(0.02)
     workers = psutil.Process(process.pid).children(recursive=True)
@@ -262,14 +307,14 @@ def test_interrupted_it_leaves_no_process_and_goes_on(tmp_path: Path, log: Path,
         process.kill()  # the parent only: nobody tells the workers
     else:
         os.killpg(process.pid, signal_number)
-    process.communicate(timeout=30)
+    process.communicate(timeout=100)
     assert process.returncode != 0
-    assert not psutil.wait_procs(workers, timeout=20)[1]
-    partial = list(path.glob("members/.*"))
+    assert not psutil.wait_procs(workers, timeout=100)[1]
+    partial = list(path.glob(".unfinished/*"))
     assert signal_number == signal.SIGKILL or not partial
     some = len(names(path))
     todo = planned(40)[: some + 2]
     options = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=2, width=64, height=64), sample_distance=0.002)
     run_ensemble(path, todo, Source(str(log)), options, executor=AtOnce())
-    assert not list(path.glob("members/.*"))
+    assert not list(path.glob(".unfinished/*"))
     assert check(path) == []

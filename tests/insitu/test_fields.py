@@ -28,6 +28,16 @@ def data_set(**arrays: np.ndarray) -> Any:
     return mesh
 
 
+def labelled(**arrays: np.ndarray) -> Any:
+    xarray = pytest.importorskip("xarray")
+    along = {
+        d: o + s * np.arange(n)
+        for d, o, s, n in zip("xyz", PLACED["origin"], PLACED["spacing"], (5, 4, 3), strict=True)
+    }
+    data = {name: xarray.DataArray(values, coords=along, dims=("z", "y", "x")) for name, values in arrays.items()}
+    return xarray.Dataset(data).transpose("x", "z", "y")
+
+
 def held(scale: float) -> Field:
     return Field(VALUES * scale, PLACED["spacing"], PLACED["origin"], time=1.5)
 
@@ -37,6 +47,8 @@ HOLDERS = {
     "lists": ({"speed": (VALUES * 2).tolist(), "q": VALUES.tolist()}, PLACED),
     "fields that know their place": ({"q": held(1), "speed": held(2)}, {}),
     "both": ({"q": held(1), "speed": VALUES * 2}, PLACED),
+    "labelled arrays": ({"q": labelled(q=VALUES)["q"], "speed": labelled(q=VALUES * 2)["q"]}, {}),
+    "a labelled data set": (labelled(q=VALUES, speed=VALUES * 2, other=VALUES * 3), {}),
     "grids": ({"q": to_grid(VALUES, **PLACED), "speed": to_grid(VALUES * 2, **PLACED)}, {}),
     "a data set": (data_set(q=VALUES, pressure=VALUES * 3, speed=VALUES * 2), {}),
     "a data set each": ({"q": data_set(a=VALUES), "speed": data_set(b=VALUES * 2)}, {}),
@@ -162,3 +174,47 @@ def test_names_alone_are_checked_before_there_are_fields() -> None:
 def test_the_time_is_the_fields() -> None:
     assert time_of(held(1)) == time_of({"q": held(1), "speed": VALUES}) == 1.5
     assert time_of(VALUES) is time_of({"q": VALUES}) is time_of(SimpleNamespace()) is None
+
+
+def test_a_labelled_array_may_bear_the_fields_name() -> None:
+    data = labelled(q=VALUES)["q"]
+    assert np.array_equal(as_fields(data, NAMED[:1]).grids["q"].values, VALUES)
+    with pytest.raises(ValueError, match="shows the field 'speed'"):
+        as_fields(data, NAMED[1:2])
+
+
+def test_a_labelled_time_is_a_time_where_it_is_one_number() -> None:
+    data = labelled(q=VALUES)
+    assert time_of(data.assign_coords(time=2.5)) == time_of(data["q"].assign_coords(time=2.5)) == 2.5
+    assert time_of(data.assign_coords(time=np.datetime64("2020-01-01", "ns"))) is None
+    assert time_of(data) is None
+
+
+def test_units_of_labelled_arrays_are_the_fields() -> None:
+    data = labelled(q=VALUES, speed=VALUES)
+    data["q"].attrs["units"] = "K"
+    assert str(as_fields(data, NAMED[:1]).quantities["q"]) == "q (K)"
+    assert str(as_fields(data["q"], UNNAMED).quantities[""]) == "q (K)"
+
+
+def test_what_data_say_of_their_names_and_units_is_kept() -> None:
+    xarray = pytest.importorskip("xarray")
+    along = dict(zip("zyx", map(np.arange, VALUES.shape), strict=True))
+    array = xarray.DataArray(VALUES, coords=along, dims=("z", "y", "x"), name="q", attrs={"units": "1/s²"})
+    several = xarray.Dataset({"q": array, "speed": 2 * array})
+    field = Field(VALUES, PLACED["spacing"], PLACED["origin"], "T", "K")
+    for data, looks, said in (
+        (array, UNNAMED, {"": "q (1/s²)"}),
+        (xarray.Dataset({"q": array}), UNNAMED, {"": "q (1/s²)"}),
+        (several, NAMED, {"q": "q (1/s²)", "speed": "speed (1/s²)"}),
+        (field, UNNAMED, {"": "T (K)"}),
+        ({"q": field, "speed": Field(VALUES, PLACED["spacing"], PLACED["origin"])}, NAMED, {"q": "T (K)"}),
+        (SimpleNamespace(values=VALUES, **PLACED, name=5, unit=["m"]), UNNAMED, {}),
+        (SimpleNamespace(values=VALUES, **PLACED, name="a\x00b", unit=" m "), UNNAMED, {"": "m"}),
+    ):
+        assert {name: str(found) for name, found in as_fields(data, looks).quantities.items()} == said
+
+
+@pytest.mark.parametrize("time", [np.datetime64("2026-01-01"), "noon", np.arange(3.0), float("nan")])
+def test_what_is_no_time_is_not_taken_for_one(time: Any) -> None:
+    assert time_of(SimpleNamespace(time=time)) is None

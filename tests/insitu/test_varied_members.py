@@ -16,7 +16,7 @@ from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.catalog import Catalog, CatalogError
 from catalogs.check import check
 from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.scene import PlannedMember, Scene, ViewPlan
+from catalogs.scene import PlannedMember, ViewPlan
 from catalogs.variations import isovalue_family, transfer_function_family
 from insitu.agreement import disagreements, misplaced
 from insitu.cli import main
@@ -24,6 +24,7 @@ from insitu.dataset import make_dataset
 from insitu.fields import as_fields
 from insitu.planning import Pilot, PlanOptions, measure_pilot, plan_catalog
 from tests.support.hooked import blob, tree
+from tests.support.scenes import REYNOLDS, SIMULATED, scene
 
 FUNCTION = TransferFunction(
     ((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (0.3, 0.2), (0.6, 0.5), (1.0, 1.0)), 0.3
@@ -219,18 +220,11 @@ def test_a_stored_member_that_shows_something_else_is_named(varied: Path) -> Non
     assert "(79 in all) only here, none only in the catalog" in difference
 
 
-SCENE = """
+SCENE = f"""
 name = "flow"
-[source]
-kind = "simulation"
-simulation = "taylor_green"
-resolution = 12
+{SIMULATED}resolution = 12
 time = 0.2
-[[parameters]]
-name = "Re"
-low = 100.0
-high = 200.0
-[members]
+{REYNOLDS}[members]
 train = [100.0, 130.0, 170.0, 200.0]
 validation = [120.0]
 test = [150.0]
@@ -262,12 +256,6 @@ height = 8
 [render]
 sample_distance = 0.5
 """
-
-
-def scene(folder: Path, text: str) -> Scene:
-    path = folder / "scene.toml"
-    path.write_text(text)
-    return Scene.load(path)
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "averages.hpp"
 #include "deformation.hpp"
 #include "drawing.hpp"
 #include "loss.hpp"
@@ -43,6 +44,7 @@ int main() {
     const auto other_latents = read<float>(count * size_t(latent)), other_modes = read<float>(size_t(latent) * 23);
     const auto weights = read<float>(count * size_t(values)), changes = read<float>(4 * size_t(values)), logits = read<float>(count);
     const auto by_logits = read<float>(count), by_new_colors = read<float>(3 * count);
+    const auto carried = read<float>(2 * count);
 
     std::vector<float> picture(4 * pixels);
     const gs::Gaussians gaussians{means.data(), scales.data(), quats.data(), opacities.data(), colors.data(), int64_t(count)};
@@ -80,5 +82,20 @@ int main() {
     gs::transfer_gradient(transfer, changes.data(), int64_t(count), by_logits.data(), by_new_colors.data(), gs::kernels_baseline,
                           threads, by_weights.data());
     for (const auto* numbers : {&new_logits, &new_colors, &by_weights}) write(*numbers);
+
+    // the function that is 0.5 up to 0.2 and falls to 0.1 at 0.8, in two colours
+    const double places[2] = {0.2, 0.8}, columns[8] = {0.5, 0.1, 0.2, 0.3, 0.1, 0.08, 0.02, 0.05};
+    gs::Averaged averaged{};
+    averaged.levels = gs::levels_of(-0.5, 1.5, 0.004, 0.6);
+    std::vector<float> table(size_t(averaged.levels.first[averaged.levels.count]) * gs::kCellTerms * gs::kChanges);
+    gs::average_table(places, columns, 2, averaged.levels, gs::kernels_baseline, table.data());
+    averaged.table = table.data(), averaged.logits = logits.data(), averaged.values = carried.data();
+    averaged.dark = 1e-6f, averaged.least_depth = 1e-4f, averaged.most_depth = 12.0f;
+    for (float& high : averaged.high) high = 1.0f;
+    std::vector<float> shown(count), shown_colors(3 * count), by_thickness(count), by_carried(2 * count);
+    gs::apply_averages(averaged, int64_t(count), gs::kernels_baseline, threads, shown.data(), shown_colors.data());
+    gs::averages_gradient(averaged, int64_t(count), by_logits.data(), by_new_colors.data(), gs::kernels_baseline, threads,
+                          by_thickness.data(), by_carried.data());
+    for (const auto* numbers : {&shown, &shown_colors, &by_thickness, &by_carried}) write(*numbers);
     return 0;
 }

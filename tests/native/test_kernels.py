@@ -130,7 +130,6 @@ def test_every_constant_counts(name: str, value: float) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"width": 0}, "image size"),
         ({"fx": -1.0}, "focal lengths"),
         ({"cx": float("nan")}, "finite"),
         ({"near": 0.0}, "near must be positive"),
@@ -143,6 +142,14 @@ def test_every_constant_counts(name: str, value: float) -> None:
 def test_bad_constants_are_refused_by_name(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         draw(gaussians(5), **change)
+
+
+@pytest.mark.parametrize("size", [(0, 50), (70, 0), (-1, 50), (70, -1)])
+def test_pictures_without_pixels_are_refused(size: tuple[int, int]) -> None:
+    """By the kernels themselves: there is no camera of such a size to ask them with."""
+    intrinsics = [100.0, 100.0, 35.0, 25.0]
+    with pytest.raises(ValueError, match="image size and focal lengths must be positive"):
+        native.forward(gaussians(5), np.eye(4), intrinsics, list(size), [*CONSTANTS.values()], 1)
 
 
 def test_bad_arrays_are_refused() -> None:

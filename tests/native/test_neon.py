@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.cameras import Camera
+from surrogate.appearance.averages import Nodes
+from surrogate.appearance.transferred import AverageTable, apply_reference
 from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
 from surrogate.splatting import Constants, Primitives, draw_over
 from surrogate.training.losses import image_loss_reference, structural_similarity
 
 COMPILER, EMULATOR = "aarch64-linux-gnu-g++", "qemu-aarch64"
-SOURCES = ("kernels", "deformation", "drawing", "loss", "parallel")
+SOURCES = ("averages", "kernels", "deformation", "drawing", "loss", "parallel")
 FLAGS = [
     "-std=c++17",
     "-O3",
@@ -77,7 +79,8 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
     changes = random.normal(0, 0.3, (VALUES, 4)) + np.array([0.2, 0, 0, 0])  # mostly thicker: no digits are lost
     asked = [random.normal(0, 0.3, (COUNT, VALUES)), changes, random.normal(size=COUNT)]
     upstream = [random.normal(size=COUNT), random.normal(size=(COUNT, 3))]
-    floats = [a.astype("<f4") for a in (*gaussians, gradient, target, *factors, *asked, *upstream)]
+    carried = np.stack([random.uniform(0, 1, COUNT), random.uniform(-3, -1, COUNT)], axis=1)
+    floats = [a.astype("<f4") for a in (*gaussians, gradient, target, *factors, *asked, *upstream, carried)]
     intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, Constants.near, Constants.dilation]
     view = np.concatenate([camera.rotation.ravel(), camera.world_to_camera[:3, 3], intrinsics]).astype("<f8")
     sizes = np.array([COUNT, camera.width, camera.height, threads, LATENT, VALUES], "<i4")
@@ -96,11 +99,23 @@ def test_an_arm_processor_draws_and_differentiates_the_same(program: Path, threa
     rows = np.split(moved, np.cumsum([3, 3, 4, 1]), axis=1)
     changed = definition_of_transfer(*(torch.from_numpy(array).double() for array in (*floats[11:16], floats[4])))
     pictures = [picture.detach().numpy(), *(g.numpy() for g in gradients), np.array(values), by_picture.numpy()]
-    expected = [*pictures, *rows, *changed]
+    averaged = definition_of_averages(*(torch.from_numpy(floats[k]).double() for k in (13, 16, 14, 15)))
+    expected = [*pictures, *rows, *changed, *averaged]
 
     got = np.split(np.frombuffer(answer, "<f4"), np.cumsum([array.size for array in expected])[:-1])
     for found, wanted in zip(got, expected, strict=True):
         assert np.abs(found - wanted.ravel()).max() < 1e-5 * np.abs(wanted).max()
+
+
+def definition_of_averages(
+    logits: Tensor, carried: Tensor, by_logits: Tensor, by_colors: Tensor
+) -> list[NDArray[np.float64]]:
+    """New logits and colours under the function of the driver, and the gradients by logits and carried values."""
+    nodes = Nodes(np.array([0.2, 0.8]), np.array([[0.5, 0.1, 0.2, 0.3], [0.1, 0.08, 0.02, 0.05]]))
+    leaves = logits.requires_grad_(), carried.requires_grad_()
+    shown, colors = apply_reference(AverageTable.of(nodes), *leaves)
+    by = torch.autograd.grad((shown * by_logits).sum() + (colors * by_colors).sum(), leaves)
+    return [tensor.detach().numpy() for tensor in (shown, colors, *by)]
 
 
 def definition_of_transfer(

@@ -45,7 +45,7 @@ def test_cell_values_sit_at_cell_centres_and_are_not_smeared() -> None:
     grid = to_grid(data)
     assert grid.shape == (5, 4, 3)
     assert grid.origin == (10.25, 20.5, 31.0)
-    np.testing.assert_array_equal(grid.values.ravel(), data.cell_data["f"].astype(np.float32))
+    np.testing.assert_array_equal(grid.values.ravel(), data.cell_data["f"])
     np.testing.assert_allclose(sample_positions(grid).reshape(-1, 3), data.cell_centers().points)
 
 
@@ -106,15 +106,6 @@ def test_a_tetrahedral_mesh_is_resampled_and_what_lies_outside_is_transparent() 
     np.testing.assert_allclose(grid.values[inside], linear(sample_positions(grid))[inside], rtol=1e-4)
 
 
-def test_cell_values_of_unstructured_cells_stay_constant_in_each_cell() -> None:
-    mesh = image().cast_to_unstructured_grid()
-    mesh.clear_data()
-    mesh.cell_data["f"] = np.arange(mesh.n_cells, dtype=float)
-    with pytest.warns(ResamplingWarning, match="piecewise constant"):
-        grid = to_grid(mesh)
-    assert set(np.unique(grid.values)) <= set(range(mesh.n_cells))
-
-
 def test_a_curvilinear_grid_is_resampled() -> None:
     z, y, x = np.mgrid[0:1:6j, 0:1:6j, 0:1:6j]
     data = pyvista.StructuredGrid(x + 0.2 * y, y, z)
@@ -158,7 +149,6 @@ def no_array() -> pyvista.ImageData:
         (pyvista.ImageData, {}, ValueError, "the vtkImageData is empty"),
         (pyvista.Sphere, {"array": "Normals"}, ValueError, "3 components"),
         (lambda: pyvista.Sphere().elevation(), {"array": "Elevation"}, TypeError, "no volume cells"),
-        (lambda: pyvista.MultiBlock([image()]), {}, TypeError, "combine them first"),
         (pyvista.Table, {}, TypeError, "holds no field"),
     ],
 )

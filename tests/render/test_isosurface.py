@@ -106,6 +106,60 @@ def test_the_smallest_grid_has_a_surface() -> None:
     assert next(render_views(grid, Isosurface("plane", 3.5), views(grid)[:1])).any()
 
 
+@pytest.mark.parametrize("level", [0.0, 0.4])
+@pytest.mark.parametrize(
+    ("scale", "dtype"),
+    [
+        (1e-300, "f8"),
+        (1e-37, "f4"),
+        (1e-20, "f4"),
+        (1e-9, "f8"),
+        (1e15, "f4"),
+        (3e20, "f4"),
+        (3e20, "f8"),
+        (1e37, "f4"),
+        (1e300, "f8"),
+    ],
+)
+def test_light_does_not_depend_on_the_unit_of_the_field(scale: float, level: float, dtype: str) -> None:
+    whole = ball(17, -0.5)
+    camera = views(whole, 16)[0]
+    grid = to_grid((scale * whole.values.astype(np.float64)).astype(dtype), spacing=whole.spacing, origin=whole.origin)
+    expected = next(render_views(whole, Isosurface("iso", level), [camera], float_output=True))
+    picture = next(render_views(grid, Isosurface("iso", level * scale), [camera], float_output=True))
+    assert expected[..., 0].max() > 0.5
+    np.testing.assert_allclose(picture, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("offset", "scale", "outlier"),
+    [(1e9, 1.0, 0.0), (-1e12, 1.0, 0.0), (1e40, 1e30, 0.0), (0.0, 1.0, 1e300), (0.0, 1e-30, 1.0)],
+)
+def test_a_surface_lies_where_it_does_beside_any_offset_and_outlier(offset, scale, outlier) -> None:
+    whole = ball(17)
+    field = scale * whole.values.astype(np.float64) + offset
+    field[0, 0, 0] += outlier
+    grid = to_grid(field, spacing=whole.spacing, origin=whole.origin)
+    camera = views(whole, 16)[0]
+    expected = next(render_views(whole, SURFACE, [camera], float_output=True))
+    picture = next(
+        render_views(grid, Isosurface("iso", 0.6 * scale + offset, SURFACE.color), [camera], float_output=True)
+    )
+    np.testing.assert_allclose(picture, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_a_unit_of_length_changes_no_picture(scale: float) -> None:
+    whole = ball(17)
+    camera = views(whole, 16)[0]
+    matrix = camera.world_to_camera.copy()
+    matrix[:3, 3] *= scale
+    moved = Camera(matrix, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+    grid = Grid(whole.values, tuple(scale * np.array(whole.spacing)), tuple(scale * np.array(whole.origin)))
+    expected = next(render_views(whole, SURFACE, [camera], float_output=True))
+    np.testing.assert_allclose(next(render_views(grid, SURFACE, [moved], float_output=True)), expected, atol=1e-3)
+
+
 def test_cells_at_holes_have_no_surface() -> None:
     whole = ball(33)
     field = whole.values.astype(np.float64)

@@ -49,7 +49,7 @@ def test_one_ray_solves_the_emission_absorption_equation(seed: int) -> None:
         extinction = -math.log(1.0 - float(SMOOTH.opacities(value))) / SMOOTH.opacity_unit_distance
         return np.append(SMOOTH.colors(value) * extinction * state[3], -extinction * state[3])
 
-    solved = solve_ivp(slope, (enter, leave), [0.0, 0.0, 0.0, 1.0], rtol=1e-8, atol=1e-9, max_step=0.02).y[:, -1]
+    solved = solve_ivp(slope, (enter, leave), [0.0, 0.0, 0.0, 1.0], rtol=1e-10, atol=1e-11, max_step=0.02).y[:, -1]
     rgba = march(grid, VolumeRendering("smooth", SMOOTH), camera, 0.0002)[0, 0]
     np.testing.assert_allclose(rgba, np.append(solved[:3], 1.0 - solved[3]), atol=2e-6)
 

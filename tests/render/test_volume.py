@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -81,6 +82,59 @@ def test_values_far_beyond_the_transfer_function_do_not_blur_it(smooth) -> None:
         assert psnr(drawn(grid, appearance, camera, 0.125), expected) > 45
 
 
+def moved(transfer: TransferFunction, scale: float, offset: float) -> TransferFunction:
+    """The transfer function of `scale * value + offset`."""
+    colors = tuple((scale * v + offset, *rgb) for v, *rgb in transfer.color_points)
+    opacities = tuple((scale * v + offset, o) for v, o in transfer.opacity_points)
+    return TransferFunction(colors, opacities, transfer.opacity_unit_distance)
+
+
+@pytest.mark.parametrize("shaded", [False, True])
+@pytest.mark.parametrize(
+    ("scale", "offset", "dtype"),
+    [
+        (1.0, 1e9, "f8"),
+        (1.0, -1e12, ">f8"),
+        (1e30, 0.0, "f4"),
+        (1e-30, 0.0, "f4"),
+        (1e40, 1e40, "f8"),
+        (1e300, 0.0, "f8"),
+        (1e-300, 0.0, "f8"),
+        (1e7, 1e9, "i4"),
+        (1e9, 2.0**60, ">i8"),
+        (1e9, 2.0**63, "u8"),
+        (1e3, 0.0, "f2"),
+    ],
+)
+def test_pictures_do_not_depend_on_the_unit_of_the_field_nor_on_its_zero(
+    gyroid, smooth, scale, offset, dtype, shaded
+) -> None:
+    kind = np.dtype(dtype)
+    values = (scale * gyroid.values.astype(np.float64)).astype(kind if kind.kind == "f" else np.int64)
+    grid = to_grid((values.astype(kind) + kind.type(offset)).astype(kind), spacing=gyroid.spacing, origin=gyroid.origin)
+    camera = around(gyroid)[0]
+    here = drawn(gyroid, VolumeRendering("dvr", smooth, shaded), camera, 0.05)
+    there = drawn(grid, VolumeRendering("dvr", moved(smooth, scale, offset), shaded), camera, 0.05)
+    assert psnr(there, here) > 55
+
+
+@pytest.mark.parametrize("outlier", [1e9, 1e40, 1e300])
+def test_a_value_far_out_of_range_neither_overflows_nor_moves_its_neighbours(gyroid, smooth, outlier: float) -> None:
+    field = gyroid.values.astype(np.float64)
+    field[10, 10, 10], field[20, 14, 12] = outlier, -outlier
+    grid = to_grid(field, spacing=gyroid.spacing, origin=gyroid.origin)
+    for camera in around(grid):
+        expected = march(grid, VolumeRendering("dvr", smooth), camera, 0.02)
+        assert psnr(drawn(grid, VolumeRendering("dvr", smooth), camera, 0.02), expected) > 60
+
+
+def test_light_follows_a_field_that_spans_little_of_its_transfer_function(gyroid, smooth) -> None:
+    grid = to_grid(1e-6 * gyroid.values.astype(np.float64) + 0.5, spacing=gyroid.spacing, origin=gyroid.origin)
+    appearance = VolumeRendering("dvr", smooth, shaded=True)
+    for camera in around(grid):
+        assert psnr(drawn(grid, appearance, camera, 0.02), march(grid, appearance, camera, 0.02)) > 60
+
+
 @pytest.mark.parametrize("profile", ["smooth", "peaks"])
 def test_holes_are_transparent_and_colour_nothing_around_them(gyroid, profile, request) -> None:
     field = gyroid.values.astype(np.float64)
@@ -110,16 +164,60 @@ def test_eight_bits_are_the_rounded_floats_and_premultiplied(gyroid, smooth) -> 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e22])
 def test_pictures_do_not_depend_on_where_and_how_large_the_world_is(gyroid, smooth, scale: float) -> None:
-    offset = np.array([5e6, -3e6, 1e6])
-    camera = around(gyroid)[0]
-    here = drawn(gyroid, VolumeRendering("dvr", smooth), camera, 0.05)
-    grid = Grid(gyroid.values, tuple(scale * np.array(gyroid.spacing)), tuple(scale * (gyroid.origin + offset)))
+    here = drawn(gyroid, VolumeRendering("dvr", smooth), around(gyroid)[0], 0.05)
     transfer = TransferFunction(smooth.color_points, smooth.opacity_points, smooth.opacity_unit_distance * scale)
+    grid, camera = enlarged(gyroid, around(gyroid)[0], scale, (5e6, -3e6, 1e6))
+    np.testing.assert_allclose(drawn(grid, VolumeRendering("dvr", transfer), camera, 0.05 * scale), here, atol=2e-3)
+
+
+def enlarged(
+    grid: Grid, camera: Camera, scale: float, offset: Sequence[float] = (0.0, 0.0, 0.0)
+) -> tuple[Grid, Camera]:
+    """The world moved by `offset`, then scaled."""
     matrix = camera.world_to_camera.copy()
     matrix[:3, 3] = scale * (matrix[:3, 3] - camera.rotation @ offset)
     moved = Camera(matrix, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
-    there = drawn(grid, VolumeRendering("dvr", transfer), moved, 0.05 * scale)
-    np.testing.assert_allclose(there, here, atol=2e-3)
+    return Grid(
+        grid.values, tuple(scale * np.array(grid.spacing)), tuple(scale * (grid.origin + np.array(offset)))
+    ), moved
+
+
+@pytest.mark.parametrize("shaded", [False, True])
+@pytest.mark.parametrize(
+    ("exponent", "share"),
+    [(-9, 1), (1, 0), (1.7, 0), (3, 0), (6, 0), (9, 0), (9, 0.3), (9, 1)],
+)
+def test_a_unit_of_length_changes_no_picture(gyroid, smooth, exponent, share, shaded) -> None:
+    """The world in another unit, with the unit distance of opacity as it is, or in that unit, or between; opacities match."""
+    scale = 10.0**exponent
+    kept = scale**share  # the factor of the unit distance
+    values = np.unique([*np.linspace(-1, 1, 60), *(v for v, _ in smooth.opacity_points)])
+    fine = -np.expm1(np.log1p(-smooth.opacities(values)) * kept / scale)
+    camera = around(gyroid, size=24)[0]
+    table = tuple(zip(values, smooth.opacities(values), strict=True))
+    here = TransferFunction(smooth.color_points, table, smooth.opacity_unit_distance)
+    there = TransferFunction(
+        smooth.color_points, tuple(zip(values, fine, strict=True)), kept * smooth.opacity_unit_distance
+    )
+    grid, moved = enlarged(gyroid, camera, scale)
+    expected = drawn(gyroid, VolumeRendering("dvr", here, shaded), camera, 0.05)
+    picture = drawn(grid, VolumeRendering("dvr", there, shaded), moved, 0.05 * scale)
+    assert expected[..., 3].max() > 0.5
+    np.testing.assert_allclose(
+        picture, expected, atol=2e-4 if share == 1 else 4e-3
+    )  # straight between points or nearly
+
+
+@pytest.mark.parametrize("opacity", [1e-3, 1e-6, 1e-7, 1e-12])
+def test_a_deep_thin_medium_has_its_opacity(opacity: float) -> None:
+    side = 0.7 / opacity  # unit distances
+    grid = to_grid(np.full((4, 4, 4), 0.5), spacing=side / 3)
+    transfer = TransferFunction(GRAY, ((0.0, opacity), (1.0, opacity)), 1.0)
+    middle = np.full(3, side / 2)
+    camera = Camera.look_at(middle - [8 * side, 0, 0], middle, vertical_fov_degrees=1e-2, width=8, height=8)
+    for distance in (side / 100, side / 3, side):
+        rgba = drawn(grid, VolumeRendering("thin", transfer), camera, distance)[4, 4]
+        np.testing.assert_allclose(rgba, -math.expm1(side * math.log1p(-opacity)), rtol=1e-4)
 
 
 def test_any_pinhole_camera_off_centre_oblong_from_inside_and_facing_away(gyroid, smooth) -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from catalogs.appearance import VolumeRendering
+from catalogs.appearance import Isosurface, VolumeRendering
 from catalogs.cameras import Camera, orbit
-from render.views import Renderer
+from render.views import Renderer, render_views
 from render.window import Window, open_window, projection_matrix
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -89,23 +89,53 @@ def test_a_forked_child_is_told_to_be_spawned() -> None:
     assert python(program).stdout.split() == ["12", "7"]
 
 
-def test_another_thread_is_refused(gyroid, smooth) -> None:
+def test_any_thread_draws_what_the_first_one_draws(gyroid, smooth) -> None:
+    cameras = orbit(gyroid.center, gyroid.bounding_radius, width=16, height=16, frequency=1)
+    looks = VolumeRendering("dvr", smooth), Isosurface("iso", 0.2)
+
+    def pictures() -> np.ndarray:
+        return np.stack([picture for look in looks for picture in render_views(gyroid, look, cameras)])
+
+    first = pictures()
+    with ThreadPoolExecutor(4) as threads:
+        others = [threads.submit(pictures) for _ in range(8)]
+        assert all(np.array_equal(other.result(), first) for other in others)
+    assert first.any()
+
+
+def test_a_renderer_may_be_handed_from_thread_to_thread(gyroid, smooth) -> None:
     camera = orbit(gyroid.center, gyroid.bounding_radius, width=16, height=16, frequency=1)[3]
-    errors: list[str] = []
-    with Renderer(gyroid, VolumeRendering("dvr", smooth)) as volume:
+    with ThreadPoolExecutor(1) as other:
+        volume = other.submit(Renderer, gyroid, VolumeRendering("dvr", smooth)).result()
+        here = volume.render(camera)
+        assert here.any()
+        assert np.array_equal(other.submit(volume.render, camera).result(), here)
+        volume.close()
 
-        def draw() -> None:
-            try:
-                volume.render(camera)
-            except RuntimeError as error:
-                errors.append(str(error))
 
-        thread = threading.Thread(target=draw)
-        thread.start()
-        thread.join()
-        assert volume.render(camera).any()
-    assert len(errors) == 1
-    assert "another thread" in errors[0]
+def test_a_process_that_drew_in_a_thread_that_ended_ends_in_peace() -> None:
+    program = DRAW.rpartition("print(")[0] + (
+        "import threading\n"
+        "drawing = threading.Thread(target=lambda: print(len(list(render_views(\n"
+        "    grid, VolumeRendering('dvr', transfer), cameras)))))\n"
+        "drawing.start()\n"
+        "drawing.join()\n"
+        "print(len(list(render_views(grid, VolumeRendering('dvr', transfer), cameras))))\n"
+    )
+    ended = python(program)
+    assert (ended.stdout.split(), ended.returncode) == (["12", "12"], 0)
+
+
+@pytest.mark.parametrize(("look", "factor"), [("volume", 1), ("surface", 2)])
+def test_pictures_larger_than_opengl_draws_are_refused(gyroid, smooth, look: str, factor: int) -> None:
+    longest = open_window().longest_side
+    appearance = VolumeRendering("dvr", smooth) if look == "volume" else Isosurface("iso", 0.2)
+    for width, height in ((longest // factor + 1, 1), (1, longest // factor + 1)):
+        cameras = orbit(gyroid.center, gyroid.bounding_radius, width=width, height=height, frequency=1)
+        with pytest.raises(ValueError, match=f"choose width and height up to {longest // factor}$"):
+            next(render_views(gyroid, appearance, cameras))
+    widest = orbit(gyroid.center, gyroid.bounding_radius, width=longest // factor, height=8, frequency=1)
+    assert next(render_views(gyroid, appearance, widest)).any()
 
 
 def test_the_projection_matrix_is_the_pinhole_camera() -> None:

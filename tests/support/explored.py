@@ -17,13 +17,40 @@ from surrogate.explore.request import frame_request
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-AT_REST = "() => window.explorer?.stream.resting && window.explorer.counted.whole > 0"
+TRIES = 100
+PATIENCE = 60_000  # milliseconds
+AT_REST = """async patience => {
+  const until = performance.now() + patience, frame = () => new Promise(requestAnimationFrame);
+  const { facts } = await import(new URL("explore/connection.js", document.baseURI));
+  for (;;) {
+    await frame();
+    await frame(); // sizes that changed are told of before the second
+    await facts(); // answers come in order: calls that were made before have theirs
+    if (window.explorer.resting && window.explorer.counted.whole > 0) return;
+    if (performance.now() > until) throw new Error("the page does not come to rest");
+  }
+}"""
+GO = """address => new Promise(gone => {
+  window.addEventListener("hashchange", gone, { once: true }); // behind the page's own
+  location.hash = address;
+})"""
 
 
 def settled(page: Page) -> None:
     """Wait until the page rests and shows a whole frame."""
-    page.wait_for_timeout(80)  # longer than a change takes to become a wish
-    page.wait_for_function(AT_REST)
+    page.wait_for_function("() => window.explorer", timeout=PATIENCE)
+    page.evaluate(AT_REST, PATIENCE)
+
+
+def addressed(page: Page) -> None:
+    """Wait until the address says what the page shows."""
+    settled(page)
+    page.wait_for_function("() => !window.explorer.addressing && location.hash === window.explorer.written")
+
+
+def go(page: Page, address: str) -> None:
+    """Follow a link within the page."""
+    page.evaluate(GO, address)
 
 
 def open_explorer(page: Page, address: str, state: str = "") -> None:
@@ -54,8 +81,12 @@ def drawn(page: Page, surrogate: Surrogate, number: int = 0) -> NDArray[np.float
 
 def assert_shown(page: Page, surrogate: Surrogate, number: int = 0) -> NDArray[np.float32]:
     """The canvas shows what the API draws, to the rounding of 8 bits; returns it."""
-    settled(page)
-    pixels, expected = shown(page, number), drawn(page, surrogate, number)
+    for _ in range(TRIES):
+        settled(page)
+        pixels, expected = shown(page, number), drawn(page, surrogate, number)
+        if pixels.shape == expected.shape and np.abs(pixels - expected).max() <= 0.51 / 255:
+            break
+        page.wait_for_timeout(100)  # what was typed may still be on its way to a wish
     assert pixels.shape == expected.shape
     assert np.abs(pixels - expected).max() <= 0.51 / 255
     return pixels
@@ -69,3 +100,21 @@ def saved(page: Page, kind: str, folder: Path) -> Path:
     path = folder / coming.value.suggested_filename
     coming.value.save_as(path)
     return path
+
+
+def drag(page: Page, selector: str, right: float, down: float, *, key: str = "") -> None:
+    """Press the left button in the middle of an element, move, let go; `key` is held meanwhile."""
+    element = page.locator(selector)
+    element.hover()  # which waits until it is laid out: a pane that was just opened has no size yet
+    box = element.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    if key:
+        page.keyboard.down(key)
+    page.mouse.down()
+    for step in range(1, 6):
+        page.mouse.move(x + right * step / 5, y + down * step / 5)
+    page.mouse.up()
+    if key:
+        page.keyboard.up(key)

@@ -21,4 +21,4 @@ def blob(width: float = 0.5, size: int = 12) -> np.ndarray:
 
 
 def tree(path: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file() and p.name != ".lock"}
+    return {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("[!.]*") if p.is_file()}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
@@ -15,9 +17,14 @@ from surrogate.settings import TrainingSettings
 CENTER, EXTENT = np.array([1e6, -2e6, 5.0]), 40.0
 
 
-def some_surrogate(color_columns: int = 3) -> Surrogate:
+def large_surrogate() -> Surrogate:
+    """With so many Gaussians that torch takes several threads, drawn by the kernels."""
+    return replace(some_surrogate(count=20_000), rasterizer=Rasterizer())
+
+
+def some_surrogate(color_columns: int = 3, count: int = 30) -> Surrogate:
     torch.manual_seed(3)
-    shapes = ((30, 3), (30, 3), (30, 4), (30,), (30, color_columns))
+    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, color_columns))
     means, log_scales, quats, logits, colors = (torch.randn(shape) for shape in shapes)
     gaussians = Gaussians(0.4 * means, 0.2 * log_scales - 1.6, quats, logits, colors.sigmoid())
     deformation = BilinearDeformation.create(gaussians, 2, TrainingSettings(latent_size=4, hidden_width=8))

@@ -62,6 +62,7 @@ def varied_surrogate() -> Surrogate:
             "appearance": "dvr",
             "fingerprint": "by hand",
             "seconds": 1.0,
+            "steps": 10,
             "settings": TrainingSettings().to_json(),
             "curve": [],
         },

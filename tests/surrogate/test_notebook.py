@@ -112,7 +112,7 @@ def test_odd_records_do_not_raise() -> None:
 def test_it_is_shown_at_once() -> None:
     made, seconds = some_surrogate(), []
     for _ in range(3):
-        started = time.perf_counter()
+        started = time.process_time()
         made._repr_html_()
-        seconds.append(time.perf_counter() - started)
+        seconds.append(time.process_time() - started)
     assert min(seconds) < 0.3

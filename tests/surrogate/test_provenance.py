@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from catalogs import version
 from surrogate import provenance
 from surrogate.provenance import code, commit, machine
 
@@ -52,7 +53,7 @@ def test_the_code_of_this_project_is_found() -> None:
 def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    record, source = tmp_path / "docs" / "records" / "a.json", tmp_path / "surrogate" / "provenance.py"
+    record, source = tmp_path / "docs" / "records" / "a.json", tmp_path / "catalogs" / "version.py"
 
     def git(*arguments: str) -> str:
         who = ["-c", "user.name=a", "-c", "user.email=a@b"]
@@ -66,7 +67,7 @@ def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
     git("init", "-q")
     git("add", ".")
     git("commit", "-qm", "Begin")
-    monkeypatch.setattr(provenance, "__file__", str(source))
+    monkeypatch.setattr(version, "HERE", source)
     clean = commit()
     assert git("rev-parse", "HEAD").startswith(clean)
     assert len(clean) == 12
@@ -74,7 +75,7 @@ def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
     assert commit() == clean
     source.write_text("2")
     assert commit() == f"{clean}+dirty"
-    monkeypatch.setattr(provenance, "__file__", str(tmp_path.parent / "provenance.py"))
+    monkeypatch.setattr(version, "HERE", tmp_path.parent / "version.py")
     assert commit() == "unknown"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import pkgutil
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,10 @@ from catalogs.words import WIDTH
 from surrogate.deformation import FieldDeformation, Offsets
 from surrogate.deformation.field import Architecture
 from surrogate.deformation.transfer import Transfer
+from surrogate.initialization.field_points import FieldPoints
 from surrogate.initialization.pictures import Picture, Points
 from surrogate.initialization.structure_from_motion import Track
+from surrogate.model.places import place_of
 from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import Constants, draw, reference
@@ -25,6 +28,7 @@ from surrogate.storage.checkpoints import Checkpoint
 from surrogate.storage.encoding import encode
 from surrogate.storage.models import StoredModel
 from surrogate.storage.records import Provenance, Record
+from surrogate.storage.runs import RunFolder, RunRecord
 from tests.support.surrogates import CENTER, some_surrogate
 from tests.support.visualizations import base, visualization
 
@@ -33,10 +37,19 @@ MODEL = some_surrogate()
 DRAWN = primitives(MODEL.gaussians, CAMERA)
 FOLLOWING = visualization("values", base())
 ROOMS = ("splatting", "deformation", "initialization", "storage", "gaussians", "rasterizer", "model")
+POINTS = FieldPoints(
+    ("m",),
+    np.zeros((1, 2), np.float32),
+    np.zeros((7, 3), np.float32),
+    np.zeros(7),
+    np.zeros(7, np.int64),
+    np.ones(7, bool),
+)
 SHOWN: list[tuple[Any, str]] = [
     (MODEL, "<Surrogate of Re 1500..2500"),
     (MODEL.at(Re=1830.0, time=1.0), "<DeformedGaussians at Re=1830"),
-    (MODEL.gaussians, "Gaussians(means[30, 3], log_scales[30, 3], quats[30, 4], opacity_logits[30], colors[30, 3])"),
+    (place_of(MODEL.space, (), {"Re": 1830.0, "time": 1.0}, "warn"), "Place(parameters={2 entries}, simulation[2]"),
+    (MODEL.gaussians, "Gaussians(means[30, 3], log_scales[30, 3], quats[30, 4], opacity_logits[30], colors[30, 3]"),
     (MODEL.normalization, "extent=40.0"),
     (MODEL.rasterizer, "backend='reference'"),
     (MODEL.deformation, "BilinearDeformation(latents[30, 4], weights_in[8, 2]"),
@@ -50,13 +63,16 @@ SHOWN: list[tuple[Any, str]] = [
     (DRAWN, "Primitives(means[30, 3]"),
     (draw(DRAWN, CAMERA, Constants()), "Rendering(color[20, 24, 3], alpha[20, 24], depth=None)"),
     (reference.project(DRAWN, CAMERA, Constants()), "Splats(centers["),
-    (Points(np.zeros((7, 3)), None), "Points(places[7, 3], colors=None)"),
+    (Points(np.zeros((7, 3)), None), "Points(places[7, 3], colors=None, values=None)"),
+    (POINTS, "<FieldPoints: 7 of 1 members, 7 of them evenly>"),
     (Picture(CAMERA, np.zeros((20, 24, 4), np.uint8)), "Picture(camera="),
     (Track(CENTER, np.zeros((4, 3), np.intp)), "Track(place[3], pixels[4, 3])"),
     (encode(MODEL.gaussians.means, "uint8"), "Encoding(form='uint8', codes[30, 3], low[3], step[3])"),
     (StoredModel(MODEL.gaussians.tensors()), "StoredModel(tensors={5 entries}"),
     (Checkpoint(MODEL.gaussians.tensors(), {"step": 3}), "Checkpoint(tensors={5 entries}, record={1 entries})"),
     (Record("ceiling", 1, {}, {}), "Record(kind='ceiling'"),
+    (RunRecord("a.cdb", {}), "RunRecord(catalog='a.cdb'"),
+    (RunFolder(Path("runs") / "a"), "RunFolder(folder="),
     (Provenance(), "Provenance(commit='unknown'"),
 ]
 

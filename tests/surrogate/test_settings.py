@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surrogate.settings import DeformationSize, TrainingSettings
+from surrogate.settings import DeformationSize, TrainingSettings, values_of_words
 
 
 def test_an_empty_table_means_the_defaults() -> None:
@@ -53,7 +53,8 @@ def test_a_whole_number_will_do_for_a_float() -> None:
 @pytest.mark.parametrize(
     ("table", "complaint"),
     [
-        ({"gausians": 10}, r"unknown keys \['gausians'\]; known are"),
+        ({"gausians": 10}, r"unknown keys \['gausians'\] \(did you mean gaussians\?\); known are"),
+        ({"xyz": 10}, r"unknown keys \['xyz'\]; known are"),
         ({"gaussians": 10.5}, "training.gaussians must be of type int, got 10.5"),
         ({"gaussians": "many"}, "training.gaussians must be of type int"),
         ({"gaussians": True}, "training.gaussians must be of type int, got True"),
@@ -115,3 +116,38 @@ def test_f_vis_has_sizes_of_its_own() -> None:
 def test_nonsense_never_passes(table: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="training"):
         TrainingSettings(**table)
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        ((), {}),
+        (("gaussians=20000", "mean_rate=1e-3"), {"gaussians": 20_000, "mean_rate": 1e-3}),
+        (("initialization=random", "color_degree=1"), {"initialization": "random", "color_degree": 1}),
+        (("color_degree=auto", "fit_to_need=false"), {"color_degree": "auto", "fit_to_need": False}),
+        (("held_still=quats,colors", "appearance=7"), {"held_still": ("quats", "colors"), "appearance": "7"}),
+        (("held_still=",), {"held_still": ()}),
+    ],
+)
+def test_words_say_values(words: tuple[str, ...], values: dict[str, object]) -> None:
+    assert values_of_words(words) == values
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("gaussians",), "settings are KEY=VALUE, such as gaussians=20000, got 'gaussians'"),
+        (("=3",), "settings are KEY=VALUE"),
+        (("gausians=3",), "did you mean gaussians"),
+        (("gaussians=many",), "training.gaussians must be of type int, got 'many'"),
+        (("gaussians=1.5",), "training.gaussians must be of type int, got 1.5"),
+        (("gaussians=",), "training.gaussians must be of type int, got ''"),
+        (("gaussians=-1",), "at least 1, got -1"),
+        (("mean_rate=nan",), "training.mean_rate must be finite"),
+        (("gaussians=1", "gaussians=2"), "training.gaussians is given twice"),
+        (("held_still=size",), "training.held_still must be some of"),
+    ],
+)
+def test_words_that_say_none_are_named(words: tuple[str, ...], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        values_of_words(words)

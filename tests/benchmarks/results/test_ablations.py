@@ -58,6 +58,21 @@ def test_a_table_shows_differences_at_equal_time_and_at_equal_steps() -> None:
     assert "| 27.00 ± 2.83 | +6.00 ± 1.00 from paper | 0.9000 | 10 |" in text
     assert "After equally many steps (10), default-in-paper-steps differs from paper by +6.00 ± 1.00 dB." in text
     assert "Without a result: start-sfm (ValueError: no points)." in text
+    assert f"{len(VARIANTS) - 4} of {len(VARIANTS)} variants were not run: paper-bfloat16, " in text
+    assert "those rows measure what a step of it costs" in text
+
+
+def test_of_an_earlier_page_the_variants_without_a_row_are_named() -> None:
+    lines = [
+        "|  | default | nothing |",
+        "|  | paper-bfloat16 | deformation = paper |",
+        "Without a result: no-decay (diverged).",
+    ]
+    text = "\n".join(study_section(StudyResults(BASE, published={"lines": lines, "sources": ""})))
+    missing = text.split("were not run: ")[1].split(". ")[0].split(", ")
+    assert {"default", "paper-bfloat16", "no-decay"}.isdisjoint(missing)
+    assert len(missing) == len(VARIANTS) - 3
+    assert "paper" in missing
 
 
 def test_only_scenes_with_variations_have_a_study_of_them() -> None:

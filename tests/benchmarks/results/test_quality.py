@@ -5,9 +5,10 @@ from pathlib import Path
 from benchmarks.results.parts import parts_of
 from benchmarks.results.quality import quality_tables
 from benchmarks.results.scenes import SceneResults
+from surrogate.evaluation.cases import SETTINGS
 from surrogate.studies.repeats.spread import summarize_repeats
 from tests.support.results import ceiling_entry, report_of
-from tests.support.scores import scores_of
+from tests.support.scores import cells_of, scores_of
 
 TITLES = [
     "Novel views",
@@ -69,6 +70,46 @@ def test_each_part_stands_beside_its_own_ceiling() -> None:
     assert isovalues["what"] == "isovalues"
     assert isovalues["best trivial predictor, dB"] == "31.00 (nearest trained setting)"
     assert isovalues["FLIP"] == "–"
+
+
+CENTER = "the same model at the centre of the parameters, dB"
+TRIVIAL = "best trivial predictor, dB"
+
+
+def test_the_model_at_the_centre_of_its_parameters_stands_beside_every_table_that_knows_it() -> None:
+    report = report_of("vortex", "mark", 30.0, isovalues=20.0)
+    assert {row[CENTER] for of in shown(scene(report=report)).values() for row in of} == {"–"}  # of an earlier record
+    report["at_center"] = {"parameters": {"p": 0.5}, **cells_of(27.0)}
+    report["variations"][0]["at_center"] = {"parameters": {"p": 0.5}, **cells_of(17.0, SETTINGS)}
+    rows = shown(scene(report=report))
+    assert [[row[CENTER] for row in of] for of in rows.values()] == [
+        ["27.00"],
+        ["27.00"],
+        ["17.00"],
+        [],
+        ["27.00", "17.00"],
+    ]
+
+
+def test_a_predictor_says_what_its_figure_is_cut_and_capped_by() -> None:
+    report = report_of("vortex", "mark", 58.5, isovalues=20.0)
+    predictor = report["trivial_predictors"][0]
+    predictor["psnr_of_mean_error"] = {"unseen_views": {"unseen_parameters": 63.25}}
+    isovalues = report["variations"][0]
+    isovalues["settings_trained"] = 7
+    isovalues["trivial_predictors"] = [
+        {
+            "name": "nearest trained setting",
+            "psnr": {"seen_parameters": 46.0, "unseen_parameters": 38.0},
+            "settings_shown": {"seen_parameters": [7, 7], "unseen_parameters": [3, 4], "validation": [1, 1]},
+        }
+    ]
+    rows = shown(scene(report=report))
+    base, varied = rows[TITLES[4]]
+    assert base[TRIVIAL] == "59.50 (nearest member; of the mean error 63.25)"
+    capped = "from 3 to 4 of 7 trained isovalues; with 7, at seen parameters, 46.00"
+    assert varied[TRIVIAL] == f"38.00 (nearest trained setting; {capped})"
+    assert rows[TITLES[2]][0][TRIVIAL] == "46.00 (nearest trained setting)"
 
 
 def test_cells_without_images_have_no_row() -> None:

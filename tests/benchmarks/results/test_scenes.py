@@ -119,7 +119,7 @@ def test_what_an_earlier_page_said_stands_until_it_is_measured(tmp_path: Path) -
     Record("published", 1, {"scene": "old"}, values, Provenance("abc")).save(tmp_path / "records/old/published.json")
     old = read(tmp_path, "old")
     assert (old.report or {})["gaussians"] == 7
-    assert study_section(old.studies[0]) == ["| default | 31.5 |"]
+    assert study_section(old.studies[0])[0] == "| default | 31.5 |"
     assert study_sources("old", old.studies[0]) == "<sub>once</sub>"
     assert old.earlier
     catalog = make_results(tmp_path, "old", 30.0)

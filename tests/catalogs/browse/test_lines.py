@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from catalogs.appearance import ImportedImages
 from catalogs.browse import CatalogServer, write_page
+from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog
-from tests.catalogs.browse.conftest import GRID
-from tests.support.browsed import drag, option_texts, shown, visit
+from catalogs.parameters import Parameter, ParameterSpace
+from tests.catalogs.browse.conftest import GRID, grid_plan
+from tests.support.browsed import drag, option_texts, shown, slider_box, visit
 from tests.support.browsers import pixels
 
 if TYPE_CHECKING:
@@ -186,3 +191,34 @@ def test_lines_of_appearances_without_a_value_run_below_the_axis(varied: Catalog
         "iso=0.2 (isovalue 0.2)",
         "iso=0.5 (isovalue 0.5)",
     ]
+
+
+def test_axes_and_sliders_follow_a_logarithmic_scale(tmp_path: Path, page: Page) -> None:
+    """Five decades at equal distances; on a linear scale all but the last would lie in the lowest tenth."""
+    space = ParameterSpace((Parameter("nu", 1e-5, 1e-1, "m²/s", "log"), Parameter("y", 0.0, 1.0)))
+    cameras = tuple(orbit((1.0, 0.0, 0.0), 1.0, width=8, height=8, frequency=1))
+    views = {"cameras": cameras, "view_splits": tuple(view_splits(12)), "appearances": (ImportedImages("first"),)}
+    made = Catalog.create(tmp_path / "log.cdb", grid_plan(space=space, **views))
+    for number in range(5):
+        with made.begin_member(f"m{number}", {"nu": 10.0 ** (number - 5), "y": 0.5}) as writer:
+            for view in range(12):
+                writer.write_image("first", view, np.zeros((8, 8, 4), np.uint8))
+    visit(page, f"file://{write_page(made.path)}#member=m4&view=3")
+    left, length, y = slider_box(page, 0)
+    for number in (2, 1, 3):
+        page.mouse.click(left + number / 4 * length, y)
+        assert shown(page)[0] == f"m{number}"
+    brush(page, 0, 0.4, 0.8)
+    counted(page, "2 of 5 lines brushed")
+    assert members(page) == ["m2", "m3"]
+    low, high = (float(page.get_by_label(f"nu {end}").input_value()) for end in ("from", "to"))
+    assert (low, high) == pytest.approx((10**-3.4, 10**-1.8), rel=0.1)
+
+    def is_written(address: str) -> bool:
+        """Addresses follow a little later than brushes."""
+        said = re.search(r"in\.nu=([^&]+)\.\.([^&]+)", address)
+        return said is not None and np.allclose([float(end) for end in said.groups()], [low, high], rtol=1e-4)
+
+    page.wait_for_url(is_written)
+    visit(page, page.url)
+    counted(page, "2 of 5 lines brushed")

@@ -215,7 +215,7 @@ def test_the_command_prints_one_address_and_stops_on_ctrl_c(catalog: Catalog) ->
         with urlopen(addresses[0], timeout=10) as answer:
             assert b"<title>" in answer.read()
         process.send_signal(signal.SIGINT)
-        rest, _ = process.communicate(timeout=20)
+        rest, _ = process.communicate(timeout=60)
         assert rest == "stopped\n"
         assert process.returncode == 0
     finally:

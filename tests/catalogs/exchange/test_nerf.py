@@ -27,7 +27,7 @@ def data(tmp_path: Path) -> DataSet:
 
 
 def snapshot(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("[!.]*")) if p.is_file()}
 
 
 def test_every_picture_arrives_with_its_camera_and_parameters(data: DataSet, tmp_path: Path) -> None:

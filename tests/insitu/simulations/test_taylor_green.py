@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import insitu.simulations.taylor_green as module
-from insitu.simulations import Field, simulation
 from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import State
-from insitu.simulations.taylor_green import SIMULATION, TaylorGreen, run, run_fields
+from insitu.simulations.taylor_green import TaylorGreen
 
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"
 
@@ -139,75 +138,19 @@ def test_energy_and_dissipation_are_those_of_the_reference(
 
 @pytest.mark.slow
 def test_the_reference_is_approached_with_resolution(shared_data: Path):
+    """At first by more than the factor of a second-order method; later only in part, as docs/taylor_green.md says."""
     reference = np.loadtxt(shared_data / REFERENCE)
-    rows = reference[reference[:, 0] <= 9.0]
-    errors = []
-    for resolution in (32, 64, 128, 192):
-        times, energies, _ = history(resolution, 9.0)
-        errors.append(np.abs(np.interp(rows[:, 0], times, energies) / rows[:, 1] - 1.0).max())
-    assert errors == sorted(errors, reverse=True)
-    assert errors[-1] < 0.01, f"largest relative energy errors up to t = 9: {errors}"
+    for until, factor, last in ((5.0, 4.0, 2e-4), (9.0, 1.4, 0.025)):
+        rows = reference[reference[:, 0] <= until]
+        errors = []
+        for resolution in (32, 64, 128):
+            times, energies, _ = history(resolution, 9.01)
+            errors.append(np.abs(np.interp(rows[:, 0], times, energies) / rows[:, 1] - 1.0).max())
+        assert all(coarse > factor * fine for coarse, fine in itertools.pairwise(errors)), (until, errors)
+        assert errors[-1] < last, (until, errors)
 
 
 # --- as a simulation of a scene --------------------------------------------------------------------------------------
-
-
-def test_run_returns_a_field_to_render():
-    fractions: list[float] = []
-    field = simulation("taylor_green").run({"Re": 1800.0}, resolution=16, time=1.5, progress=fractions.append)
-    flow = TaylorGreen(resolution=16, reynolds=1800.0)
-    assert isinstance(field, Field)
-    assert field.values.shape == (16, 16, 16)
-    assert field.values.dtype == np.float32
-    assert field.values.flags.c_contiguous
-    assert (field.spacing, field.origin, field.name, field.unit, field.time) == (
-        (np.pi / 8,) * 3,
-        (0.0,) * 3,
-        "Q",
-        "",
-        1.5,
-    )
-    assert np.array_equal(field.values, flow.q_criterion(advanced(flow, 1.5)))
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-    assert "Q on 16 x 16 x 16 points" in repr(field)
-
-
-def test_run_at_time_zero_is_the_initial_condition():
-    assert run({"Re": 100.0}, resolution=8, time=0.0).time == 0.0
-
-
-def test_a_field_can_be_solved_on_more_points_than_it_has():
-    fine = TaylorGreen(resolution=32, reynolds=400.0)
-    state = advanced(fine, 3.0)
-    modes = np.fft.rfftn(fine.velocity(state).astype(np.float64), axes=(1, 2, 3), norm="forward")
-    index = np.fft.ifftshift(np.arange(-8, 8))  # the modes that 16 points tell apart; those from 16 / 3 on are cut
-    coarse = modes[:, index[:, None, None], index[:, None], np.arange(9)]
-    for axis, k in ((1, index), (2, index), (3, np.arange(9))):
-        np.moveaxis(coarse, axis, 0)[3 * np.abs(k) >= 16] = 0.0
-    velocity = np.fft.irfftn(coarse, (16, 16, 16), axes=(1, 2, 3), norm="forward")
-    box = PeriodicBox(16, fine.viscosity, dtype="float64")
-    expected = box.q_criterion(box.initial(velocity))
-
-    field = run({"Re": 400.0}, resolution=16, time=3.0, solver_resolution=32)
-    assert field.spacing == (np.pi / 8,) * 3
-    assert np.abs(field.values - expected).max() < 1e-5 * np.abs(expected).max()
-    unresolved = run({"Re": 400.0}, resolution=16, time=3.0).values
-    assert np.abs(unresolved - expected).max() > 0.01 * np.abs(expected).max(), "this flow needs more than 16 points"
-
-
-def test_a_field_has_no_more_points_than_its_solver():
-    with pytest.raises(ValueError, match="at least the field's 32, got 16"):
-        run({"Re": 400.0}, resolution=32, time=1.0, solver_resolution=16)
-    flow = TaylorGreen(resolution=16)
-    with pytest.raises(ValueError, match="16 points cannot be coarsened to 32"):
-        flow.coarsened(flow.initial(), 32)
-
-
-@pytest.mark.parametrize("parameters", [{}, {"Re": 1.0, "Ma": 0.1}, {"reynolds": 1600.0}])
-def test_run_names_its_one_parameter(parameters: dict[str, float]):
-    with pytest.raises(ValueError, match="one parameter Re"):
-        run(parameters, resolution=8, time=1.0)
 
 
 def test_the_solver_travels_to_another_process():
@@ -247,42 +190,3 @@ def test_the_docstrings_tell_the_truth():
 
 
 # --- the fields that a scene may name ---------------------------------------------------------------------------------
-
-
-def test_the_first_field_is_what_run_returns():
-    every = run_fields({"Re": 400.0}, fields=SIMULATION.fields, resolution=16, time=1.0)
-    assert list(every) == list(SIMULATION.fields) == ["q_criterion", "speed", "vorticity"]
-    assert np.array_equal(every["q_criterion"].values, run({"Re": 400.0}, resolution=16, time=1.0).values)
-    assert [field.name for field in every.values()] == ["Q", "|u|", "|∇ x u|"]
-    for field in every.values():
-        assert (field.values.shape, field.values.dtype, field.time) == ((16, 16, 16), np.float32, 1.0)
-
-
-def test_speed_and_vorticity_of_the_initial_vortex_are_known():
-    """u = sin x cos y cos z, v = -cos x sin y cos z; ∇ x u = (-cos x sin y sin z, -sin x cos y sin z, 2 sin x sin y cos z)."""
-    found = run_fields({"Re": 100.0}, fields=("vorticity", "speed"), resolution=16, time=0.0)
-    z, y, x = np.meshgrid(*[2 * np.pi * np.arange(16) / 16] * 3, indexing="ij")
-    speed = np.abs(np.cos(z)) * np.hypot(np.sin(x) * np.cos(y), np.cos(x) * np.sin(y))
-    curl = [
-        -np.cos(x) * np.sin(y) * np.sin(z),
-        -np.sin(x) * np.cos(y) * np.sin(z),
-        2 * np.sin(x) * np.sin(y) * np.cos(z),
-    ]
-    assert np.abs(found["speed"].values - speed).max() < 1e-6
-    assert np.abs(found["vorticity"].values - np.linalg.norm(curl, axis=0)).max() < 2e-6
-
-
-def test_speed_and_vorticity_later_are_those_of_the_plain_solver():
-    found = run_fields({"Re": 50.0}, fields=("speed", "vorticity"), resolution=16, time=1.0)
-    box = PeriodicBox(16, 1 / 50.0, dtype="float64")
-    z, y, x = np.meshgrid(*[2 * np.pi * np.arange(16) / 16] * 3, indexing="ij")
-    start = np.stack([np.sin(x) * np.cos(y) * np.cos(z), -np.cos(x) * np.sin(y) * np.cos(z), np.zeros_like(x)])
-    state = box.advance(box.initial(start), until=1.0)
-    for name, vector in (("speed", box.velocity(state)), ("vorticity", box.vorticity(state))):
-        assert np.abs(found[name].values - np.linalg.norm(vector, axis=0)).max() < 1e-4
-
-
-@pytest.mark.parametrize("fields", [(), ("pressure",), ("speed", "speed"), ("speed", "Q")])
-def test_unknown_fields_are_named(fields: tuple[str, ...]):
-    with pytest.raises(ValueError, match=r"some of \['q_criterion', 'speed', 'vorticity'\], each once"):
-        run_fields({"Re": 50.0}, fields=fields, resolution=16, time=1.0)

@@ -6,13 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import native
 from catalogs.appearance import TransferFunction
-from surrogate.deformation.extinction import MOST_OPAQUE, SAMPLES, extinction_table, extinction_table_reference
+from surrogate.deformation.extinction import (
+    MOST_OPAQUE,
+    SAMPLES,
+    differentiable_table,
+    extinction_table,
+    extinction_table_reference,
+)
 
 BASE = TransferFunction(
     ((-1.0, 0.1, 0.2, 0.9), (1.0, 0.9, 0.9, 0.2), (3.0, 0.9, 0.1, 0.1)), ((-1, 0), (0.4, 0.2), (2, 0.6), (3, 0.95)), 0.3
@@ -93,3 +100,33 @@ def test_wrong_shapes_are_named() -> None:
         native.extinction_table(values, colors, opacities, 0, MOST_OPAQUE)
     with pytest.raises(ValueError, match="most_opaque must lie in 0 to 1, and not be 1"):
         native.extinction_table(values, colors, opacities, SAMPLES, 1.0)
+
+
+@every_function
+@every_values
+def test_the_differentiable_table_is_that_of_the_twin(function: TransferFunction, values: NDArray[np.float64]) -> None:
+    points = torch.tensor(function.opacity_points, dtype=torch.float64)
+    table = differentiable_table(function, points, values)
+    np.testing.assert_allclose(table.numpy(), extinction_table_reference(function, values), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["base", "other", "narrower", "wider"])
+def test_its_gradient_by_control_points_is_their_finite_difference(name: str) -> None:
+    function, values = FUNCTIONS[name], VALUES["uneven"]
+    points = torch.tensor(function.opacity_points, dtype=torch.float64, requires_grad=True)
+    weights = torch.linspace(-1.0, 2.0, 4 * len(values), dtype=torch.float64).reshape(-1, 4)
+    (differentiable_table(function, points, values) * weights).sum().backward()
+    assert points.grad is not None
+    for k, coordinate in np.ndindex(*points.shape):
+        sums = []
+        for step in (1e-7, -1e-7):
+            moved = np.array(function.opacity_points)
+            moved[k, coordinate] += step
+            if not 0.0 <= moved[k, 1] <= 1.0:
+                break  # an end of the range
+            table = extinction_table_reference(replace(function, opacity_points=moved), values)
+            sums.append(float((table * weights.numpy()).sum()))
+        if len(sums) == 2:
+            np.testing.assert_allclose(
+                float(points.grad[k, coordinate]), (sums[0] - sums[1]) / 2e-7, atol=1e-5, rtol=1e-4
+            )

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-import native
 from surrogate.deformation.transfer import LEAST_DEPTH, Transfer
 from surrogate.gaussians import NAMES, Gaussians
+from tests.support.kernel_calls import recorded
 
 UNIT = 2.0**-24  # of rounding, float32
 PALETTE = ((0.1, 0.0, 0.3), (0.8, 0.4, 0.5), (0.2, 0.9, 0.4))
@@ -101,12 +101,7 @@ def test_what_is_not_finite_is_so_in_the_twin_too(attribute: str, value: float) 
 
 
 def test_only_where_it_can_the_kernel_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[str] = []
-    for name in ("transfer", "transfer_gradient"):
-        kernel = getattr(native, name)
-        monkeypatch.setattr(
-            native, name, lambda *a, name=name, kernel=kernel: (calls.append(name), kernel(*a))[1], raising=False
-        )
+    calls = recorded(monkeypatch, "transfer", "transfer_gradient")
     shown, of, asked = gaussians(20), weights(20, 5), transfer(5)
 
     def taken(given: Gaussians, leaf: torch.Tensor) -> list[str]:

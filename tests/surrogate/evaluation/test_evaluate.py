@@ -30,6 +30,7 @@ from tests.support.tables import tables
 
 SETTINGS = TrainingSettings(gaussians=30, canonical_steps=20, deformation_steps=20, validation_interval=10)
 MEMBERS = {0.0: "train", 0.5: "validation", 0.75: "test", 1.0: "train"}
+VALIDATION_VIEWS = [i for i, split in enumerate(view_splits(42)) if split == "validation"]
 
 
 def disk(position: float, angle: float, size: int = 20) -> np.ndarray:
@@ -93,6 +94,7 @@ def test_trivial_predictors_are_what_they_say(run: tuple[Surrogate, Catalog, Pat
     assert set(results) == {
         "mean image",
         "nearest member",
+        "inverse distances to the 4 nearest members",
         "linear interpolation",
         "ridge regression",
         "radial basis functions",
@@ -104,6 +106,7 @@ def test_trivial_predictors_are_what_they_say(run: tuple[Surrogate, Catalog, Pat
         "mean image": (low + high) / 2,
         "nearest member": high,
         "linear interpolation": 0.25 * low + 0.75 * high,
+        "inverse distances to the 4 nearest members": 0.25 * low + 0.75 * high,  # of two at 3 to 1
     }
     for name, picture in wanted.items():
         scored = next(
@@ -113,6 +116,19 @@ def test_trivial_predictors_are_what_they_say(run: tuple[Surrogate, Catalog, Pat
         )
         assert scored.score.psnr == pytest.approx(score(truth, picture, catalog.plan.background).psnr, abs=1e-3)
         assert results[name].degrees == 0.0
+
+
+def test_at_the_centre_every_member_looks_alike(run: tuple[Surrogate, Catalog, Path]) -> None:
+    surrogate, catalog, _ = run
+    evaluation, background = evaluate(surrogate, catalog), catalog.plan.background
+    assert evaluation.at_center.keys() == evaluation.cells.keys()
+    middle = surrogate.at(shift=0.5)
+    for row, columns in evaluation.at_center.items():
+        for column, scored in columns.items():
+            assert [s.target for s in scored] == [s.target for s in evaluation.cells[row][column]]
+            one = scored[-1]
+            truth = catalog.image(one.target.member, "disk", one.target.view)
+            assert one.score == score(truth, middle.render(one.target.camera, background=background), background)
 
 
 def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Path]) -> None:
@@ -130,10 +146,16 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
         for views in VIEWS:
             for parameters in PARAMETERS:
                 assert record[metric][views][parameters] == mean(evaluation.cells[views][parameters], metric)
+    for views, parameters in ((v, p) for v in VIEWS for p in PARAMETERS):
+        assert record["at_center"]["psnr"][views][parameters] == mean(evaluation.at_center[views][parameters], "psnr")
+    assert record["at_center"]["parameters"] == {"shift": 0.5}
+    assert record["decided_on"] == {"choices": len(VALIDATION_VIEWS), "watched": min(16, len(VALIDATION_VIEWS))}
     page = (report / "report.md").read_text()
+    assert "(shift = 0.5) shows it" in page
+    assert "all choices were made on these" not in page
     for name in ("mean image", "nearest member", "linear interpolation"):
         assert name in page
-    assert "## What this scene needed" in page
+    assert "## What this ensemble needed" in page
     assert "| precision |" in page
     assert all(len(set(widths)) == 1 for widths in tables(page))
     for picture in report.glob("*.png"):

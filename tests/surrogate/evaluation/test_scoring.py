@@ -31,6 +31,7 @@ def test_the_mean_error_is_taken_before_decibels_are() -> None:
     both = [scored(1e-2), scored(1e-4)]
     assert mean(both, "psnr") == pytest.approx(30.0)
     assert mean(both, "psnr_of_mean_error") == pytest.approx(-10 * math.log10((1e-2 + 1e-4) / 2))
+    assert mean([scored(1e-8)], "psnr_of_mean_error") == pytest.approx(80.0)  # not cut as images are
     assert mean(both, "covered") == 0.25
     assert mean([], "psnr_of_mean_error") is None
 

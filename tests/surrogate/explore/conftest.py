@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from surrogate import Surrogate
 from surrogate.explore.run import Run
 from tests.support import families
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, summary
@@ -47,3 +48,9 @@ def explorer(run_folder: Path) -> Iterator[str]:
     shown = Shown(Run.open(run_folder))
     yield shown.address
     shown.close()
+
+
+@pytest.fixture(scope="session")
+def surrogate(run_folder: Path) -> Surrogate:
+    """The run's."""
+    return Surrogate.load(run_folder / "surrogate")

@@ -33,7 +33,7 @@ def test_threads_draw_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     surrogate, together, at = following(), threading.Barrier(3), Surrogate.at
 
     def meeting(self: Surrogate, **parameters: Any) -> DeformedGaussians:
-        together.wait(timeout=20)  # broken unless all three are inside at once
+        together.wait(timeout=60)  # broken unless all three are inside at once
         return at(self, **parameters)
 
     monkeypatch.setattr(Surrogate, "at", meeting)

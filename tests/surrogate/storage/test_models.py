@@ -83,7 +83,7 @@ def test_a_model_of_the_first_schema_is_read(tmp_path: Path) -> None:
     [
         ({"gaussians.means": "uint8"}, "a tensor in 'uint8' must consist of"),
         ({"gaussians.means": "pickle"}, "a tensor in 'pickle' must consist of"),
-        ({}, r"lacks '(gaussians|deformation)\."),
+        ({}, r"is damaged: encodings: '(gaussians|deformation)\.[a-z]*' is missing"),
     ],
 )
 def test_encodings_that_are_not_those_of_the_tensors_are_refused(
@@ -106,9 +106,12 @@ def test_a_missing_surrogate_is_named(tmp_path: Path) -> None:
     ("damage", "complaint"),
     [
         (lambda record, folder: record.update(schema=99), "its schema is 99, this version reads up to"),
-        (lambda record, folder: record.pop("normalization"), "lacks 'normalization'"),
+        (lambda record, folder: record.pop("normalization"), "is damaged: normalization: 'normalization' is missing"),
         (lambda record, folder: record["deformation"].update(kind="warp"), "unknown deformation 'warp'"),
-        (lambda record, folder: (folder / "model.safetensors").write_bytes(b"half"), "is damaged: train anew"),
+        (
+            lambda record, folder: (folder / "model.safetensors").write_bytes(b"half"),
+            "is damaged: model.safetensors: its header is cut off",
+        ),
         (lambda record, folder: (folder / "model.safetensors").unlink(), "model.safetensors"),
     ],
 )
@@ -123,7 +126,7 @@ def test_damaged_files_are_named(tmp_path: Path, damage: object, complaint: str)
 
 def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text("{")
-    with pytest.raises(ValueError, match=r"model\.json can't be read"):
+    with pytest.raises(ValueError, match=r"model\.json is damaged: the file: "):
         Surrogate.load(tmp_path)
 
 

@@ -19,6 +19,7 @@ from tests.support.field_blobs import field_catalog
 from tests.support.interruptions import interrupt, outcome
 
 QUICK = TrainingSettings(
+    carried="colors",
     gaussians=40,
     canonical_steps=6,
     deformation_steps=10,

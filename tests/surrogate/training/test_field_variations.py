@@ -17,7 +17,7 @@ from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.variations import field_variation, transfer_function_family
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
-from surrogate.deformation import FieldDeformation
+from surrogate.deformation import BilinearDeformation, FieldDeformation
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.metrics import psnr
@@ -28,6 +28,7 @@ from surrogate.storage.checkpoints import fingerprint
 from surrogate.studies.ceiling import subjects
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
+from surrogate.training.state import Fitted
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FieldBlobs, summary
@@ -187,8 +188,13 @@ def test_one_without_fields_does_not_know_the_word(catalog: Catalog, run: Path) 
 
 def test_older_programs_are_told_by_the_schema(run: Path, tmp_path: Path) -> None:
     surrogate = Surrogate.load(run / "surrogate")
-    assert json.loads((run / "surrogate" / "model.json").read_text())["schema"] == 4
-    replace(surrogate, visualizations=()).save(tmp_path)
+    assert json.loads((run / "surrogate" / "model.json").read_text())["schema"] == 6  # for the Gaussians carry values
+    surrogate = replace(surrogate, visualizations=())
+    surrogate.save(tmp_path)
+    assert json.loads((tmp_path / "model.json").read_text())["schema"] == 6
+    colors = Fitted(surrogate.gaussians, surrogate.deformation).at(torch.zeros(1))
+    plain = BilinearDeformation.create(colors, 1, TrainingSettings())
+    replace(surrogate, gaussians=colors, deformation=plain).save(tmp_path)
     assert json.loads((tmp_path / "model.json").read_text())["schema"] == 3
 
 

@@ -19,7 +19,7 @@ QUICK = TrainingSettings(
 )
 COMPLAINT = (
     r"^training diverged in stage {stage} at step \d+ of {steps}, where {what} is -?(inf|nan): "
-    r"lower the rates in the scene's \[training\] table$"
+    r"lower the rates in the scene's \[training\] table, or as KEY=VALUE"
 )
 
 

@@ -24,6 +24,7 @@ from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEP
 from tests.support.interruptions import files, interrupt, kill_again_and_again, outcome
 
 QUICK = TrainingSettings(
+    carried="colors",
     gaussians=40,
     canonical_steps=6,
     deformation_steps=8,
@@ -99,8 +100,9 @@ def test_an_interrupted_run_ends_where_an_undisturbed_one_does(
         {"simulation_rate_factor": 0.0, "canonical_steps": 0, "deformation_steps": 14},
         {"visualization_deformation": "paper", "deformation": "paper"},
         {"validation_images": 0},
+        {"carried": "values"},
     ],
-    ids=["as it is", "lit surfaces", "strategies", "jointly, F_sim frozen", "paper", "unwatched"],
+    ids=["as it is", "lit surfaces", "strategies", "jointly, F_sim frozen", "paper", "unwatched", "values"],
 )
 def test_every_way_to_train_goes_on_after_interruptions(catalog: Catalog, tmp_path: Path, settings: dict) -> None:
     chosen = with_settings(**settings)
@@ -272,21 +274,23 @@ def nearest(variation: Variation, unseen: Setting) -> Setting:
 
 
 @pytest.mark.parametrize(
-    ("variation", "kind", "better"),
+    ("carried", "variation", "kind", "better"),
     [
-        (FUNCTIONS, "auto", 3.0),
-        (ISOVALUE, "auto", 3.0),
-        pytest.param(FUNCTIONS, "bilinear", 1.0, marks=pytest.mark.slow),
+        ("values", FUNCTIONS, "auto", 1.0),
+        ("colors", FUNCTIONS, "auto", 3.0),
+        ("colors", ISOVALUE, "auto", 3.0),
+        pytest.param("colors", FUNCTIONS, "bilinear", 1.0, marks=pytest.mark.slow),
     ],
-    ids=["functions", "isovalue", "learnt functions"],
+    ids=["carried values", "functions", "isovalue", "learnt functions"],
 )
 def test_unseen_settings_at_unseen_parameters_are_recovered(
-    tmp_path: Path, variation: Variation, kind: str, better: float
+    tmp_path: Path, carried: str, variation: Variation, kind: str, better: float
 ) -> None:
     """Better than the truth of the nearest trained setting, at the very member and view that is predicted."""
     members = [("train", p) for p in (0.0, 0.33, 0.67, 1.0)]
     catalog = field_catalog(tmp_path / "a.cdb", [variation], members=members, view_splits=("train",) * 8)
     settings = TrainingSettings(
+        carried=carried,
         gaussians=150,
         canonical_steps=300,
         deformation_steps=1000,

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
 from catalogs.catalog import Catalog
+from catalogs.parameters import Parameter, ParameterSpace
 from surrogate.initialization.pictures import Points
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import foreground_color
@@ -81,7 +84,7 @@ def test_a_variation_that_no_training_member_shows_is_named_at_once(tmp_path: Pa
 
 
 def test_points_keep_their_places_and_lose_their_colours_under_another_appearance(catalog: Catalog) -> None:
-    source = Source(TrainingSettings(gaussians=9, color_degree=0), catalog)
+    source = Source(TrainingSettings(gaussians=9, color_degree=0, carried="colors"), catalog)
     colors = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     vars(source)["points"] = Points(np.array([[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]), colors)
     data = source.data()
@@ -92,3 +95,13 @@ def test_points_keep_their_places_and_lose_their_colours_under_another_appearanc
     np.testing.assert_allclose(other.colors, np.broadcast_to(mean, (9, 3)), rtol=1e-6)
     wider = source.initial_gaussians(data, TrainingSettings(gaussians=5, color_degree=1))
     assert (len(wider), wider.color_degree) == (5, 1)
+
+
+def test_parameters_over_decades_are_learnt_by_their_logarithms(catalog: Catalog) -> None:
+    assert Source(TrainingSettings(), catalog).space == catalog.plan.space  # from 0 on
+    wide = ParameterSpace((Parameter("nu", 1e-4, 1e-2), Parameter("h", 0.5, 0.9), Parameter("q", -1.0, 1.0)))
+    plan = replace(catalog.plan, space=wide)
+    for scales, expected in (("auto", ["log", "linear", "linear"]), ("given", ["linear"] * 3)):
+        source = Source(TrainingSettings(parameter_scales=scales), catalog)
+        object.__setattr__(source, "catalog", SimpleNamespace(plan=plan))
+        assert [p.scale for p in source.space.parameters] == expected

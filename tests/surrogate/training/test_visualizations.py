@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +12,21 @@ from catalogs.appearance import ImportedImages
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesDeformation
+from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES
+from surrogate.lighting import Lighting
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.state import Fitted
-from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
+from surrogate.training.visualizations import (
+    in_common,
+    kind_of,
+    new_visualization,
+    shared_visualization,
+    visualization_stage,
+)
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, appearance_of, field_catalog
 from tests.support.visualizations import base
@@ -66,7 +75,7 @@ def test_values_of_isovalues_are_refused() -> None:
 @pytest.mark.parametrize("color_degree", [0, 1])
 def test_at_first_nothing_moves(catalog: Catalog, kind: str, variation: Variation, color_degree: int) -> None:
     fitted = base()
-    visual = new_visualization(
+    visual = shared_visualization(
         *fitted, variation, source(catalog, visualization_deformation=kind), color_degree=color_degree
     )
     settings = variation.settings if kind == "bilinear" or variation is ISOVALUE else ()
@@ -80,6 +89,43 @@ def test_at_first_nothing_moves(catalog: Catalog, kind: str, variation: Variatio
         assert all(torch.equal(t, fitted.deformation.tensors()[n]) for n, t in visual.simulation.tensors().items())
     moving = [name for name in NAMES if visual.deformation.moves(name)]
     assert moving == (list(NAMES) if variation is ISOVALUE else ["opacity_logits", "colors"])
+
+
+@pytest.mark.parametrize("kind", ["bilinear", "paper"])
+def test_isovalues_have_lit_gaussians_of_their_own_that_leave_the_base_alone(
+    catalog: Catalog, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert new_visualization(*base(), ISOVALUE, source(catalog)).gaussians is None, (
+        "these blobs have colours of their own"
+    )
+    monkeypatch.setattr(Lighting, "explains", lambda *_: True)
+    given, fitted = source(catalog, visualization_deformation=kind, visualization_gaussians=70), base()
+    data, before = given.data(ISOVALUE), bits(fitted)
+    visual = new_visualization(*fitted, ISOVALUE, given)
+    assert visual.gaussians is not None
+    assert visual.lighting == Lighting.of([appearance_of(s) for s in ISOVALUE.settings])
+    assert (len(visual.gaussians), visual.simulation, visual.color_degree) == (70, None, 0)
+    torch.testing.assert_close(visual.gaussians.colors.norm(dim=1), torch.full((70,), 0.8))
+    at_first = visual.stored()
+    begun = in_common(visual, given.settings, data)
+    assert all(torch.equal(t, at_first[n]) for n, t in visual.stored().items()), "what was given stays as it is"
+    assert not torch.equal(begun.gaussians.means, visual.gaussians.means)
+    stage = visualization_stage(*fitted, begun, given.settings)
+    assert stage.per_gaussian >= set(NAMES), "dead ones are relocated"
+    run = StageRun(stage, given.settings, replace(data, validation=data.examples[::3]))
+    psnr = run.validate()
+    for _ in range(5 if kind == "paper" else 30):
+        run.advance()
+    assert run.validate() > psnr
+    assert bits(fitted) == before
+    for p in (-1.0, 0.4):
+        assert same(begun.gaussians_at(*fitted, torch.tensor([p, torch.nan])), fitted.at(torch.tensor([p])))
+    moved = begun.gaussians_at(*fitted, torch.tensor([0.4, 0.1]))
+    assert moved.lighting == begun.lighting
+    assert same(moved, begun.of(torch.arange(3)).gaussians_at(*fitted, torch.tensor([0.4, 0.1])))
+    loaded = Visualization.load(begun.stored(), json.loads(json.dumps(begun.record())))
+    assert same(loaded.gaussians_at(*fitted, torch.tensor([0.4, 0.1])), moved)
+    assert loaded.lighting == begun.lighting
 
 
 def test_values_follow_the_training_members_histogram(catalog: Catalog) -> None:
@@ -105,7 +151,7 @@ def test_learnt_f_vis_has_its_own_sizes_and_all_parameters(catalog: Catalog) -> 
 @pytest.mark.parametrize("variation", [FUNCTIONS, ISOVALUE], ids=["functions", "isovalue"])
 def test_it_is_made_on_the_device_of_its_gaussians(catalog: Catalog, kind: str, variation: Variation) -> None:
     meta, fitted = torch.device("meta"), base()  # a device that every torch has
-    visual = new_visualization(*fitted.to(meta), variation, source(catalog, visualization_deformation=kind))
+    visual = shared_visualization(*fitted.to(meta), variation, source(catalog, visualization_deformation=kind))
     assert {tensor.device for tensor in visual.deformation.tensors().values()} == {meta}
 
 
@@ -133,7 +179,7 @@ def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
 ) -> None:
     given = source(catalog, visualization_deformation=kind, simulation_rate_factor=factor, value_rate=0.05)
     fitted = base()
-    before, visual = bits(fitted), new_visualization(*fitted, variation, given)
+    before, visual = bits(fitted), shared_visualization(*fitted, variation, given)
     at_first = {name: t.clone() for name, t in visual.stored().items()}
     stage = visualization_stage(*fitted, visual, given.settings)
     data = given.data(variation)
@@ -158,14 +204,14 @@ def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
 @pytest.mark.parametrize("kind", ["bilinear", "paper"])
 def test_a_frozen_f_sim_is_the_bases_and_takes_no_space(catalog: Catalog, kind: str) -> None:
     given = source(catalog, simulation_rate_factor=0.0, visualization_deformation=kind)
-    visual = new_visualization(*base(), ISOVALUE, given)
+    visual = shared_visualization(*base(), ISOVALUE, given)
     assert visual.simulation is None
     assert all(name.startswith("deformation.") for name in visual.stored())
 
 
 def test_f_sim_is_tuned_at_a_part_of_its_rates(catalog: Catalog) -> None:
     given, fitted = source(catalog, latent_rate=0.04, embedding_rate=0.02, simulation_rate_factor=0.25), base()
-    rates = visualization_stage(*fitted, new_visualization(*fitted, ISOVALUE, given), given.settings).rates
+    rates = visualization_stage(*fitted, shared_visualization(*fitted, ISOVALUE, given), given.settings).rates
     assert rates["simulation.latents"] == pytest.approx(0.01)
     assert rates["simulation.weights_in"] == pytest.approx(0.005)
     assert rates["visualization.latents"] == 0.04
@@ -214,7 +260,7 @@ def field_members(given: Source) -> TrainingData:
 def test_the_stage_rests_on_what_f_vis_acts_on(catalog: Catalog) -> None:
     given, fitted = source(catalog, visualization_deformation="bilinear"), base()
     for variation in (ISOVALUE, FUNCTIONS):
-        visual = new_visualization(*fitted, variation, given)
+        visual = shared_visualization(*fitted, variation, given)
         stage = visualization_stage(*fitted, visual, given.settings)
         place = torch.tensor([0.3, *[0.0] * len(variation.space)])
         assert stage.rest_at is not None

@@ -8,6 +8,7 @@ from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
 from scipy.spatial import ConvexHull
 
 from surrogate.evaluation.trivial.interpolation import (
+    crossed,
     fixed_rules,
     inverse_distance,
     linear,
@@ -109,3 +110,11 @@ def test_inverse_distances_meet_what_they_know_and_need_no_four() -> None:
 def test_interpolation_is_offered_up_to_three_parameters() -> None:
     assert "linear interpolation" in fixed_rules(3)
     assert "linear interpolation" not in fixed_rules(6)
+
+
+def test_crossed_weights_are_products_over_a_grid() -> None:
+    places, settings = np.array([[0.0, 0.0], [1.0, 0.5]]), np.array([[0.0], [1.0], [4.0]])
+    known = np.array([[*place, *setting] for place in places for setting in settings])  # [6, 3]
+    wanted = np.array([[0.9, 0.4, 2.0], [0.0, 0.0, 0.0]])
+    found = crossed(nearest_member, linear, 2)(known, wanted)
+    np.testing.assert_allclose(found, [[0, 0, 0, 0, 2 / 3, 1 / 3], [1, 0, 0, 0, 0, 0]], atol=1e-12)

@@ -63,9 +63,13 @@ def test_every_picture_is_the_mixture_of_the_same_view(tmp_path: Path) -> None:
     members = [m for m in catalog.members if m.split == "train"]
     mixtures = Mixtures(catalog, MemberPictures(catalog.plan.space, "dvr", members), fixed_rules(1))
     cases = [Case(catalog.member(name), view, "dvr") for name in ("test-0", "validation-0") for view in (4, 0, 3)]
-    weights = {"test-0": [[0.5, 0.5], [1, 0], [0.5, 0.5]], "validation-0": [[0.5, 0.5], [1, 0], [0.75, 0.25]]}
+    weights = {
+        "test-0": [[0.5, 0.5], [1, 0], [0.5, 0.5], [0.5, 0.5]],
+        "validation-0": [[0.5, 0.5], [1, 0], [0.75, 0.25], [0.75, 0.25]],
+    }
     drawn = {case: list(draw(case)) for batch, draw in mixtures.batches(cases) for case in batch}
-    assert mixtures.names == ["mean image", "nearest member", "linear interpolation"]
+    between = "inverse distances to the 4 nearest members"
+    assert mixtures.names == ["mean image", "nearest member", between, "linear interpolation"]
     assert set(drawn) == set(cases)
     for case, pictures in drawn.items():
         stored = np.stack([catalog.image(m, "dvr", case.view) / 255.0 for m in members])

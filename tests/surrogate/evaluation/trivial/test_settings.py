@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from surrogate.evaluation.cases import Case
-from surrogate.evaluation.trivial.interpolation import setting_rules
+from surrogate.evaluation.trivial.interpolation import joint_rules, setting_rules
 from surrogate.evaluation.trivial.mixtures import Mixtures
-from surrogate.evaluation.trivial.settings import SettingPictures, Trained
+from surrogate.evaluation.trivial.settings import SettingPictures, Trained, TrainedPictures
 from tests.support.varied_blobs import FUNCTIONS, ISOVALUE, PLACES, varied_catalog, varied_surrogate
 
 
@@ -48,3 +48,31 @@ def test_isovalues_are_interpolated_between_their_neighbours(
     pictures = {name: catalog.image(member, name, 2) / 255.0 for name in weights}
     np.testing.assert_allclose(between, sum(w * pictures[name] for name, w in weights.items()), atol=1e-5)
     np.testing.assert_allclose(nearest, pictures[max(weights, key=weights.__getitem__)], atol=1e-6)
+
+
+def test_unseen_members_are_mixed_from_training_members_under_trained_settings(tmp_path) -> None:
+    trained = ISOVALUE.named("train")
+    members = {
+        "train-0": (0.0, trained),
+        "train-1": (1.0, trained),
+        "train-2": (0.6, trained[:1]),
+        "test-0": (0.75, ()),
+    }
+    of_test = {"test-0": (0.75, ("dvr",)), **{name: of for name, of in members.items() if name != "test-0"}}
+    catalog = varied_catalog(tmp_path / "a.cdb", varied_surrogate(), of_test)
+    pictures = TrainedPictures.of(ISOVALUE, catalog.plan.space, catalog.members)
+    assert pictures is not None
+    assert [m.name for m in pictures.pictures.members] == ["train-0", "train-1"]  # that show all trained settings
+    [(cases, draw)] = Mixtures(catalog, pictures, joint_rules(1, 1)).batches(
+        [Case(catalog.member("test-0"), 2, "unseen", {"isovalue": 2.5})]
+    )
+    nearest, between = draw(cases[0])
+
+    def stored(member: str, setting: str) -> np.ndarray:
+        return catalog.image(member, setting, 2) / 255.0
+
+    np.testing.assert_allclose(nearest, stored("train-1", "iso=2"), atol=1e-6)
+    weights = {("train-0", "iso=2"): 0.1875, ("train-0", "iso=4"): 0.0625, ("train-1", "iso=2"): 0.5625}
+    weights["train-1", "iso=4"] = 0.1875
+    np.testing.assert_allclose(between, sum(w * stored(*of) for of, w in weights.items()), atol=1e-5)
+    assert TrainedPictures.of(FUNCTIONS, catalog.plan.space, catalog.members) is None

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +21,8 @@ from surrogate.explore.exporting.commands import export, sweep
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, settings
+from surrogate.explore.reliability.expectation import measure
+from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from tests.support import families
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE
@@ -98,15 +101,15 @@ def test_without_a_catalog_the_whole_volume_is_seen(tmp_path: Path) -> None:
 
 def test_a_picture_can_be_made_like_another(run: Path, tmp_path: Path) -> None:
     first, again, other = (tmp_path / name for name in ("first.png", "again.exr", "other.png"))
-    options = ("-p", "p=0.3", "-p", "c1_value=0.1", "--color-map", "viridis", "--view", 3, "--background", "1,0,0")
+    options = ("-p", "p=0.3", "-p", "c1_value=1.25", "--color-map", "viridis", "--view", 3, "--background", "1,0,0")
     done(export, run, *options, "-o", first)
     done(export, run, "--like", first, "-o", again)
-    setting, seen = Setting({"p": 0.3}, {"c1_value": 0.1}, "viridis"), camera(run, 3)
+    setting, seen = Setting({"p": 0.3}, {"c1_value": 0.25}, "viridis"), camera(run, 3)
     expected = setting.gaussians(following()).render(seen, background=(1.0, 0.0, 0.0))
     np.testing.assert_array_equal(read_image(again, dtype="float32"), expected)
     done(export, run, "--like", again, "-p", "p=0.8", "--size", "48", "-o", other)
     record = record_of(other)
-    assert (record["parameters"], record["visualization"]) == ({"p": 0.8}, {"c1_value": 0.1})
+    assert (record["parameters"], record["visualization"]) == ({"p": 0.8}, {"c1_value": 0.25})
     assert (record["camera"]["width"], record["color_map"]) == (48, "viridis")
 
 
@@ -115,22 +118,65 @@ def test_a_strip_and_a_grid(run: Path, tmp_path: Path) -> None:
     assert result.stdout == f"{tmp_path / 'a.png'}: 3 pictures over isovalue 0.1..0.8, p=0.2\n"
     strip = np.asarray(Image.open(tmp_path / "a.png"))
     places = sorted(
-        found(strip, setting, run) for setting in settings(Sweep(Setting({"p": 0.2}), Axis("isovalue", 0.1, 0.8, 3)))
+        found(strip, setting, camera(run, 0))
+        for setting in settings(Sweep(Setting({"p": 0.2}), Axis("isovalue", 0.1, 0.8, 3)))
     )
     assert len(places) == 3
     assert record_of(tmp_path / "a.png")["parameters"] == {"p": 0.2}
-    grid = ("--over", "p", "--steps", 2, "--rows", "c1_value", "--rows-steps", 3, "--rows-from", -0.1, "--rows-to", 0.1)
+    grid = ("--over", "p", "--steps", 2, "--rows", "c1_value", "--rows-steps", 3, "--rows-from", 0.9, "--rows-to", 1.1)
     done(sweep, run, *grid, "--background", "0,0,0", "-o", tmp_path / "grid.png")
     assert np.asarray(Image.open(tmp_path / "grid.png")).shape[0] > 3 * 24
 
 
-def found(sheet: np.ndarray, setting: Setting, run: Path) -> tuple[int, int]:
+def found(sheet: np.ndarray, setting: Setting, seen_by: Camera) -> tuple[int, int]:
     """Where a sheet holds the picture of a setting on white."""
-    picture = to_bytes(setting.gaussians(following()).render(camera(run, 0), background=(1, 1, 1))[..., :3])
+    picture = to_bytes(setting.gaussians(following()).render(seen_by, background=(1, 1, 1))[..., :3])
     height, width = picture.shape[:2]
     windows = np.lib.stride_tricks.sliding_window_view(sheet, (height, width, 3))[:, :, 0]
     (place,) = np.argwhere((windows == picture).all(axis=(2, 3, 4)))
     return int(place[1]), int(place[0])
+
+
+def test_a_folder_gets_a_file_of_its_own_name(run: Path, tmp_path: Path) -> None:
+    for values in ("p=0.3", "p=0.4"):
+        result = done(export, run, "-p", values, "-o", tmp_path)
+        assert Path(result.stdout.split(": ")[0]).is_file()
+    assert sorted(path.name[:11] for path in tmp_path.iterdir()) == ["blobs-p-0.3", "blobs-p-0.4"]
+
+
+def test_two_settings_are_compared(run: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.png"
+    result = done(export, run, "-p", "p=0.3", "--compare", "c2_opacity=0.7", "--size", "2x", "-o", output)
+    assert result.stdout == f"{output}: p=0.3 beside p=0.3, c2_opacity=0.7\n"
+    sheet, seen = np.asarray(Image.open(output)), camera(run, 0).resized(48, 48)
+    shown = [Setting({"p": 0.3}), Setting({"p": 0.3}, {"c2_opacity": 0.2})]
+    places = [found(sheet, setting, seen) for setting in shown]
+    assert places[0] < places[1]
+    assert record_of(output)["other"]["visualization"] == pytest.approx({"c2_opacity": 0.2})
+
+
+def test_a_stored_picture_is_compared(run: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.png"
+    result = done(export, run, "-p", "p=0", "--compare", "stored", "--view", 3, "-o", output)
+    assert result.stdout == f"{output}: p=0 beside its stored picture\n"
+    wrong = invoke(export, run, "-p", "p=0", "--compare", "stored", "--size", "48", "-o", output)
+    assert "the stored picture has 24x24 pixels: compare at this size" in wrong.stderr
+
+
+def test_what_error_to_expect_is_kept_once_it_is_measured(run_folder: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "blobs"
+    shutil.copytree(run_folder, folder, ignore=shutil.ignore_patterns("explore"))
+    done(export, folder, "-p", "p=0.3", "-o", tmp_path / "a.png")
+    assert record_of(tmp_path / "a.png")["expected"] is None
+    measure(Run.open(folder))
+    result = done(export, folder, "-p", "p=0.3", "-o", tmp_path / "a.png")
+    expected = record_of(tmp_path / "a.png")["expected"]
+    assert expected["psnr"] > 40
+    assert result.stdout.splitlines()[1] == expected["said"]
+    result = done(export, folder, "-p", "p=1.3", "-o", tmp_path / "b.exr")
+    expected = record_of(tmp_path / "b.exr")["expected"]
+    assert (expected["psnr"], expected["error"]) == (None, None)
+    assert expected["said"].startswith("not measured here: p 1.3 lies outside 0 to 1")
 
 
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
@@ -164,16 +210,20 @@ def test_what_is_a_guess_is_told(run: Path, tmp_path: Path) -> None:
     [
         (export, ("-o", "a.tiff"), "must end with one of .png, .exr, .ply, got a.tiff"),
         (export, ("-o", "absent/a.png"), "absent is no folder: make it first"),
-        (export, ("-p", "q=1", "-o", "a.png"), "unknown ['q']"),
+        (
+            export,
+            ("-p", "q=1", "-o", "a.png"),
+            "has the parameters p, c1_value, c1_opacity, c2_value, c2_opacity, isovalue, got q",
+        ),
         (export, ("-p", "p", "-o", "a.png"), "given as NAME=VALUE, got 'p'"),
         (export, ("-p", "p=a", "-o", "a.png"), "given as NAME=VALUE, got 'p=a'"),
         (export, ("-p", "p=nan", "-o", "a.png"), "p must be finite"),
         (export, ("--view", "5", "-o", "a.png"), "view must lie in 0..4, got 5"),
-        (export, ("--size", "big", "-o", "a.png"), "WIDTHxHEIGHT, got 'big'"),
+        (export, ("--size", "big", "-o", "a.png"), "WIDTHxHEIGHT, or as 2x, got 'big'"),
         (export, ("--size", "0x4", "-o", "a.png"), "a side has 1 to 8192 pixels, got 0x4"),
         (export, ("--background", "1,1", "-o", "a.png"), "given as R,G,B"),
         (export, ("--background", "1,1,2", "-o", "a.png"), "lies in [0, 1], got 1,1,2"),
-        (export, ("--color-map", "jet", "-o", "a.png"), "the colour map must be one of viridis"),
+        (export, ("--color-map", "jet", "-o", "a.png"), "color_map must be one of viridis"),
         (export, ("--like", __file__, "-o", "a.png"), "no record can be read from"),
         (sweep, ("--over", "p", "-o", "a.exr"), "must end with one of .png, .gif, .mp4, got a.exr"),
         (sweep, ("--over", "q", "-o", "a.png"), "has the parameters"),
@@ -181,7 +231,24 @@ def test_what_is_a_guess_is_told(run: Path, tmp_path: Path) -> None:
         (sweep, ("--over", "p", "--from", "2", "-o", "a.png"), "to a larger one, got 2 to 1"),
         (sweep, ("--over", "p", "--rows", "p", "-o", "a.png"), "two different parameters, got p twice"),
         (sweep, ("--over", "p", "--rows", "isovalue", "-o", "a.gif"), "a film goes over one parameter"),
-        (sweep, ("--over", "c1_value", "--to", "9", "-o", "a.png"), "can't be shown at c1_value = 9"),
+        (
+            export,
+            ("-p", "p=99", "-o", "a.png"),
+            "p = 99 lies too far outside its bounds [0, 1]: it can be drawn from -1 to 2",
+        ),
+        (export, ("-p", "isovalue=100", "-o", "a.png"), "isovalue = 100 lies too far outside its bounds [0.1, 0.8]"),
+        (export, ("-p", "c1_value=9", "-o", "a.png"), "c1_value = 9 lies too far outside its bounds [0.6, 1.4]"),
+        (export, ("-p", "c1_opacity=1.04", "-o", "a.png"), "opacity_points must"),
+        (export, ("--compare", "p=99", "-o", "a.png"), "p = 99 lies too far outside"),
+        (export, ("--compare", "p=0.2", "-o", "a.exr"), "a comparison is a PNG, got a.exr"),
+        (export, ("--compare", "stored", "-o", "a.png"), "the catalog has no picture of this"),
+        (sweep, ("--over", "isovalue", "--to", "100", "-o", "a.png"), "isovalue = 100 lies too far outside"),
+        (
+            sweep,
+            ("--over", "c1_value", "--to", "9", "-o", "a.png"),
+            "c1_value = 9 lies too far outside its bounds [0.6, 1.4]",
+        ),
+        (sweep, ("--over", "c1_value", "--to", "2.1", "-o", "a.png"), "can't be shown at c1_value = 2.1"),
     ],
 )
 def test_mistakes_are_named_in_one_line_and_nothing_is_written(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,9 @@ from surrogate.explore.exporting.exports import (
     SheetRequest,
     exported,
     from_message,
-    from_options,
-    guesses,
 )
 from surrogate.explore.exporting.kinds import FILM_STEPS, KINDS
+from surrogate.explore.exporting.options import from_options, guesses
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sweep import Axis, Sweep
 from surrogate.explore.request import MessageError
@@ -45,7 +45,8 @@ def run(run_folder: Path) -> Run:
 
 def test_a_picture_is_what_is_drawn_and_knows_it(run: Run) -> None:
     made = exported(message(kind="png"), run)
-    assert (made.name, made.media_type) == ("blobs.png", "image/png")
+    assert re.fullmatch(r"blobs-p-0.25-[0-9a-f]{6}\.png", made.name)
+    assert made.media_type == "image/png"
     picture = np.asarray(Image.open(io.BytesIO(made.content)).convert("RGB")) / 255
     record = record_of(made.content)
     assert record["parameters"] == {"p": 0.25}
@@ -100,8 +101,8 @@ def test_what_is_no_message_is_refused(run: Run) -> None:
 
 def test_names_of_files_are_harmless() -> None:
     made = exported(message(kind="png"), Run('../a"\r\nX: y', plain()))
-    assert made.name == "a-X-y.png"
-    assert set(KINDS) == {"png", "exr", "ply", "python", "sheet", "gif", "mp4"}
+    assert re.fullmatch(r"a-X-y-p-0.25-[0-9a-f]{6}\.png", made.name)
+    assert set(KINDS) == {"comparison", "png", "exr", "ply", "python", "sheet", "gif", "mp4"}
     assert json.dumps(made.name)
 
 
@@ -121,7 +122,7 @@ def nothing(*_: int) -> None:
 @pytest.mark.parametrize("form", ["png", "exr"])
 def test_a_picture_of_the_page_is_drawn_again_byte_for_byte(run: Run, tmp_path: Path, form: str) -> None:
     shown = [{"parameters": {"p": 0.3}, "visualization": {"c1_value": 0.1}, "color_map": "turbo"}]
-    content = from_message(message(kind=form, settings=shown), run.surrogate).content(run, nothing)
+    content = from_message(message(kind=form, settings=shown), run).content(run, nothing)
     (tmp_path / "page").write_bytes(content)
     again = from_options(options(commands.export, "--like", tmp_path / "page"), form, run)
     assert isinstance(again, PictureRequest)
@@ -129,14 +130,14 @@ def test_a_picture_of_the_page_is_drawn_again_byte_for_byte(run: Run, tmp_path: 
 
 
 def test_only_a_transparent_picture_has_alpha(run: Run) -> None:
-    asked = from_message(message(kind="png"), run.surrogate)
+    asked = from_message(message(kind="png"), run)
     assert isinstance(asked, PictureRequest)
     drawn, transparent = (request.content(run, nothing) for request in (asked, replace(asked, background=None)))
     assert [Image.open(io.BytesIO(content)).mode for content in (drawn, transparent)] == ["RGB", "RGBA"]
 
 
 def test_gaussians_are_the_same(run: Run) -> None:
-    asked = from_message(message(kind="ply"), run.surrogate)
+    asked = from_message(message(kind="ply"), run)
     again = from_options(options(commands.export, "-p", "p=0.25"), "ply", run)
     assert isinstance(asked, GaussiansRequest)
     assert asked.content(run, nothing) == again.content(run, nothing)
@@ -145,7 +146,7 @@ def test_gaussians_are_the_same(run: Run) -> None:
 
 @pytest.mark.parametrize("form", ["gif", "mp4"])
 def test_films_go_over_the_same_steps(run: Run, form: str) -> None:
-    asked = from_message(message(kind=form, sweep=OVER, size=[16, 16]), run.surrogate)
+    asked = from_message(message(kind=form, sweep=OVER, size=[16, 16]), run)
     given = options(commands.sweep, "--over", "p", "--from", 0.25, "-p", "p=0.25", "--there-and-back", "--size", 16)
     again = from_options(given, form, run)
     assert isinstance(asked, FilmRequest)
@@ -158,7 +159,7 @@ def test_films_go_over_the_same_steps(run: Run, form: str) -> None:
 
 
 def test_sheets_are_the_same(run: Run) -> None:
-    asked = from_message(message(kind="sheet", sweep={**OVER, "second": "isovalue"}), run.surrogate)
+    asked = from_message(message(kind="sheet", sweep={**OVER, "second": "isovalue"}), run)
     down = ("--rows", "isovalue", "--rows-steps", 2, "-p", "p=0.25")
     again = from_options(options(commands.sweep, "--over", "p", "--from", 0.25, "--steps", 4, *down), "sheet", run)
     assert isinstance(asked, SheetRequest)
@@ -183,19 +184,19 @@ def test_a_film_has_one_parameter(run: Run) -> None:
     given = options(commands.sweep, "--over", "p", "--rows", "isovalue")
     with pytest.raises(ValueError, match="a film goes over one parameter"):
         from_options(given, "gif", run)
-    asked: Any = from_message(message(kind="gif", sweep={**OVER, "second": "isovalue"}), run.surrogate)
+    asked: Any = from_message(message(kind="gif", sweep={**OVER, "second": "isovalue"}), run)
     assert [axis.name for axis in asked.sweep.axes] == ["p"]  # the page has a film of a grid's columns
 
 
 def test_a_whole_sweep_may_be_a_guess(run: Run) -> None:
     given = options(commands.sweep, "--over", "isovalue", "--to", 0.9, "-p", "p=0.5")
-    assert guesses(from_options(given, "sheet", run), run.surrogate) == [
+    assert guesses(from_options(given, "sheet", run), run) == [
         "isovalue = 0.1 to 0.9 lies outside its bounds [0.1, 0.8]: a guess"
     ]
-    assert guesses(from_options(options(commands.export), "ply", run), run.surrogate) == []
+    assert guesses(from_options(options(commands.export), "ply", run), run) == []
 
 
 def test_the_camera_of_a_message_is_that_of_its_frame(run: Run) -> None:
-    asked: Any = from_message(message(kind="sheet", sweep=OVER), run.surrogate)
+    asked: Any = from_message(message(kind="sheet", sweep=OVER), run)
     np.testing.assert_allclose(asked.camera.position, CAMERA["position"])
     assert (asked.camera.width, asked.camera.height) == (64, 48)

@@ -11,8 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
-from surrogate.explore.exporting.ply import SH_C0, ply_bytes
+from surrogate.explore.exporting.ply import SH_C0, SH_C2, ply_bytes
 from surrogate.gaussians import SH_C1, Normalization
+from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians
 from surrogate.splatting import render
 from tests.support.surrogates import some_surrogate
@@ -119,3 +120,24 @@ def test_a_comment_says_where_in_the_ensemble_it_is() -> None:
     for shown in (deformed(3), odd):
         (comment,) = read(ply_bytes(shown)).comments
         assert json.loads(comment.removeprefix("gs-surrogate ")) == shown.parameters
+
+
+def test_the_light_on_surfaces_is_its_projection_onto_harmonics_of_degree_2() -> None:
+    """Beside a least-squares fit of the same harmonics to the colours seen from all directions."""
+    plain = deformed(3)
+    lighting, turns = Lighting((0.95, 0.72, 0.35), 0.15, 0.75, 0.2, 20.0), 0.5 + np.arange(4000)
+    lit = replace(plain, gaussians=replace(plain.gaussians, lighting=lighting))
+    vertices = read(ply_bytes(lit))["vertex"]
+    rest = stacked(vertices, "f_rest_").reshape(len(lit), 3, 8)  # channel, coefficient
+    polar, around = np.arccos(1 - 2 * turns / 4000), np.pi * (1 + 5**0.5) * turns
+    x, y, z = np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)  # spread evenly
+    second = [x * y, y * z, 2 * z * z - x * x - y * y, x * z, x * x - y * y]
+    basis = np.stack(
+        [SH_C0 + 0 * x, -SH_C1 * y, SH_C1 * z, -SH_C1 * x, *(f * b for f, b in zip(SH_C2, second, strict=True))], axis=1
+    )
+    for i in range(3):
+        normals = lit.gaussians.colors[i].double().expand(4000, 3)
+        seen = lighting.colors(normals, torch.tensor(np.stack([x, y, z], axis=1))).numpy()  # [4000, 3]
+        expected, *_ = np.linalg.lstsq(basis, seen - 0.5, rcond=None)
+        found = np.concatenate([stacked(vertices, "f_dc_")[i][None], rest[i].T])  # [9, 3]
+        np.testing.assert_allclose(found, expected, atol=5e-3)

@@ -52,6 +52,12 @@ def test_a_snippet_draws_the_same_bits(
     np.testing.assert_allclose(stored, np.minimum(to_bytes(expected), to_bytes(expected)[..., 3:]), atol=0)
 
 
+def test_units_are_said(tmp_path: Path) -> None:
+    heated = replace(plain(), space=ParameterSpace((Parameter("p", 0.0, 1.0, "K/s"),)))
+    assert "\n# p in K/s\npicture = " in snippet(tmp_path, heated, SETTINGS["base"], CAMERA, None)
+    assert "# p" not in snippet(tmp_path, plain(), SETTINGS["base"], CAMERA, None)
+
+
 def test_it_runs_as_a_program_of_its_own(tmp_path: Path) -> None:
     following().save(tmp_path / "model")
     program = snippet(tmp_path / "model", following(), SETTINGS["colours"], CAMERA.resized(30, 18), None)

@@ -94,7 +94,7 @@ def test_too_many_pictures_are_refused() -> None:
     ("axis", "complaint"),
     [
         (Axis("q", 0.0, 1.0, 3), r"can't be shown at q = 0: .*unknown \['q'\]"),
-        (Axis("c1_value", 0.0, 5.0, 3), r"can't be shown at c1_value = 5: opacity_points must be finite with strictly"),
+        (Axis("c1_value", 0.0, 5.0, 3), r"can't be shown at c1_value = 5: opacity_points must have strictly"),
         (Axis("c1_opacity", 0.0, 5.0, 3), r"can't be shown at c1_opacity = 5: opacity_points must have"),
         (Axis("isovalue", 0.3, 0.5, 3), r"can't be shown at isovalue = 0.3: .* belong to different variations"),
     ],

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pytest
 
+from catalogs.cameras import Camera
 from surrogate.evaluation.metrics import MOST_DECIBELS
+from surrogate.evaluation.novelty import SeenValues
 from surrogate.explore.reliability.calibration import NEAREST
-from surrogate.explore.reliability.expectation import Expectation, measure
+from surrogate.explore.reliability.expectation import NEW, Expectation, measure
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.rasterizer import Rasterizer
+from tests.support.field_blobs import FUNCTION, field_catalog
 from tests.support.measured import expected, measured
 from tests.support.models import following, plain
-from tests.support.varied_blobs import varied_catalog, varied_surrogate
+from tests.support.varied_blobs import BLOBS, varied_catalog, varied_surrogate
+
+CORNERS = ({}, {"c1_value": -0.4}, {"c1_value": 0.4})  # between which functions are measured
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +58,8 @@ def test_several_views_count_as_their_mean() -> None:
 def test_an_isosurface_is_expected_from_isosurfaces() -> None:
     rows = [measured("validation", 0.5, 50.0), measured("validation", 0.5, 30.0, varied={"isovalue": 0.4})]
     expectation = expected(rows, following())
-    assert expectation.at(Setting({"p": 0.5}, {"isovalue": 0.7}), following()).psnr == 30.0
-    assert expectation.at(Setting({"p": 0.5}, {"c1_value": 0.1}), following()).psnr == 50.0
+    assert expectation.at(Setting({"p": 0.5}, {"isovalue": 0.4}), following()).psnr == 30.0
+    assert expectation.at(Setting({"p": 0.5}), following()).psnr == 50.0
 
 
 def test_a_perfect_surrogate_is_expected_to_be_perfect(ensemble: Run, known: Expectation) -> None:
@@ -64,18 +70,105 @@ def test_a_perfect_surrogate_is_expected_to_be_perfect(ensemble: Run, known: Exp
     assert not found.seen_views
 
 
+# ---- where there is no number
+
+
+ROWS = [measured("validation", p, 40.0 - 10.0 * p) for p in (0.0, 0.2, 0.5)]
+VARIED = [measured("validation", p, 35.0, varied={"c1_value": v}) for p, v in ((0.0, -0.2), (0.4, 0.3), (0.6, 0.1))]
+SURFACES = [measured("validation", p, 30.0, varied={"isovalue": v}) for p, v in ((0.1, 0.3), (0.3, 0.5))]
+
+
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [
+        (Setting({"p": 0.1}), ""),
+        (Setting({"p": 0.8}), ""),  # as far from 0.5 as 0.2 is
+        (Setting({"p": 0.81}), "farther from every measured setting than those lie from each other"),
+        (Setting({"p": 1.2}), "p 1.2 lies outside 0 to 1"),
+        (Setting({"p": -1e-6}), "p -1e-06 lies outside 0 to 1"),
+        (Setting({"p": 0.1}, {"isovalue": 0.4}), "no measured picture shows the like"),
+        (Setting({"p": 0.1}, {"c1_value": 0.1}), "no measured picture shows the field in so different a way"),
+        (Setting({"p": 0.1}, {"c1_opacity": 0.28}), "c1 opacity lies outside what training showed"),
+        (Setting({"p": 0.1}, {}, "viridis"), "these colours were never trained"),
+    ],
+)
+def test_a_number_is_given_only_where_the_like_was_measured(setting: Setting, reason: str) -> None:
+    found = expected(ROWS, following()).at(setting, following())
+    assert (found.psnr is None) == bool(reason)
+    assert ("dB" in found.short) == (not reason)
+    assert reason in found.short
+    assert found.warning == bool(reason)
+
+
+def test_ways_to_show_the_field_are_measured_between_those_that_were(ensemble: Run) -> None:
+    expectation = expected([*ROWS, *VARIED, *SURFACES], following())
+    for visualization, inside in (
+        ({"c1_value": 0.2}, True),
+        ({"c1_value": 0.31}, False),
+        ({"c1_value": 0.2, "c2_value": 0.01}, False),
+        ({"isovalue": 0.4}, True),
+        ({"isovalue": 0.6}, False),
+    ):
+        found = expectation.at(Setting({"p": 0.3}, visualization), following())
+        assert (found.psnr is not None) == inside, visualization
+
+
+def looking(distance: float, *, field: float = 32.0, target: tuple[float, float, float] = (0, 0, 0)) -> Camera:
+    """From the direction of a stored camera."""
+    direction = BLOBS.cameras()[0].position / 5.0
+    position = np.array(target) + distance * direction
+    return Camera.look_at(position, target, vertical_fov_degrees=field, width=60, height=24)
+
+
+@pytest.mark.parametrize(
+    ("camera", "reason"),
+    [
+        (looking(5.0), ""),
+        (looking(4.5), ""),
+        (looking(4.0), "nearer than any stored one"),
+        (looking(0.5), "nearer than any stored one"),
+        (looking(7.0), "farther away than any stored one"),
+        (looking(5.0, field=10.0), "nearer than any stored one"),
+        (looking(5.0, field=60.0), "farther away than any stored one"),
+        (looking(5.0, target=(0.0, 0.0, 1.0)), "off the picture's centre"),
+        (Camera.look_at((0, 0, 5), (0, 0, 9), vertical_fov_degrees=32, width=24, height=24), "looks away"),
+    ],
+)
+def test_no_number_is_given_from_where_no_stored_camera_looks(
+    ensemble: Run, known: Expectation, camera: Camera, reason: str
+) -> None:
+    found = known.at(Setting({"p": 0.25}), ensemble.surrogate, camera)
+    assert (found.psnr is None) == bool(reason), found.short
+    assert reason in found.short
+
+
+def test_numbers_tell_the_truth_inside_and_are_silent_outside() -> None:
+    """A surrogate whose error grows from 40 dB by 10 dB a width, also outside; measured at seven places."""
+    rows = [measured("validation", p, 40.0 - 10.0 * p) for p in np.linspace(0.05, 0.95, 7)]
+    expectation, inside = expected(rows), []
+    for p in np.linspace(-0.9, 1.9, 57):
+        found = expectation.at(Setting({"p": float(p)}), plain())
+        if found.psnr is not None:
+            inside.append(float(p))
+            assert found.error is not None
+            assert abs(found.psnr - (40.0 - 10.0 * p)) <= 2.5 * found.error
+    assert -1e-9 <= min(inside) < 0.06
+    assert 0.94 < max(inside) <= 1.0 + 1e-9
+
+
 # ---- what is said
 
 
-def test_the_sentence_says_how_far_the_nearest_training_member_is(ensemble: Run, known: Expectation) -> None:
+def test_the_sentence_names_the_nearest_training_member(ensemble: Run, known: Expectation) -> None:
     surrogate = ensemble.surrogate  # trained at 0 and 1
     found = known.at(Setting({"p": 0.25}), surrogate)
     assert found.training_distance == pytest.approx(0.25)
     assert found.training_spacing == pytest.approx(1.0)
     assert not found.far
     assert not found.warning
-    assert "nearest training member 0.25 of the range away" in found.sentence
-    assert found.sentence.startswith("expected ")
+    assert found.sentence.endswith("; nearest training member train-0 (p 0)")
+    assert found.sentence.startswith("expected PSNR ")
+    assert "higher is better" in found.sentence
 
 
 def test_far_from_training_and_out_of_bounds_warn(ensemble: Run, known: Expectation) -> None:
@@ -84,8 +177,17 @@ def test_far_from_training_and_out_of_bounds_warn(ensemble: Run, known: Expectat
     assert found.far
     assert found.warning
     assert found.outside == ("p",)
-    assert "farther than usual" in found.sentence
-    assert "p out of bounds" in found.sentence
+    assert found.sentence.startswith(
+        "not measured here: p 2.5 lies outside 0 to 1; nearest training member train-1 (p 1)"
+    )
+    assert "farther away than training members from each other" in found.sentence
+
+
+def test_without_pictures_kept_from_training_it_says_so(ensemble: Run) -> None:
+    only = [member for member in ensemble.members if member.split == "train"]
+    found = Expectation.of([], ensemble.surrogate, only).at(Setting({"p": 0.5}), ensemble.surrogate)
+    assert found.short == "not measured here: no picture was kept from training to measure with"
+    assert found.training_member == "train-0 (p 0)"
 
 
 def test_nothing_is_expected_of_colours_that_were_never_trained() -> None:
@@ -97,10 +199,36 @@ def test_nothing_is_expected_of_colours_that_were_never_trained() -> None:
     assert "colours" in found.sentence
 
 
+def test_nothing_is_expected_where_training_never_showed_the_values_that_a_function_shows() -> None:
+    surrogate, rows = following(), [measured("train", p, 40.0, varied=places) for p in (0.0, 1.0) for places in CORNERS]
+    known = expected(rows, surrogate)
+    edges = np.linspace(*FUNCTION.bounds, 4)  # thirds
+    everywhere, at_base = Setting({"p": 0.5}, {"c1_value": 0.1}), Setting({"p": 0.5})
+    for shown, new in (((1.0, 1.0, 1.0), 0.0), ((0.0, 1.0, 1.0), None), ((0.0, 0.0, 1e-6), None)):
+        seen = SeenValues(edges, np.full(3, 1 / 3), 10.0 * np.array(shown))
+        there = replace(known, seen=seen)
+        share = seen.novelty(everywhere.transfer_function(surrogate))
+        found = there.at(everywhere, surrogate)
+        assert there.at(at_base, surrogate).psnr == 40.0  # the base is what was trained, whatever it shows
+        if new == 0.0:
+            assert (share, found.psnr) == (0.0, 40.0)
+        else:
+            assert share > NEW
+            assert found.psnr is None
+            assert found.unmeasured == (f"{100 * share:.0f} % of what is shown was never visible in training",)
+    assert known.at(everywhere, surrogate).psnr == 40.0  # where nothing is known of values, distances alone decide
+
+
+def test_a_run_knows_what_its_training_showed(tmp_path: Path) -> None:
+    run = Run("fields", following(), catalog=field_catalog(tmp_path / "a.cdb", summaries=True))
+    assert measure(run).seen is not None
+    assert measure(Run("alone", plain())).seen is None
+
+
 def test_nothing_is_expected_without_a_catalog() -> None:
     found = measure(Run("alone", plain())).at(Setting({"p": 0.5}), plain())
     assert (found.psnr, found.training_distance, found.neighbours) == (None, None, 0)
-    assert found.sentence == "nothing like it was measured"
+    assert found.sentence == "not measured here: the pictures that it learnt from are not here"
 
 
 def test_what_is_said_is_json(ensemble: Run, known: Expectation) -> None:

@@ -14,6 +14,7 @@ from catalogs.appearance import ImportedImages
 from catalogs.cameras import OBLIQUE, Camera
 from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.quantity import Quantity
 from surrogate import Surrogate
 from surrogate.explore.color_maps import NAMES
 from surrogate.explore.reliability import facts as module
@@ -59,8 +60,16 @@ def test_every_part_is_documented(told: dict[str, Any]) -> None:
 
 
 def test_parameters_have_the_marks_of_members(told: dict[str, Any]) -> None:
-    expected = {"name": "p", "unit": "", "low": 0.0, "high": 1.0, "train": [0.0, 0.5, 1.0], "validation": [0.3]}
-    assert told["parameters"] == [expected]
+    bounds = {"low": 0.0, "high": 1.0, "least": -1.0, "most": 2.0}
+    marks = {"train": [0.0, 0.5, 1.0], "validation": [0.3]}
+    assert told["parameters"] == [{"name": "p", "unit": "", "scale": "linear", **bounds, **marks}]
+
+
+def test_logarithmic_parameters_go_as_far_in_ratios(surrogate: Surrogate) -> None:
+    space = ParameterSpace((Parameter("nu", 1e-4, 1e-2, "m²/s", "log"),))
+    (found,) = facts(Run("log", replace(plain(), space=space)))["parameters"]
+    assert (found["scale"], found["unit"]) == ("log", "m²/s")
+    assert (found["least"], found["most"]) == pytest.approx((1e-6, 1.0))
 
 
 def test_members_are_listed_with_their_values(told: dict[str, Any]) -> None:
@@ -71,13 +80,37 @@ def test_members_are_listed_with_their_values(told: dict[str, Any]) -> None:
 
 
 def test_isovalues(told: dict[str, Any]) -> None:
-    expected = {"low": 0.1, "high": 0.8, "train": [0.1, 0.3, 0.55, 0.8], "validation": [0.4]}
-    assert variation(told, "isovalue") == {"kind": "isovalue", "unit": "", **expected}
+    found = variation(told, "isovalue")
+    assert (found["low"], found["high"], found["train"], found["validation"]) == (
+        0.1,
+        0.8,
+        [0.1, 0.3, 0.55, 0.8],
+        [0.4],
+    )
+    assert (found["least"], found["most"]) == pytest.approx((-0.6, 1.5))
+    assert (found["label"], found["unit"], found["scale"]) == ("", "", "linear")
+
+
+def test_fields_have_their_name_and_unit(
+    surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CatalogPlan, "quantity", lambda *_: Quantity("Q", "1/s²"))
+    told = facts(Run("named", surrogate, catalog=catalog))
+    assert {variation(told, kind)["label"] for kind in ("isovalue", "transfer_function")} == {"Q (1/s²)"}
 
 
 def test_transfer_functions(told: dict[str, Any]) -> None:
     found = variation(told, "transfer_function")
-    assert [found["bounds"][name]["high"] for name in found["bounds"]] == pytest.approx(STEPS.tolist())
+    points = {point["name"]: point for point in found["points"]}
+    assert [points[name]["origin"] for name in points] == [1.0, 0.3, 2.0, 0.5]
+    assert [point["high"] - point["origin"] for point in found["points"]] == pytest.approx(STEPS.tolist())
+    assert (points["c1_opacity"]["least"], points["c2_opacity"]["most"]) == (
+        0.0,
+        1.0,
+    )  # opacities, however far they could go
+    assert (points["c1_value"]["least"], points["c2_value"]["most"]) == pytest.approx(
+        (0.003, 2.997)
+    )  # between the ends
     assert found["opacity_points"] == [list(point) for point in FUNCTION.opacity_points]
     assert found["gradient"] == "rgb(26 51 230) 0.000%, rgb(230 230 51) 50.000%, rgb(230 26 26) 100.000%"
     assert [each["name"] for each in found["color_maps"]] == list(NAMES)
@@ -185,12 +218,12 @@ def test_the_model_and_its_background(surrogate: Surrogate) -> None:
 
 
 def test_names_from_outside_stay_plain_strings() -> None:
-    space = ParameterSpace((Parameter(HOSTILE, 0.0, 1.0, HOSTILE),))
+    space = ParameterSpace((Parameter(HOSTILE, 0.0, 1.0),))
     training = {"appearance": HOSTILE, "seconds": float("nan")}
     told = facts(Run(HOSTILE, replace(plain(), space=space, training=training)))
     again = json.loads(json.dumps(told, allow_nan=False))
     plainly = HOSTILE.replace("\ud800", "?")  # half a character has no UTF-8, in which messages travel
-    assert again["title"] == again["parameters"][0]["name"] == again["parameters"][0]["unit"] == plainly
+    assert again["title"] == again["parameters"][0]["name"] == plainly
     json.dumps(told, ensure_ascii=False).encode()
     assert again["model"]["seconds"] is None
 

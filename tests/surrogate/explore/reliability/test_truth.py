@@ -67,18 +67,28 @@ def test_the_picture_is_what_the_surrogate_drew_at_its_own_size(truth: Truth, su
     )  # eight bits, colour below alpha
 
 
-def test_the_split_is_that_of_the_image(truth: Truth) -> None:
-    def split(p: float, view: int, **visualization: float) -> str:
-        stored = truth.match(Setting({"p": p}, visualization), BLOBS.cameras()[view])
-        assert stored is not None
-        return stored.split
-
-    assert split(0.0, 0) == "train"
-    assert split(0.0, 2) == "validation"
-    assert split(0.0, 3) == "test"
-    assert split(0.25, 0) == "validation"
-    assert split(0.5, 0) == "test"
-    assert split(0.0, 0, isovalue=8.0) == "test"
+@pytest.mark.parametrize(
+    ("p", "view", "visualization", "sentence"),
+    [
+        (0.0, 0, {}, "member train-0 (trained on), view 0 (trained on)"),
+        (0.0, 2, {}, "member train-0 (trained on), view 2 (validation: not trained on)"),
+        (0.0, 3, {}, "member train-0 (trained on), view 3 (test: not trained on)"),
+        (0.25, 0, {}, "member validation-0 (validation: not trained on), view 0 (trained on)"),
+        (0.5, 0, {}, "member test-0 (test: not trained on), view 0 (trained on)"),
+        (
+            0.0,
+            0,
+            {"isovalue": 8.0},
+            "member train-0 (trained on), view 0 (trained on), iso=8 (test: not trained on)",
+        ),
+    ],
+)
+def test_member_view_and_appearance_have_a_split_each(
+    truth: Truth, p: float, view: int, visualization: dict[str, float], sentence: str
+) -> None:
+    stored = truth.match(Setting({"p": p}, visualization), BLOBS.cameras()[view])
+    assert stored is not None
+    assert stored.sentence == sentence
 
 
 @pytest.mark.parametrize(

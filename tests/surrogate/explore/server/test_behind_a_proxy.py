@@ -16,7 +16,7 @@ from PIL import Image
 
 from surrogate import Surrogate
 from surrogate.explore.run import Run
-from tests.support.explored import assert_shown, open_explorer, saved, settled
+from tests.support.explored import addressed, assert_shown, open_explorer, request_of, saved, settled
 from tests.support.explorer_process import command
 from tests.support.jupyter import PREFIX, TOKEN, jupyter, login
 
@@ -37,13 +37,14 @@ def hub(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield address
 
 
-@pytest.fixture(scope="module")
-def surrogate(run_folder: Path) -> Surrogate:
-    return Surrogate.load(run_folder / "surrogate")
-
-
 def test_the_command_is_reached_through_it(
-    page: Page, hub: str, run_folder: Path, surrogate: Surrogate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: Page,
+    hub: str,
+    run_folder: Path,
+    surrogate: Surrogate,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    complaints: list[str],
 ) -> None:
     monkeypatch.setenv("JUPYTERHUB_SERVICE_PREFIX", PREFIX)  # as JupyterHub does
     with command(run_folder) as (process, line):
@@ -61,14 +62,15 @@ def test_the_command_is_reached_through_it(
         assert np.abs(picture - moved).max() <= 1e-6
         page.locator("#mode-compare").click()
         settled(page)
-        assert page.locator("#compared").inner_text().startswith("PSNR 60 dB or more")
-        page.wait_for_timeout(300)
+        assert page.locator("#compared").inner_text() == "The pictures are bitwise the same."
+        addressed(page)
         page.reload()  # with what the address holds, by the cookie
         settled(page)
         assert_shown(page, surrogate, 1)
         process.terminate()
-        page.get_by_role("heading", name="The explorer has stopped").wait_for()
-        page.wait_for_timeout(300)  # longer than the page waits before it draws for a new size, and nothing complains
+        page.locator("#lost").filter(has_text="The explorer has stopped").wait_for()
+        page.close()  # it complains of its attempts to find it again
+        complaints.clear()
 
 
 def test_a_notebook_shows_it_through_it(page: Page, hub: str, run_folder: Path, surrogate: Surrogate) -> None:
@@ -109,3 +111,24 @@ def test_without_a_base_url_this_machines_own_names_lead_there_too(
     page.goto(login(here))
     open_explorer(page, f"{here}{PREFIX}proxy/{urlsplit(explorer).port}/")
     assert_shown(page, surrogate)
+
+
+def test_an_address_without_its_last_slash_leads_there_too(
+    page: Page, hub: str, run_folder: Path, complaints: list[str]
+) -> None:
+    shown = Run.open(run_folder).surrogate.show(run_folder, base_url=PREFIX)
+    try:
+        page.goto(login(hub))
+        bare, _, token = shown.address.partition("/?")
+        page.goto(f"{hub}{bare}?{token}#a.p.p=0.3")
+        settled(page)
+        assert page.url.startswith(f"{hub}{bare}/")
+        assert "token" not in page.url
+        assert request_of(page)["settings"][0]["parameters"] == {"p": 0.3}
+        page.goto(f"{hub}{bare}#a.p.p=0.4")  # by the cookie
+        settled(page)
+        assert request_of(page)["settings"][0]["parameters"] == {"p": 0.4}
+    finally:
+        page.close()
+        complaints.clear()  # of what browsers ask for before they are led there
+        shown.close()

@@ -22,6 +22,7 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
+from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.run import Run
 from surrogate.explore.server.notebook import Shown
 from tests.support import exports, requests
@@ -219,24 +220,21 @@ def call_for(**changes: Any) -> dict[str, Any]:
     return {"call": "frame", "request": message(**changes)}
 
 
-def prompt(tab: Tab, seconds: float = 2.0) -> None:
-    """The tab gets its frame soon."""
-    started = time.perf_counter()
-    lives(tab)
-    assert time.perf_counter() - started < seconds
-
-
 def test_a_flood_holds_up_no_one_else(explorer: str, tab: Tab) -> None:
     mad = Tab(explorer)
     sending = mad.flood(call_for(), 2000)
+    answers: list[dict[str, Any]] = []
     with ThreadPoolExecutor(1) as pool:
-        reading = pool.submit(lambda: [mad.receive() for _ in range(300)])
+        reading = pool.submit(lambda: [answers.append(mad.receive()) for _ in range(300)])
+        turns = 0
         while not reading.done():
-            prompt(tab)
-    assert all("error" not in answer for answer in reading.result())
+            lives(tab)
+            turns += 1
+    assert turns > 30  # while the flood had 300
+    assert all("error" not in answer for answer in answers)
     sending.cancel()
     mad.vanish()
-    prompt(tab)
+    lives(tab)
     with Tab(explorer) as again:
         lives(again)
 
@@ -258,32 +256,32 @@ def test_who_does_not_read_holds_up_no_one_else() -> None:
         deaf.narrow()
         sending = deaf.flood(call_for(size=[1024, 1024], camera=near), 100)
         for _ in range(5):
-            prompt(tab)
+            lives(tab)
             time.sleep(0.2)  # longer than it takes to draw for the deaf
         sending.cancel()
         deaf.vanish()
-        prompt(tab)
+        lives(tab)
     shown.close()
 
 
-def test_four_tabs_that_move_stay_responsive(explorer: str) -> None:
+def test_four_tabs_that_move_get_frames_in_turn(explorer: str) -> None:
     tabs = [Tab(explorer) for _ in range(4)]
-    times: list[float] = []
+    ready, order = threading.Barrier(4), []
 
     def move(tab: Tab) -> None:
+        ready.wait(60)
         for step in range(25):
-            started = time.perf_counter()
             assert "error" not in tab.frame(
                 settings=[{"parameters": {"p": step / 25}}], size=[256, 256], form="jpeg", camera=camera(step)
             )
-            times.append(time.perf_counter() - started)
+            order.append(tab)
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(move, tabs))
     for tab in tabs:
         tab.close()
-    assert len(times) == 100
-    assert sorted(times)[90] < 0.5
+    first = min(max(i for i, tab in enumerate(order) if tab is one) for one in tabs)  # when one had all of its own
+    assert all(order[:first].count(tab) >= 10 for tab in tabs)
 
 
 def test_tabs_get_what_they_asked_for_and_not_what_others_did(explorer: str) -> None:
@@ -342,7 +340,7 @@ def test_frames_keep_coming_while_films_are_made(explorer: str, tab: Tab) -> Non
         making = [pool.submit(post, explorer, film) for _ in range(2)]
         frames = 0
         while not all(made.done() for made in making):
-            prompt(tab)
+            lives(tab)
             frames += 1
     assert frames >= 10
     for made in making:
@@ -350,7 +348,15 @@ def test_frames_keep_coming_while_films_are_made(explorer: str, tab: Tab) -> Non
         assert (status, content[4:8]) == (200, b"ftyp")
 
 
-def test_exports_that_nobody_waits_for_are_not_made(explorer: str, tab: Tab) -> None:
+def test_exports_that_nobody_waits_for_are_not_made(explorer: str, tab: Tab, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def noted(*arguments: Any) -> Export:
+        export = exported(*arguments)
+        made.append(export.media_type)
+        return export
+
+    monkeypatch.setattr("surrogate.explore.server.explorer.exported", noted)
     parts = urlsplit(explorer)
     body = json.dumps(message(kind="gif", size=[1600, 1600], sweep=SWEEP)).encode()
     head = f"POST /export HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Length: {len(body)}\r\n\r\n".encode()
@@ -358,10 +364,9 @@ def test_exports_that_nobody_waits_for_are_not_made(explorer: str, tab: Tab) -> 
         with socket.create_connection((str(parts.hostname), parts.port or 0)) as line:
             line.sendall(head + body)
             time.sleep(0.1)
-    started = time.perf_counter()
     status, _ = post(explorer, message(kind="png"))
     assert status == 200
-    assert time.perf_counter() - started < 5.0
+    assert made == ["image/png"]
     lives(tab)
 
 
@@ -369,7 +374,7 @@ def test_a_flood_of_exports_is_turned_away(explorer: str, tab: Tab) -> None:
     sheet = message(kind="sheet", size=[256, 256], sweep={**SWEEP, "count": 20})
     with ThreadPoolExecutor(20) as pool:
         answers = list(pool.map(lambda _: post(explorer, sheet), range(20)))
-        prompt(tab)
+        lives(tab)
     statuses = [status for status, _ in answers]
     assert set(statuses) == {200, 503}
     assert statuses.count(200) >= 8
@@ -400,22 +405,23 @@ def camera(step: int) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_ten_thousand_frames_take_no_memory(run_folder: Path) -> None:
+def test_thousands_of_frames_take_no_memory(run_folder: Path) -> None:
     from tests.support.explorer_process import address_in, command
 
+    frames = 4000
     with command(run_folder) as (process, line), Tab(address_in(line)) as tab:
         server = psutil.Process(process.pid)
         shown: list[dict[str, Any]] = [{}, {"isovalue": 0.3}, {"c1_value": 0.1}, {"c2_value": -0.1, "c2_opacity": 0.05}]
         memory = []
-        for step in range(10_000):
+        for step in range(frames):
             if step % 100 == 0:
                 with Tab(address_in(line)) as other:
                     lives(other)
-            setting = {"parameters": {"p": step / 10_000}, "visualization": shown[step % 4]}
+            setting = {"parameters": {"p": step / frames}, "visualization": shown[step % 4]}
             answer = tab.frame(
                 settings=[setting], camera=camera(step), form="jpeg" if step % 5 else "png", truth=step % 3 == 0
             )
             assert "error" not in answer
             if step % 500 == 499:
                 memory.append(server.memory_info().rss)
-        assert memory[-1] - memory[1] < 4 << 20, [m >> 10 for m in memory]
+        assert memory[-1] - memory[1] < frames // 2 << 10, [m >> 10 for m in memory]  # half a kilobyte a frame

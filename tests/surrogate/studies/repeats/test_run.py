@@ -284,7 +284,7 @@ def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog
 
     call("train")
     assert "report.md (" in call("evaluate")
-    assert "over" not in (tmp_path / "run/report/report.md").read_text().split("## Beside")[0]
+    assert "deviation" not in (tmp_path / "run/report/report.md").read_text().split("## Beside")[0]
     output = call("repeat", "--seeds", "2")
     assert "seed 1: " in output
     assert "mean ± standard deviation over 2 seeds" in output

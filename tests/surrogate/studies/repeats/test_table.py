@@ -9,7 +9,7 @@ SCORES = [scores_of(0, 30.0, varied=20.0), scores_of(1, 32.0, varied=24.0)]
 
 
 def test_the_section_shows_means_and_deviations_with_what_made_them() -> None:
-    text = "\n".join(repeats_section(summarize_repeats(SCORES), "vortex"))
+    text = "\n".join(repeats_section(summarize_repeats(SCORES), "scenes/vortex.toml"))
     assert "## Mean ± standard deviation over 2 seeds" in text
     assert "| unseen | unseen | 31.00 ± 1.41 | 31.00 ± 1.41 | 31.00 ± 1.41 | 31.0000 ± 1.4142 | 7 |" in text
     assert "| isovalues | parameters |" in text
@@ -20,14 +20,14 @@ def test_the_section_shows_means_and_deviations_with_what_made_them() -> None:
 
 def test_nothing_is_said_without_two_seeds(tmp_path: Path) -> None:
     assert repeats_section(None, "vortex") == []
-    assert write_page(tmp_path, "vortex", SCORES[:1]) is None
+    assert write_page(tmp_path, "vortex", "scenes/vortex.toml", SCORES[:1]) is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_page_lists_every_seed(tmp_path: Path) -> None:
     for scores in SCORES:
         save(tmp_path, scores)
-    path = write_page(tmp_path, "vortex", SCORES)
+    path = write_page(tmp_path, "vortex", "scenes/vortex.toml", SCORES)
     assert path == tmp_path / "seeds" / "seeds.md"
     text = path.read_text()
     assert "| 0 | 30.00 | 30.00 | 30.00 | 30.0000 | 1,000 | 0.50 | 100 | abc |" in text

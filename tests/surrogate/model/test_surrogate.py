@@ -165,7 +165,7 @@ def test_any_transfer_function_may_be_given() -> None:
 def test_what_has_learnt_no_transfer_functions_says_so() -> None:
     fitted = base()
     for model in (surrogate(fitted), surrogate(fitted, of_isovalue(fitted))):
-        with pytest.raises(ValueError, match="has learnt no transfer functions"):
+        with pytest.raises(ValueError, match="know no transfer functions"):
             model.under(FUNCTION, p=0.3)
 
 
@@ -176,9 +176,12 @@ def test_printing_says_what_it_follows() -> None:
 @pytest.mark.parametrize(
     ("damage", "complaint"),
     [
-        (lambda record: record["visualizations"].pop(), "lacks 'visualization1'"),
-        (lambda record: record["visualizations"][0]["deformation"].update(kind="warp"), "unknown deformation 'warp'"),
-        (lambda record: record["visualizations"][1]["variation"].pop("base"), "lacks 'base'"),
+        (lambda record: record["visualizations"].pop(), "tensor 'visualization1[^ ]*: it must belong"),
+        (
+            lambda record: record["visualizations"][0]["deformation"].update(kind="warp"),
+            "visualization 0: unknown deformation 'warp'",
+        ),
+        (lambda record: record["visualizations"][1]["variation"].pop("base"), "visualization 1: 'base' is missing"),
         (lambda record: record["visualizations"][1]["deformation"].update(values=[0, 1]), "2 increasing values"),
     ],
 )
@@ -195,3 +198,59 @@ def test_it_all_moves_to_another_device() -> None:
     moved = varied().to("cpu")
     assert same(moved.at(p=0.2, isovalue=0.3).gaussians, varied().at(p=0.2, isovalue=0.3).gaussians)
     assert moved.visualization_names == varied().visualization_names
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({"Re": 1e9, "time": 1.0}, r"Re = 1e\+09 lies 999,998 times its range \[1500, 2500\] beyond it"),
+        ({"Re": -1e300, "time": 1.0}, r"beyond it, where nothing is known"),
+        ({"Re": 1600.0, "time": 30.0}, r"time = 30 lies 14 times its range \[0, 2\] beyond it"),
+    ],
+)
+@pytest.mark.parametrize("outside", ["warn", "allow"])
+def test_absurd_parameters_are_refused_at_once(parameters: dict[str, float], complaint: str, outside: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        some_surrogate().at(**parameters, outside=outside)
+
+
+def test_absurd_isovalues_are_refused_at_once() -> None:
+    with pytest.raises(ValueError, match=r"isovalue = -1e\+06 lies .* its range"):
+        varied().at(p=0.3, isovalue=-1e6)
+
+
+def test_what_extrapolates_to_no_numbers_is_refused() -> None:
+    model = some_surrogate()
+    wild = replace(model.deformation, weights_out=1e4 * model.deformation.tensors()["weights_out"])  # type: ignore[type-var]
+    with pytest.raises(ValueError, match=r"not finite at Re=12000, time=1: choose values nearer"):
+        replace(model, deformation=wild).at(Re=12000.0, time=1.0, outside="allow")
+
+
+@pytest.mark.parametrize(
+    "background",
+    [(1.0, 0.5), 1.0, "red", (0.0, math.nan, 0.0), (0.0, 0.5, 1.5), (-0.1, 0, 0), np.zeros((3, 1)), np.zeros(4)],
+    ids=str,
+)
+def test_backgrounds_that_are_no_colours_are_named(background: object) -> None:
+    deformed = some_surrogate().at(Re=1500.0, time=1.0)
+    with pytest.raises(ValueError, match=r"background, \(red, green, blue\) each in \[0, 1\], must"):
+        deformed.render(CAMERA, background=background)  # type: ignore[arg-type]
+
+
+def test_backgrounds_may_be_arrays_and_tensors() -> None:
+    deformed = some_surrogate().at(Re=1500.0, time=1.0)
+    expected = deformed.render(CAMERA, background=(0.0, 0.5, 1.0))
+    for form in (np.array([0.0, 0.5, 1.0]), torch.tensor([0.0, 0.5, 1.0]), [0, 0.5, 1]):
+        np.testing.assert_array_equal(deformed.render(CAMERA, background=form), expected)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_a_gpu_that_is_not_there_is_told_in_one_sentence() -> None:
+    with pytest.raises(RuntimeError, match=r'the device "cuda" can\'t be used: '):
+        some_surrogate().to("cuda")
+
+
+@pytest.mark.parametrize("device", ["meta", "gpu", "mps", "", None, 3.5], ids=str)
+def test_devices_that_can_not_draw_are_named(device: object) -> None:
+    with pytest.raises(ValueError, match=r'device must be "cpu" or "cuda"'):
+        some_surrogate().to(device)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from insitu.readers.hdf5 import Hdf5Ensemble
+from insitu.readers.stored import StoredEnsemble
 
 
 def write(path: Path, **changes: Any) -> np.ndarray:
@@ -36,7 +36,7 @@ def write(path: Path, **changes: Any) -> np.ndarray:
 
 def test_fields_parameters_and_splits_are_the_files(tmp_path: Path) -> None:
     field = write(tmp_path / "a.h5")
-    opened = Hdf5Ensemble.open(tmp_path / "a.h5")
+    opened = StoredEnsemble.open(tmp_path / "a.h5")
     assert opened.space.names == ("a", "b")
     assert opened.splits == ("train", "train", "test")
     read = opened.read(1)["field"]
@@ -65,20 +65,20 @@ def test_fields_parameters_and_splits_are_the_files(tmp_path: Path) -> None:
 def test_a_wrong_file_is_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     write(tmp_path / "a.h5", **changes)
     with pytest.raises(ValueError, match=message) as caught:
-        Hdf5Ensemble.open(tmp_path / "a.h5")
+        StoredEnsemble.open(tmp_path / "a.h5")
     assert "a.h5" in str(caught.value)
 
 
 def test_no_file_and_no_hdf5_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        Hdf5Ensemble.open(tmp_path / "absent.h5")
+        StoredEnsemble.open(tmp_path / "absent.h5")
     (tmp_path / "text.h5").write_text("hello")
     with pytest.raises(ValueError, match="HDF5"):
-        Hdf5Ensemble.open(tmp_path / "text.h5")
+        StoredEnsemble.open(tmp_path / "text.h5")
 
 
 def test_the_real_ensemble_opens(shared_data: Path) -> None:
-    opened = Hdf5Ensemble.open(shared_data / "cloverleaf3d_energy_64.h5")
+    opened = StoredEnsemble.open(shared_data / "cloverleaf3d_energy_64.h5")
     assert len(opened) == 120
     assert opened.splits.count("train") == 100
     assert len(opened.space) == 6

@@ -1,0 +1,18 @@
+"""Which C++ kernels are called."""
+
+from __future__ import annotations
+
+import pytest
+
+import native
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[str]:
+    """A list that the names of these kernels are appended to whenever they are called."""
+    calls: list[str] = []
+    for name in names:
+        kernel = getattr(native, name)
+        monkeypatch.setattr(
+            native, name, lambda *a, name=name, kernel=kernel: (calls.append(name), kernel(*a))[1], raising=False
+        )
+    return calls

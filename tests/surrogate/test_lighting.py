@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
+from surrogate import Surrogate
+from surrogate.gaussians import Gaussians
+from surrogate.lighting import Lighting
+from tests.support.comparing import same
+from tests.support.field_blobs import BLOBS, ISOVALUE
+from tests.support.visualizations import base, of_isovalue, surrogate
+
+GOLD = Isosurface("gold", 2.0, (0.95, 0.72, 0.35))
+VOLUME = VolumeRendering("dvr", TransferFunction(((0, 0, 1, 0), (3, 1, 0, 1)), ((0, 0.9), (3, 0.1)), 0.5))
+
+
+def gaussians(normals: torch.Tensor, lighting: Lighting | None) -> Gaussians:
+    count = len(normals)
+    return Gaussians(
+        torch.zeros(count, 3),
+        torch.zeros(count, 3),
+        torch.ones(count, 4),
+        torch.zeros(count),
+        normals,
+        lighting=lighting,
+    )
+
+
+@pytest.mark.parametrize("appearance", [GOLD, replace(GOLD, specular=0.0), replace(GOLD, specular_power=0.5)])
+def test_colors_are_those_of_the_renderer_on_both_sides(appearance: Isosurface) -> None:
+    """The formula of `render.isosurface.HEADLIGHT`, written again in numpy."""
+    lighting = Lighting.of([appearance])
+    assert lighting is not None
+    angles = np.linspace(0.0, np.pi, 25)
+    normals = torch.tensor(np.stack([np.sin(angles), np.zeros(25), np.cos(angles)], axis=1))
+    found = gaussians(normals, lighting).colors_from(torch.tensor([0.0, 0.0, -2.0], dtype=torch.float64))
+    facing = np.clip(np.abs(np.cos(angles)), 1e-6, 1.0)[:, None]
+    expected = (appearance.ambient + appearance.diffuse * facing) * np.array(appearance.color)
+    expected = np.clip(expected + appearance.specular * facing**appearance.specular_power, 0.0, 1.0)
+    np.testing.assert_allclose(found.numpy(), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 1.0, 20.0])
+def test_gradients_are_finite_however_a_surface_lies(power: float) -> None:
+    lighting = Lighting((0.9, 0.7, 0.3), 0.1, 0.7, 0.2, power)
+    normals = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 0, 5], [0, 0, 1e-30]], requires_grad=True)
+    lighting.colors(normals, torch.tensor([[0.0, 0, 1]]).expand(4, 3)).sum().backward()
+    assert torch.isfinite(normals.grad).all()
+    inner = torch.tensor([[0.3, 0.2, 0.4]], dtype=torch.float64, requires_grad=True)
+    towards = torch.nn.functional.normalize(torch.tensor([[0.3, -0.5, 0.7]], dtype=torch.float64), dim=1)
+    assert torch.autograd.gradcheck(lambda n: lighting.colors(n, towards), inner)
+
+
+def test_only_surfaces_that_are_lit_alike_have_a_light() -> None:
+    assert Lighting.of([GOLD, replace(GOLD, name="other", isovalue=3.0)]) == Lighting.of([GOLD])
+    assert Lighting.of([GOLD, replace(GOLD, diffuse=0.5)]) is None
+    assert Lighting.of([GOLD, VOLUME]) is None
+    assert Lighting.of([]) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"specular": -0.1}, "lighting specular must not be negative, got -0.1"),
+        ({"color": [0.1, 2.0, 0.3]}, "lighting color"),
+        ({"ambient": float("nan")}, "lighting ambient"),
+        ({"shine": 1.0}, "lighting must consist of"),
+    ],
+)
+def test_a_lighting_that_can_not_be_is_refused(change: dict[str, object], error: str) -> None:
+    lighting = Lighting.of([GOLD])
+    assert lighting is not None
+    assert Lighting.from_json(lighting.to_json()) == lighting
+    with pytest.raises(ValueError, match=error):
+        Lighting.from_json(lighting.to_json() | change)
+
+
+def test_pictures_say_whether_they_are_lit_so() -> None:
+    lighting, random = Lighting.of([GOLD]), np.random.default_rng(0)
+    assert lighting is not None
+    facing = torch.tensor(random.uniform(0.0, 1.0, (500, 1)))
+    lit = lighting.colors(facing, torch.ones_like(facing)).numpy()
+    half = (lit + lit[::-1]) / 2.0  # as at the edges of surfaces before others
+    for shown in (lit, half, np.round(255 * lit) / 255):
+        assert lighting.explains(shown)
+    for shown in (lit[:, ::-1], random.uniform(0, 1, (500, 3)), np.full((500, 3), 0.5), np.zeros((0, 3))):
+        assert not lighting.explains(shown)
+
+
+def test_gaussians_keep_their_light() -> None:
+    lit = gaussians(torch.randn(4, 3), Lighting.of([GOLD]))
+    for other in (lit.copy(), lit.to(torch.float64), lit.of(torch.tensor([1, 2]))):
+        assert other.lighting == lit.lighting
+
+
+def test_a_surrogate_with_surfaces_of_their_own_is_kept_and_shown(tmp_path: Path) -> None:
+    fitted = base()
+    shared = of_isovalue(fitted)
+    own = replace(shared, gaussians=fitted.gaussians.copy(), simulation=None, lighting=Lighting.of([GOLD]))
+    model, camera = surrogate(fitted, own), BLOBS.cameras()[2]
+    model.save(tmp_path)
+    loaded = Surrogate.load(tmp_path)
+    isovalue = ISOVALUE.settings[0].values[0]
+    seen = model.at(p=0.3, isovalue=isovalue)
+    assert same(loaded.at(p=0.3).gaussians, surrogate(fitted, shared).at(p=0.3).gaussians)
+    np.testing.assert_array_equal(loaded.at(p=0.3, isovalue=isovalue).render(camera), seen.render(camera))
+    module = model.differentiable()
+    picture = module({"p": 0.3, "isovalue": torch.tensor(isovalue, requires_grad=True)}, camera)
+    np.testing.assert_allclose(np.clip(picture.detach().numpy(), 0, 1), seen.render(camera), atol=1e-6)
+    picture.sum().backward()
+    assert any("gaussians" in n and t.grad is not None and t.grad.abs().sum() > 0 for n, t in module.named_parameters())
+    assert model.digest == loaded.digest
+
+
+def test_a_model_whose_own_gaussians_do_not_fit_is_refused() -> None:
+    fitted = base()
+    own = replace(of_isovalue(fitted), gaussians=fitted.gaussians.of(torch.arange(3)), simulation=None)
+    broken = surrogate(fitted, own)
+    with pytest.raises(ValueError, match="latents must have a row for each of 3 Gaussians"):
+        Surrogate.of_bytes(*broken._stored().contents())

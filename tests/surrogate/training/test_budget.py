@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import pytest
+
+from surrogate.training import budget
+from surrogate.training.budget import Budget, Pace, budgeted, gaussians_for
+from tests.support.results import make_catalog
+
+
+@pytest.mark.parametrize(
+    ("pixels", "images", "steps", "count"),
+    [
+        (64 * 64, 448, 5_000, 8_200),
+        (128 * 128, 10_000, 100_000, 16_000),
+        (256 * 256, 1_260, 5_000, 33_000),
+        (2048 * 2048, 1_260, 5_000, 60_000),
+        (16 * 16, 100, 5_000, 2_000),
+        (128 * 128, 10_000, 10_000, 8_200),  # half of the steps that so many images need
+        (128 * 128, 10_000, 1, 4_100),
+        (1, 1, 1, 1_000),
+    ],
+)
+def test_gaussians_follow_from_pictures_and_steps(pixels: int, images: int, steps: int, count: int) -> None:
+    assert gaussians_for(pixels, images, steps) == count
+
+
+def test_steps_lead_to_the_same_settings_everywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(budget, "measure_pace")
+    settings, chosen = budgeted({"seed": 1}, make_catalog(tmp_path, "blobs"), Budget(steps=1_000))
+    assert (settings.steps.canonical, settings.steps.deformation, settings.seed) == (60, 940, 1)
+    assert chosen == {"gaussians": settings.gaussians, "steps": 1_000}
+    assert settings.validation.interval == 62
+
+
+@pytest.mark.parametrize("elapsed", [0.0, 100.0])
+def test_minutes_are_spent_on_loading_steps_and_choices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, elapsed: float
+) -> None:
+    pace = Pace(0.010, (), 0.002, 0.001)
+    monkeypatch.setattr(budget, "measure_pace", lambda *_: pace)
+    settings, chosen = budgeted({}, make_catalog(tmp_path, "blobs"), Budget(minutes=10.0), lambda: elapsed)
+    steps = settings.steps.canonical + settings.steps.deformation
+    assert (steps, chosen["compressed"]) == (chosen["steps"], True)
+    choices = 0.010 * steps * (budget.COMPRESSION + budget.COLOR_PROBES) + 0.002 * budget.PICTURES
+    assert 0.010 * steps + choices == pytest.approx(600.0 - elapsed - budget.SPARE - 6 * 0.001, abs=0.1)
+
+
+def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+
+    def pace(source: budget.Source, _: object) -> Pace:
+        tried.append(source.settings.gaussians)
+        return Pace(1e-5 * source.settings.gaussians, (), 0.02, 0.001)
+
+    monkeypatch.setattr(budget, "measure_pace", pace)
+    settings, chosen = budgeted({}, make_catalog(tmp_path, "blobs"), Budget(minutes=0.5))
+    assert tried == [2_000, settings.gaussians]
+    assert settings.gaussians < 2_000
+    assert not settings.compression.enabled
+    assert chosen["steps"] * 1e-5 * settings.gaussians < 30.0
+    kept, _ = budgeted({"gaussians": 2_000, "fit_to_need": True}, make_catalog(tmp_path, "more"), Budget(minutes=0.5))
+    assert (kept.gaussians, kept.compression.enabled) == (2_000, True)
+
+
+def test_speed_is_measured_on_a_few_images(tmp_path: Path) -> None:
+    source = budget.Source(budget.TrainingSettings(gaussians=30), make_catalog(tmp_path, "blobs"))
+    pace = budget.measure_pace(source, budget._rows(source))
+    assert 0.0 < pace.draw < 1.0
+    assert 0.0 < pace.step < 1.0
+    assert (pace.varied, pace.mean_step) == ((), pace.step)
+
+
+@pytest.mark.parametrize(
+    ("minutes", "steps", "said"),
+    [
+        (1.0, 10, "not in both"),
+        (0.1, None, r"at least 0\.25, got 0\.1"),
+        (float("nan"), None, "at least"),
+        (float("inf"), None, "must be a time"),
+        (-3.0, None, "at least"),
+        (None, 0, "at least 1, got 0"),
+    ],
+)
+def test_a_budget_must_be_one(minutes: float | None, steps: int | None, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Budget(minutes, steps)

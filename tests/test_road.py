@@ -1,0 +1,146 @@
+"""The road of a person with an ensemble of their own, as the README tells it: the loop, training, the report, the explorer.
+
+The project is packed, installed into a fresh virtual environment and used from an empty folder, so that nothing of the source tree
+can help; only what it depends on, and its compiled kernels, are taken from the environment of the tests.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from catalogs import Catalog
+from catalogs.check import check
+from native import _kernels
+from tests.support.browsers import pixels
+from tests.support.explorer_process import address_in
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+PROJECT = Path(__file__).resolve().parent.parent
+ROAD = re.search(r"^## Your own ensemble\n(.*?)^## ", (PROJECT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
+SMALL = "views=insitu.ViewPlan(frequency=2, width=64, height=64)"  # in place of 252 views of 256 x 256 pixels
+# What the README leaves to its reader: two blobs that turn about each other, on 24³ points.
+SIMULATION = """
+import numpy as np
+
+def my_simulation(reynolds):
+    axis = np.linspace(-1.15, 1.15, 24)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    for time in (2.0 + reynolds % 3, 5.0 + reynolds % 4, 10.0):
+        turn, apart = 0.15 * time, 0.3 + 0.4 * (reynolds - 200) / 1400
+        blobs = [np.exp(-((x - s * apart * np.cos(turn)) ** 2 + (y - s * apart * np.sin(turn)) ** 2 + z**2) / 0.08)
+                 for s in (-1, 1)]
+        yield time, 20 * sum(blobs)
+"""
+
+
+def section() -> str:
+    assert ROAD is not None, "the README has no section `Your own ensemble`"
+    return ROAD[1]
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", section(), re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The commands' folder of a fresh environment that holds the project; its kernels were compiled when it was set up here."""
+    folder = tmp_path_factory.mktemp("fresh")
+    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder)]
+    built = subprocess.run(
+        [*wheel, "--config-settings", "wheel.cmake=false", str(PROJECT)], capture_output=True, text=True
+    )
+    if built.returncode != 0 and re.search("connection|No matching distribution|network", built.stderr, re.IGNORECASE):
+        pytest.skip("the tools that build a wheel can't be had: no network")
+    assert built.returncode == 0, built.stderr
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
+    (packages,) = (folder / "venv").glob("lib/python*/site-packages")
+    (packages / "dependencies.pth").write_text(f"{Path(np.__file__).parent.parent}\n")
+    target = [str(folder / "venv" / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
+    subprocess.run([*target, *map(str, folder.glob("*.whl"))], check=True)
+    shutil.copy(_kernels.__file__, packages / "native")
+    return folder / "venv" / "bin"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An empty folder to work in."""
+    return tmp_path_factory.mktemp("work")
+
+
+def environment(installed: Path) -> dict[str, str]:
+    own = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    return own | {"PATH": f"{installed}{os.pathsep}{own['PATH']}"}
+
+
+def run(command: list[str], installed: Path, place: Path) -> str:
+    done = subprocess.run(command, cwd=place, env=environment(installed), capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@contextmanager
+def running(command: str, installed: Path, place: Path) -> Iterator[str]:
+    """The first line that a command prints; it is stopped afterwards."""
+    process = subprocess.Popen(
+        command.split(),
+        cwd=place,
+        env=environment(installed),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline()
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_from_a_loop_of_ones_own_to_the_explorer(installed: Path, place: Path, page: Page) -> None:
+    loop, commands = blocks("python")[0], blocks("sh")[0]
+    assert "views=insitu.ViewPlan()" in loop
+    script = SIMULATION + loop.replace("views=insitu.ViewPlan()", SMALL)
+    (place / "loop.py").write_text(script)
+    python = str(installed / "python")
+    first = run([python, "loop.py"], installed, place)
+    where = run([python, "-c", "import insitu; print(insitu.__file__)"], installed, place)
+    assert Path(where.strip()).is_relative_to(installed.parent)
+    catalog = Catalog.open(place / "flow.cdb")
+    assert check(catalog.path) == []
+    assert first.count("RenderedMember") == len(catalog.members) > 10
+    stored = {path: path.stat().st_mtime_ns for path in catalog.path.rglob("*.png")}
+    run([python, "loop.py"], installed, place)  # a restarted simulation renders nothing twice
+    assert stored == {path: path.stat().st_mtime_ns for path in catalog.path.rglob("*.png")}
+
+    lines = [line.split("#")[0].strip() for line in commands.splitlines() if line.startswith("surrogate")]
+    train, evaluate, explore = lines
+    small = train.replace("--minutes 10", "--steps 900") + " gaussians=400"
+    assert small != train
+    run(small.split(), installed, place)
+    run(evaluate.split(), installed, place)
+    report = (place / "runs/flow/report/report.md").read_text()
+    assert "unseen parameters" in report
+    with running(explore, installed, place) as line:
+        page.goto(address_in(line))
+        page.wait_for_function("() => document.title.includes('flow')")
+        picture = page.locator("canvas, img").first
+        picture.wait_for()
+        page.wait_for_timeout(2000)
+        assert np.ptp(pixels(picture).reshape(-1, 3), axis=0).max() > 60  # something is to be seen
