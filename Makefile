@@ -1,5 +1,5 @@
 # The whole line: simulation -> Cinema catalog -> surrogate -> report.  `make help` lists what there is.
-SCENE   ?= tgv-dvr
+SCENE   ?= tgv
 PYTHON  ?= python3
 RUNS    ?= runs
 RECORDS ?= $(if $(filter runs,$(RUNS)),docs/records,$(RUNS))
@@ -89,8 +89,10 @@ lint: $(SETUP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# A process a core, each with one thread; the tests of a file stay together, for they share what they trained or rendered.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
+# A process a core and one more, since some tests wait; each with one thread.  The tests of a file stay together, for they share what
+# they trained or rendered; files that take long come first (tests/conftest.py).
+PROCESSES := $(shell cores=$$(nproc 2>/dev/null || echo 1); [ $$cores -lt 4 ] && echo $$((cores + 1)) || echo 4)
+PYTEST    := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 test-fast: $(SETUP)
 	$(PYTEST)
