@@ -89,10 +89,11 @@ lint: $(SETUP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# A process a core and one more, since some tests wait; each with one thread.  The tests of a file stay together, for they share what
-# they trained or rendered; files that take long come first (tests/conftest.py).
+# A process a core and one more, since some tests wait; each with one thread, and with bytecode kept for the commands that tests
+# start.  The tests of a file stay together, for they share what they trained or rendered; files that take long come first
+# (tests/conftest.py).
 PROCESSES := $(shell cores=$$(nproc 2>/dev/null || echo 1); [ $$cores -lt 4 ] && echo $$((cores + 1)) || echo 4)
-PYTEST    := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
+PYTEST    := OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 test-fast: $(SETUP)
 	$(PYTEST)

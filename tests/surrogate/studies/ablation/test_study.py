@@ -23,7 +23,7 @@ from surrogate.studies.ablation import study as module
 from surrogate.studies.ablation.experiments import BaseExperiment, base_settings
 from surrogate.studies.ablation.records import Result
 from surrogate.studies.ablation.study import LOCK, Study, ablate
-from surrogate.studies.ablation.timing import clock, measure_step_times
+from surrogate.studies.ablation.timing import StepTimes, clock
 from surrogate.studies.ablation.variants import VARIANTS, Variant
 from surrogate.studies.progress import StudyProgress
 from surrogate.training.run import train
@@ -60,11 +60,10 @@ def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
 
 
 @pytest.fixture(autouse=True)
-def no_loading_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a busy machine, loading the images may take longer than so small a budget."""
-    monkeypatch.setattr(
-        experiments, "measure_step_times", lambda *arguments: measure_step_times(*arguments)._replace(start=0.0)
-    )
+def given_step_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measured ones would be those of a busy machine, on which loading the images may take longer than so small a budget."""
+    times = StepTimes(start=0.0, canonical=0.5e-3, deformation=0.5e-3)
+    monkeypatch.setattr(experiments, "measure_step_times", lambda *_: times)
 
 
 @pytest.fixture
@@ -416,7 +415,7 @@ def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPat
     longer = Variant("longer", "time", budgets=3.0, changes={"ssim_weight": 0.1})
     monkeypatch.setattr(module, "selected", lambda *_: [VARIANTS[0], longer])
     default, more = conduct()
-    assert more.steps > 1.5 * default.steps
+    assert more.steps == pytest.approx(3.0 * default.steps, abs=1)
     assert more.budgets == 3.0
     assert replace(more, seconds=3.0 * BUDGET).is_timely
     assert not replace(more, seconds=BUDGET).is_timely
