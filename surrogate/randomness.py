@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples", "normals")
+PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples", "normals", "values")
 
 
 def generator(seed: int, purpose: str, step: int = 0) -> np.random.Generator:

@@ -72,7 +72,7 @@ def fit(subject: Subject, variant: Variant, scale: float, say: Callable[[str], N
     settings = settings_of(variant, scale)
     gaussians = _start(subject, settings, variant.activation)
     stage = canonical_stage(gaussians, settings)
-    stage = replace(stage, gaussians_at=lambda _: with_activation(gaussians, variant.activation))
+    stage = replace(stage, carried_at=lambda _: with_activation(gaussians, variant.activation))
     run = StageRun(stage, settings, TrainingData(subject.examples["train"], (), subject.background))
     curve, started, watching = [], time.perf_counter(), 0.0
     while run.step < stage.steps:

@@ -197,7 +197,7 @@ def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]]) -> Pace:
         started = time.perf_counter()
         examples = load_examples(source.catalog, few, source.normalization, variation)
         seconds += time.perf_counter() - started
-        loaded.append(TrainingData(examples, (), source.catalog.plan.background))
+        loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values))
     load = seconds / sum(len(data.examples) for data in loaded)
     gaussians = source.initial_gaussians(loaded[0])
     fitted = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))

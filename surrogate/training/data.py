@@ -19,6 +19,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Setting, Variation
 from surrogate.gaussians import Normalization
+from surrogate.training.value_loss import KnownValues
 
 
 class ImageRow(NamedTuple):
@@ -44,11 +45,13 @@ class Example:
     parameters : (P,) float32, normalized to [-1, 1] over their bounds; followed by the visualization parameters (V,) of
         `Variation.normalize` in training of those.
     pixels : (H, W, 4) uint8 premultiplied RGBA, or (H, W, 3) uint8 RGB where the catalog's images are opaque.
+    member : the name of the member that it shows.
     """
 
     camera: Camera
     parameters: Tensor  # [P] or [P + V]
     pixels: NDArray[np.uint8]  # [H, W, 3 or 4]
+    member: str = ""
 
     def compared(self) -> NDArray[np.uint8]:
         """What a drawn picture is compared with: opaque pixels as they are, (H, W, 3), others over white, (H, W, 4).
@@ -68,12 +71,14 @@ class Example:
 class TrainingData:
     """The images that a run learns from, and the few that it is validated on.
 
-    `background` (3,) is the colour that opaque images show behind the volume, None where images have alpha.
+    `background` (3,) is the colour that opaque images show behind the volume, None where images have alpha.  `values` are
+    the fields' own at points, None where nothing is learnt of them.
     """
 
     examples: Sequence[Example]
     validation: Sequence[Example]
     background: tuple[float, float, float] | None
+    values: KnownValues | None = None
 
     def with_base(self, base: TrainingData, count: int) -> TrainingData:
         """The same and the images of the `base` appearance, where all `count` visualization parameters are zero."""
@@ -140,7 +145,12 @@ def load_examples(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         pixels = pool.map(lambda row: _pixels(catalog, row), wanted)
         return [
-            Example(camera(row.member.cameras[row.view]), parameters[row.member.name, row.appearance], image)
+            Example(
+                camera(row.member.cameras[row.view]),
+                parameters[row.member.name, row.appearance],
+                image,
+                row.member.name,
+            )
             for row, image in zip(wanted, pixels, strict=True)
         ]
 

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians
 from surrogate.randomness import generator
@@ -74,7 +75,8 @@ class StageRun:
         """
         settings, item = self.settings, self._order[self.step]
         example = self.data.examples[item]
-        gaussians = self.stage.gaussians_at(example.parameters)
+        carriers = self.stage.carried_at(example.parameters)
+        gaussians = carriers.drawn(self.stage.function_at(example.parameters))
         picture = self._drawn(gaussians, example)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
         loss = image_loss(picture, target, ssim_weight=settings.loss.ssim_weight)
@@ -83,6 +85,8 @@ class StageRun:
         if settings.loss.deformation_penalty and self.stage.rest_at is not None:
             size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
             loss = loss + settings.loss.deformation_penalty * size
+        if self.data.values is not None and isinstance(carriers, FieldGaussians):
+            loss = loss + settings.loss.values * self.data.values.loss(carriers, example.member, self.step)
         loss.backward()
         if self._screen_gradients is not None:
             self._screen_gradients.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)

@@ -16,6 +16,7 @@ from catalogs.variations import Variation
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.gaussians import Gaussians, Normalization
+from surrogate.initialization.field_points import field_points
 from surrogate.initialization.pictures import Points
 from surrogate.initialization.start import initial_gaussians, initial_points, surface_points, with_random_normals
 from surrogate.settings import TrainingSettings
@@ -28,6 +29,7 @@ from surrogate.training.data import (
     training_rows,
     validation_rows,
 )
+from surrogate.training.value_loss import KnownValues
 
 DECADE = 10.0  # between the bounds of a parameter
 COLOR_SAMPLES = 32  # images that the first colour is taken from
@@ -82,6 +84,14 @@ class Source:
         return given if self.settings.designs.scales == "given" else given.with_logarithms(DECADE)
 
     @cached_property
+    def values(self) -> KnownValues | None:
+        """What is learnt of the fields' own values; None where Gaussians carry colours, or nothing is to be learnt of them."""
+        if self.field is None or not self.settings.loss.values:
+            return None
+        points = field_points(self.catalog, field_of(self.shown), self.normalization, self.space)
+        return KnownValues(points, self.field.scale, self.settings.seed)
+
+    @cached_property
     def normalization(self) -> Normalization:
         """Of the catalog's box."""
         return Normalization.of_box(self.catalog.plan.bounds)
@@ -89,9 +99,8 @@ class Source:
     def data(self, variation: Variation | None = None) -> TrainingData:
         """All images that training needs, decoded: of the base appearance, or of a variation without it."""
         learnt = self._loaded(training_rows(self.catalog, self._shown(variation)), variation)
-        return TrainingData(
-            learnt, self._validation(self.settings.validation.images, variation), self.catalog.plan.background
-        )
+        watched = self._validation(self.settings.validation.images, variation)
+        return TrainingData(learnt, watched, self.catalog.plan.background, self.values)
 
     def decision_images(self, variation: Variation | None = None) -> list[Example]:
         """The validation images that choices about the model are made on; none where the settings want none."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from catalogs.appearance import TransferFunction
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation import KINDS, Deformation
 from surrogate.gaussians import Gaussians
@@ -30,7 +31,8 @@ class Stage:
     tensors : the leaf tensors that are optimized, by name; those of the Gaussians under the names in `Gaussians`.
     rates : Adam's rate per tensor at the stage's start.
     per_gaussian : which of them have a row per Gaussian that moves when a dead Gaussian is relocated; none: nothing is relocated.
-    gaussians_at : the Gaussians that are drawn at normalized parameters (P,), differentiable in `tensors`.
+    carried_at : the Gaussians at normalized parameters (P,) with the colours or values they carry, differentiable in `tensors`.
+    function_at : the transfer function that is shown there of the values that they carry; None for the base.
     rest_at : what the stage's deformation acts on, there; None where it has none.
     """
 
@@ -39,8 +41,13 @@ class Stage:
     tensors: Mapping[str, Tensor]
     rates: Mapping[str, float]
     per_gaussian: frozenset[str]
-    gaussians_at: Callable[[Tensor], Gaussians]
+    carried_at: Callable[[Tensor], AnyGaussians]
+    function_at: Callable[[Tensor], TransferFunction | None] = lambda _: None
     rest_at: Callable[[Tensor], Gaussians] | None = None
+
+    def gaussians_at(self, parameters: Tensor) -> Gaussians:
+        """The Gaussians that are drawn at normalized parameters (P,)."""
+        return self.carried_at(parameters).drawn(self.function_at(parameters))
 
 
 def canonical_rates(gaussians: AnyGaussians, settings: TrainingSettings) -> dict[str, float]:
@@ -56,7 +63,7 @@ def canonical_stage(gaussians: AnyGaussians, settings: TrainingSettings) -> Stag
         tensors={name: tensor.requires_grad_() for name, tensor in gaussians.tensors().items()},
         rates=canonical_rates(gaussians, settings),
         per_gaussian=frozenset(gaussians.tensors()),
-        gaussians_at=lambda parameters: gaussians.drawn(),
+        carried_at=lambda _: gaussians,
     )
 
 
@@ -80,6 +87,6 @@ def simulation_stage(gaussians: AnyGaussians, deformation: Deformation, settings
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
         per_gaussian=frozenset(gaussians.tensors()) | {PREFIX + name for name in deformation.per_gaussian},
-        gaussians_at=lambda parameters: deformation.deformed(gaussians, parameters).drawn(),
+        carried_at=lambda parameters: deformation.deformed(gaussians, parameters),
         rest_at=lambda parameters: gaussians.drawn(),
     )

@@ -1,21 +1,81 @@
-"""What values Gaussians blend to at given places, and how far that is from the field: a loss that needs no picture.
+"""What values Gaussians blend to at given places, and how far that is from what the hook saw there: a loss that needs no picture.
 
 The C++ kernel is tested against its readable twin, `blended_values_reference`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import softplus
 
 import native
+from catalogs.words import one_line
+from surrogate.appearance.field_gaussians import FieldGaussians
+from surrogate.appearance.scale import ValueScale
 from surrogate.derivatives import require_no_second_derivative
+from surrogate.initialization.field_points import FieldPoints
+from surrogate.randomness import generator
 from surrogate.splatting.reference import rotations
 
 REACH = 3.0  # standard deviations
 NAMES = ("means", "scales", "quats", "weights", "values")
+PLACES = 256  # that are looked at in a step
+BEYOND = 0.2  # of a scale of values: what lies further beyond its ends counts as that
+
+
+@dataclass(frozen=True, eq=False)
+class KnownValues:
+    """The fields' values at points of the training members, of which every step looks at a few.
+
+    Attributes
+    ----------
+    points : M of them.
+    scale : on which the Gaussians carry values.
+    seed : of which are looked at.
+    """
+
+    points: FieldPoints
+    scale: ValueScale
+    seed: int
+
+    __repr__ = one_line
+
+    def loss(self, carriers: FieldGaussians, member: str, step: int) -> Tensor:
+        """`value_loss` at some of a member's points, half of them seen and half even ones; 0 for a member without any.
+
+        `carriers` are the Gaussians at the member's parameters.  They count by their optical depth where the extinction is 1.
+        """
+        row = self._rows.get(member)
+        if row is None:
+            return carriers.values.new_zeros(())
+        some = torch.from_numpy(self.points.drawn(row, PLACES, generator(self.seed, "values", step)))  # [Q]
+        places, truth = (tensor[some].to(carriers.means.device) for tensor in self._known)
+        blended = blended_values(
+            carriers.means,
+            carriers.log_scales.exp(),
+            carriers.quats,
+            softplus(carriers.opacity_logits),
+            carriers.values[:, 0],
+            places,
+        )
+        return value_loss(blended, truth)
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        """The row of each member among those of the points."""
+        return {name: row for row, name in enumerate(self.points.names)}
+
+    @cached_property
+    def _known(self) -> tuple[Tensor, Tensor]:
+        """The places (M, 3), and the values there on the scale (M,), float32."""
+        values = np.clip(self.scale.places(self.points.values), -BEYOND, 1.0 + BEYOND)
+        return torch.from_numpy(self.points.places), torch.from_numpy(values.astype(np.float32))
 
 
 def value_loss(blended: Tensor, truth: Tensor) -> Tensor:

@@ -166,7 +166,7 @@ def visualization_stage(
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=rates,
         per_gaussian=frozenset(),
-        gaussians_at=gaussians_at,
+        carried_at=gaussians_at,
         rest_at=None if applied else rest_at,
     )
 
@@ -175,14 +175,16 @@ def refinement_stage(
     gaussians: AnyGaussians, simulation: Deformation, visualization: Visualization, settings: TrainingSettings
 ) -> Stage:
     """Optimize `gaussians` that carry values, and F_sim, in place on pictures under all transfer functions that training shows."""
-    before = simulation_stage(gaussians, simulation, settings)
-    factor = settings.rates.refinement_factor
+    assert isinstance(gaussians, FieldGaussians)
+    before, base = simulation_stage(gaussians, simulation, settings), gaussians.field.base
+    factor, count = settings.rates.refinement_factor, len(visualization.variation.space)
     return replace(
         before,
         name=visualization.variation.kind,
         steps=settings.steps.visualization,
         rates={name: factor * rate for name, rate in before.rates.items()},
-        gaussians_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),
+        carried_at=lambda parameters: simulation.deformed(gaussians, parameters[:-count]),
+        function_at=lambda parameters: visualization.function(base, parameters[-count:]),
         rest_at=None,
     )
 
@@ -197,5 +199,5 @@ def _surface_stage(
         simulation_stage(visualization.gaussians, visualization.deformation, settings),
         name=visualization.variation.kind,
         steps=settings.steps.visualization,
-        gaussians_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),
+        carried_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),
     )

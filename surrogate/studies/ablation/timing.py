@@ -117,7 +117,7 @@ def _some_data(source: Source) -> tuple[TrainingData, float]:
     begun = now()
     examples = load_examples(source.catalog, some, source.normalization)
     seconds = (now() - begun) * len(rows) / len(some)
-    return TrainingData(examples, (), source.catalog.plan.background), seconds
+    return TrainingData(examples, (), source.catalog.plan.background, source.values), seconds
 
 
 def _timed(

@@ -7,10 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from torch import Tensor
-
 from catalogs.variations import Variation
-from surrogate.gaussians import Gaussians
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.loop import StageRun
@@ -64,19 +61,16 @@ def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> floa
     """Mean PSNR over the validation images once the colours, of this degree, have been trained."""
     gaussians = fitted.gaussians.drawn().copy().with_color_degree(degree)
 
-    def gaussians_at(parameters: Tensor) -> Gaussians:
-        return fitted.deformation.deformed(gaussians, parameters).drawn()
-
     stage = Stage(
         name=NAME,
         steps=evaluator.steps(PROBE),
         tensors={"colors": gaussians.colors.requires_grad_()},
         rates={"colors": evaluator.settings.rates.colors},
         per_gaussian=frozenset(),
-        gaussians_at=gaussians_at,
+        carried_at=lambda parameters: fitted.deformation.deformed(gaussians, parameters),
     )
     StageRun(stage, evaluator.settings, evaluator.data).finish()
-    return evaluator.psnr_of(gaussians_at)
+    return evaluator.psnr_of(stage.gaussians_at)
 
 
 def _psnr_of_f_vis(fitted: Fitted, variation: Variation, source: Source, evaluator: Evaluator, degree: int) -> float:

@@ -10,7 +10,18 @@ import torch
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from surrogate.training.value_loss import NAMES, blended_values, blended_values_reference, value_loss
+from surrogate.appearance.field_gaussians import FieldGaussians, FieldValues
+from surrogate.appearance.scale import ValueScale
+from surrogate.initialization.field_points import FieldPoints
+from surrogate.training.value_loss import (
+    BEYOND,
+    NAMES,
+    KnownValues,
+    blended_values,
+    blended_values_reference,
+    value_loss,
+)
+from tests.support.field_blobs import FUNCTION
 
 Carriers = dict[str, Tensor]
 
@@ -191,6 +202,63 @@ def test_values_alone_are_learnt_from_points() -> None:
     unseen = places_of(500, seed=5, size=0.9).float()
     error = value_loss(blended_values(*given[:3], None, values.detach(), unseen), field(unseen))
     assert float(error) < 0.25 * float((field(unseen) - field(unseen).mean()).abs().mean())
+
+
+def field_gaussians(count: int = 40) -> FieldGaussians:
+    made = {name: tensor.float() for name, tensor in carriers(count).items()}
+    values = torch.stack([made["values"], torch.full((count,), -3.0)], dim=1)  # [N, 2]
+    logits = torch.linspace(-3.0, 3.0, count)
+    field = FieldValues(FUNCTION, ValueScale.of_function(FUNCTION))
+    return FieldGaussians(made["means"], made["scales"].log(), made["quats"], logits, values, field)
+
+
+def known(value: float = 1.5) -> KnownValues:
+    """Two members with points all over the box; the field is 0.5 in the first, and `value` in the second."""
+    places = np.random.default_rng(3).uniform(-0.5, 0.5, (20, 3)).astype(np.float32)
+    members = np.repeat([0, 1], 10)
+    points = FieldPoints(
+        ("a", "b"), np.zeros((2, 1), np.float32), places, np.array([0.5, value])[members], members, members > 5
+    )
+    return KnownValues(points, ValueScale.of_function(FUNCTION), seed=1)
+
+
+def test_a_member_is_held_to_its_own_values_where_it_has_points() -> None:
+    given, truth = field_gaussians(), known()
+    for member, value in (("a", 0.5), ("b", 1.5)):
+        rows = truth.points.members == truth.points.names.index(member)
+        depths = given.opacity_logits.double().exp().log1p()  # [N]
+        tensors = [given.means, given.log_scales.exp(), given.quats, depths, given.values[:, 0]]
+        blended = blended_values_reference(
+            *(tensor.double() for tensor in tensors), torch.from_numpy(truth.points.places[rows]).double()
+        )
+        differences = (blended - float(truth.scale.places(value))).abs()
+        assert differences.min() <= float(truth.loss(given, member, 7)) <= differences.max()
+        mean = np.mean([float(truth.loss(given, member, step)) for step in range(30)])
+        assert mean == pytest.approx(float(differences.mean()), rel=0.02)
+
+
+def test_all_that_says_where_values_lie_follows_them() -> None:
+    given = field_gaussians()
+    tensors = [tensor.requires_grad_() for tensor in given.tensors().values()]
+    known().loss(given, "b", 0).backward()
+    assert all(tensor.grad is not None and tensor.grad.abs().max() > 0 for tensor in tensors)
+
+
+def test_what_lies_far_beyond_the_scale_pulls_no_harder_than_its_margin() -> None:
+    given, far = field_gaussians(), known(1e30)
+    assert float(far.loss(given, "b", 0)) <= 1.0 + BEYOND
+
+
+def test_other_points_are_looked_at_in_every_step_and_the_same_when_resumed() -> None:
+    given, truth = field_gaussians(), known()
+    first = [float(truth.loss(given, "a", step)) for step in range(4)]
+    assert len(set(first)) == 4
+    assert [float(known().loss(given, "a", step)) for step in range(4)] == first
+
+
+def test_a_member_without_points_has_no_say() -> None:
+    loss = known().loss(field_gaussians(), "unknown", 0)
+    assert loss.item() == 0.0
 
 
 def test_twice_is_refused() -> None:
