@@ -10,11 +10,12 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-
-import nbformat
-from nbclient import NotebookClient
+from typing import TYPE_CHECKING
 
 from benchmarks.page import DOCS, PROJECT, command_line
+
+if TYPE_CHECKING:
+    import nbformat
 
 NOTEBOOK = DOCS / "tutorial.ipynb"
 LIVE = "live"  # the tag of cells whose output is worth nothing without their kernel
@@ -26,6 +27,8 @@ def executed(notebook: nbformat.NotebookNode, folder: Path) -> nbformat.Notebook
 
     Raises `nbclient.exceptions.CellExecutionError` where a cell fails.
     """
+    from nbclient import NotebookClient  # seconds
+
     here = {"TMPDIR": str(folder), "IPYTHONDIR": str(folder / ".ipython"), "PYTHONPATH": str(PROJECT)}
     client = NotebookClient(
         notebook,
@@ -40,6 +43,8 @@ def executed(notebook: nbformat.NotebookNode, folder: Path) -> nbformat.Notebook
 
 def kept(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
     """The notebook without what changes from run to run or machine to machine: times of cells, versions, live frames."""
+    import nbformat
+
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
         if LIVE in cell.metadata.get("tags", ()):
@@ -52,6 +57,8 @@ def kept(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
 
 def main() -> None:
     """Write docs/tutorial.ipynb anew."""
+    import nbformat
+
     parser = command_line("tutorial", __doc__)
     parser.add_argument("--output", type=Path, default=NOTEBOOK, help="file that the executed notebook is written to")
     output = parser.parse_args().output

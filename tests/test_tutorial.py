@@ -9,20 +9,21 @@ from typing import Any
 
 import pytest
 
-nbformat = pytest.importorskip("nbformat")
-pytest.importorskip("nbclient")
-pytest.importorskip("ipykernel")
-
-from benchmarks.tutorial import LIVE, NOTEBOOK, executed, kept  # noqa: E402
+from benchmarks.tutorial import LIVE, NOTEBOOK, executed, kept
 
 PROJECT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 1_000_000
 MACHINE = re.compile(r"/(?:home|tmp|root|work|usr|var|Users|private)/|127\.0\.0\.1|localhost")
 MEMBER = re.compile(r"^(\S+): surrogate ([\d.]+) dB, stored (\S+) ([\d.]+) dB$", re.MULTILINE)
 EXPLORER = ("aiohttp", "PIL")
+JUPYTER = ("nbformat", "nbclient", "ipykernel")
+
+pytestmark = pytest.mark.skipif(not all(map(importlib.util.find_spec, JUPYTER)), reason="there is no Jupyter")
 
 
 def read() -> Any:
+    import nbformat
+
     return nbformat.read(NOTEBOOK, as_version=4)
 
 
@@ -67,6 +68,8 @@ def check_results(notebook: Any) -> None:
 
 def test_what_is_stored_is_whole_and_small_and_says_nothing_of_a_machine() -> None:
     notebook = read()
+    import nbformat
+
     nbformat.validate(notebook)
     assert NOTEBOOK.stat().st_size < MOST_BYTES
     assert not MACHINE.search(texts(notebook))

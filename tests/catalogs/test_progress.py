@@ -6,8 +6,6 @@ import io
 import re
 import time
 
-import nbclient
-import nbformat
 import pytest
 
 from catalogs.progress import Count, ProgressLine, Rate, duration
@@ -108,6 +106,9 @@ def test_stages_have_rates_of_their_own(now: list[float]) -> None:
 
 @pytest.mark.slow
 def test_a_notebook_gets_one_output() -> None:
+    import nbclient  # seconds, which every process that collects the tests would take
+    import nbformat
+
     code = """
 from catalogs.progress import ProgressLine
 with ProgressLine() as line:
