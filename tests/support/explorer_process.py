@@ -9,12 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tests.support.prepared import Program
+
 COMMAND = Path(sys.executable).with_name("surrogate")
+PROGRAM = "from surrogate.cli import main; main()"
 
 
 @contextmanager
-def command(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The running command and the first line that it prints."""
+def installed(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The running command as it is installed, and the first line that it prints."""
     process = subprocess.Popen(
         [COMMAND, "explore", *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -24,6 +27,16 @@ def command(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     finally:
         process.kill()
         process.wait()
+
+
+@contextmanager
+def command(*arguments: object) -> Iterator[tuple[Program, str]]:
+    """The same, in a process that need not import it first."""
+    process = Program(PROGRAM, "explore", *arguments)
+    try:
+        yield process, process.stdout.readline()
+    finally:
+        process.close()
 
 
 def address_in(line: str) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,9 +13,9 @@ import pytest
 from catalogs.catalog import Catalog
 from surrogate import TrainingSettings, train
 from surrogate.training.session import TrainingProgress
+from tests.support import prepared
 
-PROJECT = Path(__file__).resolve().parents[2]
-# Forked before any thread exists, so that each of the many short lives does not import torch anew; killed after a time of the
+# Forked before any thread exists, so that each of the many short lives imports nothing anew; killed after a time of the
 # processor, not of a clock, so that a life comes as far on a loaded machine.
 KILLED = """
 import json, os, random, signal, sys
@@ -27,7 +25,7 @@ settings, catalog, folder = TrainingSettings(**json.loads(sys.argv[1])), sys.arg
 random.seed(1)
 kills = 0
 while not Surrogate.exists(folder):
-    seconds = random.uniform(0.001, 0.05 + 0.02 * kills)
+    seconds = random.uniform(0.001, 0.05 + 0.04 * kills)
     child = os.fork()
     if not child:
         signal.setitimer(signal.ITIMER_PROF, seconds)
@@ -71,12 +69,6 @@ def interrupt(
 
 def kill_again_and_again(settings: TrainingSettings, catalog: Catalog, folder: Path) -> int:
     """Train in processes that are killed at random until one comes to the end; returns how many were."""
-    result = subprocess.run(
-        [sys.executable, "-c", KILLED, json.dumps(settings.to_json()), str(catalog.path), str(folder)],
-        cwd=PROJECT,
-        capture_output=True,
-        text=True,
-        timeout=250,
-    )
-    assert result.returncode == 0, result.stderr
-    return int(result.stdout)
+    status, out, errors = prepared.run(KILLED, json.dumps(settings.to_json()), catalog.path, folder, timeout=250.0)
+    assert status == 0, errors
+    return int(out)

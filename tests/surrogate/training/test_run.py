@@ -1,7 +1,5 @@
 import json
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,8 @@ from surrogate.splatting import cpu, cuda
 from surrogate.training.compression.choice import Choice
 from surrogate.training.session import TrainingProgress
 from tests.support.blobs import Blobs
-from tests.support.interruptions import PROJECT, files, interrupt, kill_again_and_again, outcome
+from tests.support.interruptions import files, interrupt, kill_again_and_again, outcome
+from tests.support.prepared import Program
 
 QUICK = TrainingSettings(
     gaussians=60, canonical_steps=15, deformation_steps=25, validation_interval=10, relocation_interval=5
@@ -171,13 +170,11 @@ def test_two_processes_never_train_in_one_folder(make_catalog, tmp_path: Path) -
     long = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 100_000})
     process = start(long, catalog, folder)
     try:
-        assert process.stdout is not None
         process.stdout.readline()
         with pytest.raises(RuntimeError, match="another process is training"):
             train(long, catalog, folder)
     finally:
-        process.kill()
-        process.wait()
+        process.close()
 
 
 @pytest.mark.parametrize(
@@ -187,10 +184,12 @@ def test_an_interrupted_run_goes_on_where_it_stopped(make_catalog, tmp_path: Pat
     catalog, folder = make_catalog(), tmp_path / "surrogate"
     settings = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 300, "checkpoint_seconds": 1e6})
     process = start(settings, catalog, folder)
-    assert process.stdout is not None
-    process.stdout.readline()
-    process.send_signal(number)
-    assert process.wait(timeout=60) == status, process.stderr.read() if process.stderr else ""
+    try:
+        process.stdout.readline()
+        process.send_signal(number)
+        assert process.wait(timeout=60) == status, process.stderr.read()
+    finally:
+        process.close()
     assert (folder / "checkpoint.safetensors").exists()
     resumed = train(settings, catalog, folder)
     train(settings, catalog, tmp_path / "undisturbed")
@@ -268,7 +267,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> subprocess.Popen[str]:
+def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> Program:
     """Train in another process, which writes a line when its steps have begun."""
     program = (
         "import sys, json\n"
@@ -283,14 +282,7 @@ def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> subproc
         "settings = TrainingSettings(**json.loads(sys.argv[1]))\n"
         "train(settings, Catalog.open(sys.argv[2]), sys.argv[3], progress=tell)\n"
     )
-    arguments = [json.dumps(settings.to_json()), str(catalog.path), str(folder)]
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *arguments],
-        cwd=PROJECT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    return Program(program, json.dumps(settings.to_json()), catalog.path, folder)
 
 
 def interrupt_after(steps: int, settings: TrainingSettings, catalog: Catalog, folder: Path) -> None:

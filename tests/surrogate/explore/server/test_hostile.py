@@ -406,10 +406,10 @@ def camera(step: int) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_thousands_of_frames_take_no_memory(run_folder: Path) -> None:
-    from tests.support.explorer_process import address_in, command
+    from tests.support.explorer_process import address_in, installed
 
     frames = 4000
-    with command(run_folder) as (process, line), Tab(address_in(line)) as tab:
+    with installed(run_folder) as (process, line), Tab(address_in(line)) as tab:
         server = psutil.Process(process.pid)
         shown: list[dict[str, Any]] = [{}, {"isovalue": 0.3}, {"c1_value": 0.1}, {"c2_value": -0.1, "c2_opacity": 0.05}]
         memory = []

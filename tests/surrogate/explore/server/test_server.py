@@ -8,8 +8,6 @@ import secrets
 import shutil
 import signal
 import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,7 +18,8 @@ import aiohttp
 import pytest
 from click.testing import CliRunner
 
-from tests.support.explorer_process import address_in, command
+from tests.support import prepared
+from tests.support.explorer_process import PROGRAM, address_in, command, installed
 
 pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
@@ -88,7 +87,7 @@ def suppressed(work: Callable[..., object], *arguments: object) -> None:
 
 
 def test_it_prints_one_address_and_stops_on_control_c(run_folder: Path) -> None:
-    with command(run_folder) as (process, line):
+    with installed(run_folder) as (process, line):
         parts = urlsplit(address_in(line))
         assert parts.hostname == "127.0.0.1"
         assert parts.port not in (None, 0)
@@ -111,10 +110,9 @@ def test_it_prints_one_address_and_stops_on_control_c(run_folder: Path) -> None:
 
 def refused(run_folder: Path, *options: str) -> str:
     """What is said instead of an address."""
-    call = [sys.executable, "-c", "from surrogate.cli import main; main()", "explore", str(run_folder), *options]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=300)
-    assert (done.returncode, done.stdout) == (1, "")
-    return done.stderr
+    status, out, errors = prepared.run(PROGRAM, "explore", run_folder, *options)
+    assert (status, out) == (1, "")
+    return errors
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 from dataclasses import asdict
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from surrogate.studies.repeats import run as module
 from surrogate.studies.repeats.records import Scores, load, scores_path
 from surrogate.studies.repeats.run import STAGE, repeat, score_model
 from surrogate.training.run import train
+from tests.support import prepared
 from tests.support.blobs import Blobs
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
@@ -29,7 +28,6 @@ SCENE = TrainingSettings(gaussians=30, canonical_steps=8, deformation_steps=12, 
 SMALL = Blobs(count=4, size=16)
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.5), ("test", 0.7))
 VIEW_SPLITS = ("train",) * 4 + ("test",) * 2
-PROJECT = Path(__file__).resolve().parents[4]
 
 
 @pytest.fixture
@@ -237,9 +235,8 @@ def test_a_killed_run_goes_on_and_ends_as_an_undisturbed_one(catalog: Catalog, t
         "from dataclasses import replace\n"
         "repeat(SCENE.changed(checkpoint_seconds=1e-9), Catalog.open(sys.argv[1]), Path(sys.argv[2]), seeds=2)\n"
     )
-    arguments = [sys.executable, "-c", program, str(catalog.path), str(tmp_path / "run")]
-    killed = subprocess.run(arguments, cwd=PROJECT, capture_output=True, text=True, timeout=120)
-    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    status, _, errors = prepared.run(program, catalog.path, tmp_path / "run")
+    assert status == -signal.SIGKILL, errors
     assert load(tmp_path / "run", 4) is not None  # what was finished is kept
     assert load(tmp_path / "run", 5) is None
     told: list[int] = []
