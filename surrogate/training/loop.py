@@ -22,6 +22,7 @@ from surrogate.training.optimizer import Adam
 from surrogate.training.relocation import ScreenGradients, plan_relocation, relocate
 from surrogate.training.sampling import HardExamples, ShuffledEpochs
 from surrogate.training.stages import Stage
+from surrogate.training.value_loss import INTERVAL
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,8 +86,9 @@ class StageRun:
         if settings.loss.deformation_penalty and self.stage.rest_at is not None:
             size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
             loss = loss + settings.loss.deformation_penalty * size
-        if self.data.values is not None and isinstance(carriers, FieldGaussians):
-            loss = loss + settings.loss.values * self.data.values.loss(carriers, example.member, self.step)
+        if self.data.values is not None and self.step % INTERVAL == 0 and isinstance(carriers, FieldGaussians):
+            known = self.data.values.loss(carriers, example.member, self.step)
+            loss = loss + INTERVAL * settings.loss.values * known
         loss.backward()
         if self._screen_gradients is not None:
             self._screen_gradients.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)
