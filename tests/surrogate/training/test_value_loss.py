@@ -80,7 +80,7 @@ HOSTILE: dict[str, Callable[[], tuple[Carriers, Tensor]]] = {
     "the same place again and again": lambda: (carriers(200), places_of(1).repeat(70, 1)),
     "places in a plane": lambda: (carriers(200), places_of(70) * torch.tensor([1.0, 0.0, 1.0])),
     "weights of every size": lambda: (
-        carriers(300) | {"weights": 10.0 ** torch.randint(-30, 5, (300,)).float().double()},
+        carriers(300) | {"weights": 10.0 ** torch.from_numpy(np.random.default_rng(6).integers(-30, 5, 300)).double()},
         places_of(100),
     ),
     "some weights are zero": lambda: (
