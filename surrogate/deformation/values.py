@@ -37,6 +37,11 @@ FINE = 1024  # places at which the density of values is taken
 COLOR_SPREAD = 0.1  # how far the colour of a value may lie from a Gaussian's to be thought its own at first
 
 
+def displaced_by(base: TransferFunction, steps: Sequence[float], parameters: Tensor) -> TransferFunction:
+    """`base` with its inner control points moved by normalized parameters (4,) times `steps`."""
+    return displaced(base, [step * place for step, place in zip(steps, parameters.tolist(), strict=True)])
+
+
 @dataclass(frozen=True, eq=False)
 class ValuesDeformation:
     """Weights of field values.
@@ -113,8 +118,7 @@ class ValuesDeformation:
         return self._transfer(function).applied_to(gaussians, self.weights)
 
     def _displaced(self, parameters: Tensor) -> TransferFunction:
-        placed = parameters[-len(self.steps) :].tolist()  # [4]
-        return displaced(self.base, [step * place for step, place in zip(self.steps, placed, strict=True)])
+        return displaced_by(self.base, self.steps, parameters[-len(self.steps) :])
 
     def _moving(self, parameters: Tensor) -> Transfer:
         """The transfer at parameters (P + 4,), differentiable by them."""

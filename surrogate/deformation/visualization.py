@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 
 from catalogs.appearance import TransferFunction
-from catalogs.variations import Variation, displaced, variation_from_json
+from catalogs.variations import Variation, variation_from_json
 from catalogs.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import Deformation, compose, load_deformation
-from surrogate.deformation.values import ValuesDeformation
+from surrogate.deformation.values import ValuesDeformation, displaced_by
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
 from surrogate.storage.names import joined, part_of
@@ -69,7 +69,7 @@ class Visualization:
     def function(self, base: TransferFunction, parameters: Tensor) -> TransferFunction:
         """The transfer function at normalized visualization parameters (V,), displacements of the base's control points."""
         steps = [parameter.high for parameter in self.variation.space.parameters]
-        return displaced(base, [step * place for step, place in zip(steps, parameters.tolist(), strict=True)])
+        return displaced_by(base, steps, parameters)
 
     def simulated(self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor) -> Gaussians:
         """What F_vis acts on: the Gaussians at normalized simulation parameters (P,), or its own."""
