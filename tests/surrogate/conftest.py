@@ -49,3 +49,9 @@ def make_catalog(tmp_path: Path) -> MakeCatalog:
         return Catalog.open(tmp_path / name)
 
     return make
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests of a report's words and numbers: its figures are made but not drawn, which takes seconds."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).write_bytes(b"undrawn"))

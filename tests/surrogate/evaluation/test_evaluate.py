@@ -169,6 +169,7 @@ def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Pa
     assert not is_current(report, changed)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
     run: tuple[Surrogate, Catalog, Path], tmp_path: Path
@@ -187,6 +188,7 @@ def test_a_ceiling_stands_in_the_report_of_the_surrogate_it_was_measured_beside(
         assert is_current(report, surrogate)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 def test_seeds_stand_in_the_report_of_the_surrogate_that_they_repeat(
     run: tuple[Surrogate, Catalog, Path], tmp_path: Path

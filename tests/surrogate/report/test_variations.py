@@ -252,6 +252,7 @@ def test_without_variations_nothing_is_said_about_them(perfect, tmp_path: Path) 
     assert "transfer function" not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_is_not_current_where_other_metrics_can_be_had(
     perfect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +265,7 @@ def test_a_report_is_not_current_where_other_metrics_can_be_had(
     assert not is_current(tmp_path / "report", surrogate)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_missing_metric_says_why_below_the_table(perfect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     surrogate, catalog, _ = perfect
     found = PerceptualMetrics({"ms_ssim": lambda *_: float("nan"), "flip": lambda *_: 0.125}, {"lpips": "no weights"})
@@ -278,6 +280,7 @@ def test_a_missing_metric_says_why_below_the_table(perfect, tmp_path: Path, monk
     assert page.count("MS-SSIM is missing: these images are too small for it.") == 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_line_says_a_line_for_each_variation(perfect, tmp_path: Path) -> None:
     surrogate, catalog, _ = perfect
     surrogate.save(catalog.path.parent / "surrogate")

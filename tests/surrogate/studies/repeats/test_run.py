@@ -270,6 +270,7 @@ deformation_steps = 6
 """
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog: Catalog, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(TOML)
