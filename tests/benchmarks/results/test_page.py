@@ -1,19 +1,18 @@
 """The page from end to end: every table with what made it, pictures beside it, and what is missing."""
 
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.page import PROJECT
 from benchmarks.results.__main__ import main as results_main
 from benchmarks.results.gaps import gaps_of
 from benchmarks.results.page import write
 from benchmarks.results.scenes import read_scenes
 from surrogate.cli import main
+from tests.support import prepared
 from tests.support.results import make_catalog, make_results, make_scene, make_study
 
 
@@ -87,10 +86,10 @@ def test_without_results_no_page_is_written(tmp_path: Path, records: str) -> Non
     make_scene(tmp_path, "absent")
     (tmp_path / "records").mkdir()
     folders = ["--records", tmp_path / records, "--scenes", tmp_path / "scenes", "--output", tmp_path / "docs"]
-    command = [sys.executable, "-m", "benchmarks.results", *map(str, folders)]
-    found = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=120)
-    assert found.returncode == 2
-    assert "make" in found.stderr.splitlines()[-1]
+    command = "import runpy; runpy.run_module('benchmarks.results', run_name='__main__')"
+    status, _, errors = prepared.run(command, *folders)
+    assert status == 2
+    assert "make" in errors.splitlines()[-1]
     assert not (tmp_path / "docs").exists()
 
 

@@ -1,4 +1,3 @@
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from surrogate.initialization.structure_from_motion import (
     neighbours,
     structure_from_motion_points,
 )
+from tests.support import prepared
 from tests.support.balls import Ball, grey, speckled, store
 
 BALL = Ball(radius=80.0, center=(505.0, -297.0, 101.0), size=160)
@@ -115,7 +115,7 @@ def test_without_pycolmap_the_error_names_the_extra(tmp_path: Path, monkeypatch:
 
 def test_loading_the_module_does_not_load_pycolmap() -> None:
     program = "import sys, surrogate.initialization.structure_from_motion\nraise SystemExit('pycolmap' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", program], timeout=60).returncode == 0
+    assert prepared.run(program)[0] == 0
 
 
 def test_termination_is_answered_as_before() -> None:
@@ -128,8 +128,7 @@ def test_termination_is_answered_as_before() -> None:
         "_load_pycolmap()\n"
         "os.kill(os.getpid(), signal.SIGTERM)\n"
     )
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert (result.returncode, result.stdout, result.stderr) == (0, "answered\n", "")
+    assert prepared.run(program) == (0, "answered\n", "")
 
 
 def test_views_are_matched_with_their_nearest() -> None:
