@@ -125,6 +125,8 @@ VARIANTS = (
         {"gaussians-x0.5": 0.5, "gaussians-x2": 2.0},
         scaled=True,
     ),
+    Variant("colors", "Gaussians that carry colours instead of the field's values", {"carried": "colors"}),
+    Variant("pictures-alone", "what the field's values at points teach beside pictures", {"field_value_weight": 0.0}),
     *_each("latent_size", "how many modes of deformation the Gaussians share", {"latent-8": 8, "latent-32": 32}),
     *_each("ssim_weight", "how much structure weighs beside absolute differences", {"ssim-0": 0.0, "ssim-0.5": 0.5}),
     Variant(
