@@ -37,6 +37,7 @@ FIRST_SLOPES = (
     1.4  # of the hidden units, all parameters together: with steeper ones members between are predicted worse
 )
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
+MIDDLE_FACTOR = 0.25  # of the first layer's rate: a unit of the second sums over all hidden ones, which once ran away
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
 
 
@@ -240,7 +241,8 @@ class BilinearDeformation:
         """Adam's rate for each of `tensors`: as the settings say up to `USUAL_SIZE` and `USUAL_WIDTH`, then less in proportion.
 
         Adam moves every number by about its rate, and an offset is a sum over modes, a mode one over hidden units: with the same
-        rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).
+        rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).  A unit of the second hidden layer
+        is a sum over those of the first as well.
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
         hidden = settings.rates.embedding * narrower
@@ -250,7 +252,7 @@ class BilinearDeformation:
             "biases_in": hidden,
             "weights_out": hidden * fewer,
             "biases_out": settings.rates.embedding * fewer,
-            "weights_middle": hidden,
+            "weights_middle": hidden * MIDDLE_FACTOR * narrower,
             "biases_middle": hidden,
         }
         return {name: found[name] for name in self.tensors()}
