@@ -24,6 +24,8 @@ from surrogate.training.sampling import HardExamples, ShuffledEpochs
 from surrogate.training.stages import Stage
 from surrogate.training.value_loss import INTERVAL
 
+LARGEST_SCALE = 1e4  # in half boxes: deformations that ran away passed it while all numbers were finite
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMemory:
@@ -107,10 +109,10 @@ class StageRun:
             self.advance()
 
     def require_finite(self) -> None:
-        """Raise ValueError where a trained tensor, or a Gaussian of the next picture, is not finite: training has diverged."""
+        """Raise ValueError where training has diverged: a tensor, or a Gaussian of the next picture, is not finite or huge."""
         with torch.no_grad():
             shown = as_drawn(self.stage.gaussians_at(self.data.examples[self._order[self.step]].parameters))
-        found = first_infinite(self.stage.tensors) or first_infinite(shown)
+        found = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown["scales"])
         if found:
             raise self._diverged(found)
 
@@ -174,6 +176,15 @@ def first_infinite(tensors: Mapping[str, Tensor]) -> str:
             place = tuple(broken.nonzero()[0].tolist())
             return f"{name}{list(place) if place else ''} is {float(tensor.detach()[place])}"
     return ""
+
+
+def first_huge(scales: Tensor) -> str:
+    """The first scale (N, 3) that no box can need, such as "scales[3, 0] is 2e+09 boxes"; "" where there is none."""
+    huge = scales > LARGEST_SCALE  # [N, 3]
+    if not huge.any():
+        return ""
+    place = huge.nonzero()[0].tolist()
+    return f"scales{place} is {float(scales[*place]) / 2.0:.2g} boxes"
 
 
 @torch.no_grad()

@@ -10,7 +10,7 @@ import torch
 from surrogate import TrainingSettings, train
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.training.loop import StageRun, as_drawn, first_infinite
+from surrogate.training.loop import Diverged, StageRun, as_drawn, first_huge, first_infinite
 from tests.support.blobs import Blobs
 
 SMALL = Blobs(count=4, size=16)
@@ -18,7 +18,7 @@ QUICK = TrainingSettings(
     gaussians=30, canonical_steps=10, deformation_steps=20, color_degree=0, fit_to_need=False, checkpoint_seconds=1e-9
 )
 COMPLAINT = (
-    r"^training diverged in stage {stage} at step \d+ of {steps}, where {what} is -?(inf|nan): "
+    r"^training diverged in stage {stage} at step \d+ of {steps}, where {what} is (-?(inf|nan)|\S+ boxes): "
     r"lower the rates in the scene's \[training\] table, or as KEY=VALUE"
 )
 
@@ -39,6 +39,21 @@ def test_scales_may_be_infinite_where_their_logarithms_are_not() -> None:
     shown = Gaussians(torch.zeros(2, 3), torch.full((2, 3), 90.0), torch.ones(2, 4), torch.zeros(2), torch.zeros(2, 3))
     assert first_infinite(shown.tensors()) == ""
     assert first_infinite(as_drawn(shown)) == "scales[0, 0] is inf"
+
+
+def test_a_scale_that_no_box_can_need_is_named() -> None:
+    scales = torch.full((4, 3), 9e3)
+    assert first_huge(scales) == ""
+    scales[2, 1] = 4e9
+    assert first_huge(scales) == "scales[2, 1] is 2e+09 boxes"
+
+
+def test_what_ran_away_but_is_finite_has_diverged(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog(SMALL, view_splits=("train",) * 3)
+    with pytest.raises(
+        Diverged, match=r"stage canonical at step \d+ of 10, where scales\[\d+, \d\] is \S+ boxes: lower"
+    ):
+        train(QUICK.changed(log_scale_rate=6.0), catalog, tmp_path / "surrogate")
 
 
 @pytest.mark.parametrize(
