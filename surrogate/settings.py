@@ -127,9 +127,8 @@ class Rates:
     value: float = _setting(2e-3, POSITIVE, "value_rate")
     canonical_factor: float = _setting(1.0, POSITIVE, "canonical_rate_factor")  # of the Gaussians in stage 2
     simulation_factor: float = _setting(0.1, NOT_NEGATIVE, "simulation_rate_factor")  # of F_sim in stage 3; 0: frozen
-    refinement_factor: float = _setting(
-        0.3, POSITIVE, "refinement_rate_factor", optional=True
-    )  # of values under more functions
+    # Of Gaussians that carry values, and of their F_sim, where they learn from more functions.
+    refinement_factor: float = _setting(0.3, POSITIVE, "refinement_rate_factor", optional=True)
     final_factor: float = _setting(0.05, POSITIVE, "final_rate_factor")  # of all, reached exponentially in each stage
 
 

@@ -33,9 +33,7 @@ FIELD_COLUMNS = 13  # of a Gaussian's parameters where it carries values of a fi
 COLUMNS = (FIELD_COLUMNS, 14, 23)  # and with colours of degree 0 and 1
 TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
 MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
-FIRST_SLOPES = (
-    1.4  # of the hidden units, all parameters together: with steeper ones members between are predicted worse
-)
+FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
 MIDDLE_FACTOR = 0.25  # of the first layer's rate: a unit of the second sums over all hidden ones, which once ran away
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen

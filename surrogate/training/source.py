@@ -33,10 +33,8 @@ from surrogate.training.value_loss import KnownValues
 
 DECADE = 10.0  # between the bounds of a parameter
 COLOR_SAMPLES = 32  # images that the first colour is taken from
-LOOKED_AT, MOST_PIXELS = (
-    8,
-    4_000,
-)  # images, and opaque pixels of them, that tell whether surfaces are lit as the catalog says
+# Images, and opaque pixels of them, that tell whether surfaces are lit as the catalog says.
+LOOKED_AT, MOST_PIXELS = 8, 4_000
 DECISION_IMAGES = 48  # validation images that choices about a model are made on
 
 
