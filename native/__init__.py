@@ -40,6 +40,11 @@ copied); the same input gives bitwise the same output for any number of threads.
     blend_gradients(blend, gradient, shapes)
             -> gradients by weights and values (N,) from those by the blended values (Q,); with `shapes`, by means, scales and
             quats before
+    ray_opacities(gaussians, position, shortest_quaternion, threads, instruction_set="")
+            -> opacities (N,) along the rays from a position (3,) through the centres
+            gaussians: means, log_scales, quats, logits (N,); quaternions not longer than the shortest are no rotation
+    ray_opacities_gradient(gaussians, position, shortest_quaternion, by_opacities, threads, instruction_set="")
+            -> gradients by means, log_scales, quats, logits
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
@@ -66,6 +71,8 @@ __all__ = [
     "forward",
     "image_loss",
     "instruction_sets",
+    "ray_opacities",
+    "ray_opacities_gradient",
     "transfer",
     "transfer_gradient",
 ]

@@ -6,7 +6,7 @@ a covariance R S Sᵀ Rᵀ from a quaternion and three scales, an opacity and a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from catalogs.cameras import Camera
 from catalogs.numbers import positive, row
 from catalogs.words import one_line
 from surrogate.lighting import Lighting
+from surrogate.splatting.along_rays import opacities_along_rays
 
 GEOMETRY = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns of what all Gaussians have
 NAMES = (*GEOMETRY, "colors")
@@ -39,6 +40,8 @@ class Gaussians:
     colors : (N, 3 K), K spherical-harmonics coefficients of 3 channels each; K = 1 (the colour itself) or 4 (and the
         three of degree 1, ordered y, z, x as is usual).  Where there is a `lighting`, K = 1 and these are normals.
     lighting : of the surface that they show, which then says their colours by `colors` as normals; it is not trained.
+    medium : whether they absorb along rays, so that their opacity depends on where they are seen from; else the sigmoid holds from
+        everywhere.
     """
 
     means: Tensor  # [N, 3]
@@ -47,6 +50,7 @@ class Gaussians:
     opacity_logits: Tensor  # [N]
     colors: Tensor  # [N, 3 K]
     lighting: Lighting | None = field(default=None, kw_only=True)
+    medium: bool = field(default=False, kw_only=True)
 
     __repr__ = one_line
 
@@ -85,15 +89,18 @@ class Gaussians:
 
     def of(self, rows: Tensor) -> Gaussians:
         """Some of them, by index (M,)."""
-        return Gaussians(*(tensor[rows] for tensor in self.tensors().values()), lighting=self.lighting)
+        return self._with(tensor[rows] for tensor in self.tensors().values())
 
     def to(self, device: torch.device | torch.dtype) -> Gaussians:
         """The same on another device, or in another precision."""
-        return Gaussians(*(tensor.to(device) for tensor in self.tensors().values()), lighting=self.lighting)
+        return self._with(tensor.to(device) for tensor in self.tensors().values())
 
     def copy(self) -> Gaussians:
         """The same numbers in tensors of their own."""
-        return Gaussians(*(tensor.detach().clone() for tensor in self.tensors().values()), lighting=self.lighting)
+        return self._with(tensor.detach().clone() for tensor in self.tensors().values())
+
+    def _with(self, tensors: Iterable[Tensor]) -> Gaussians:
+        return Gaussians(*tensors, lighting=self.lighting, medium=self.medium)
 
     def record(self) -> dict[str, Any]:
         """JSON values that are needed beside the tensors: none."""
@@ -116,8 +123,15 @@ class Gaussians:
         return self.log_scales.exp()
 
     def opacities(self) -> Tensor:
-        """Opacities in (0, 1), (N,)."""
+        """Opacities in (0, 1), (N,); of a medium those of balls of the same volume."""
         return self.opacity_logits.sigmoid()
+
+    def opacities_from(self, position: Tensor, *, threads: int | None = None) -> Tensor:
+        """Opacities in [0, 1], (N,), as seen from `position` (3,), in the Gaussians' coordinates."""
+        if not self.medium:
+            return self.opacities()
+        shapes = self.means, self.log_scales, self.quats
+        return opacities_along_rays(*shapes, self.opacity_logits, position, threads=threads)
 
     def colors_from(self, position: Tensor) -> Tensor:
         """Colours (N, 3) as seen from `position` (3,), in the Gaussians' coordinates; not clamped."""

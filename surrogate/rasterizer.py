@@ -65,15 +65,17 @@ class Rasterizer:
         options: dict[str, Any] = (
             {"threads": threads} if self.backend in (AUTO, "cpu") and not gaussians.means.is_cuda else {}
         )
-        return draw(primitives(gaussians, camera), camera, self.constants, backend=self.backend, **options)
+        seen = primitives(gaussians, camera, threads=threads)
+        return draw(seen, camera, self.constants, backend=self.backend, **options)
 
     def draw_over(self, gaussians: Gaussians, camera: Camera, background: Sequence[float]) -> Tensor:
         """What training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
         return draw_over(primitives(gaussians, camera), camera, background, self.constants, backend=self.backend)
 
 
-def primitives(gaussians: Gaussians, camera: Camera) -> Primitives:
-    """The Gaussians as they are drawn: their colours as `camera` sees them."""
+def primitives(gaussians: Gaussians, camera: Camera, *, threads: int | None = None) -> Primitives:
+    """The Gaussians as they are drawn: their colours and opacities as `camera` sees them."""
     position = torch.from_numpy(camera.position).to(gaussians.means)  # [3]
     colors = gaussians.colors_from(position)  # [N, 3]
-    return Primitives(gaussians.means, gaussians.scales(), gaussians.quats, gaussians.opacities(), colors)
+    opacities = gaussians.opacities_from(position, threads=threads)  # [N]
+    return Primitives(gaussians.means, gaussians.scales(), gaussians.quats, opacities, colors)

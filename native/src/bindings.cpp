@@ -28,6 +28,7 @@ namespace gs {
 
 void bind_averages(nb::module_& m);  // average_bindings.cpp
 void bind_blends(nb::module_& m);    // blend_bindings.cpp
+void bind_rays(nb::module_& m);      // ray_bindings.cpp
 
 namespace {
 
@@ -312,6 +313,7 @@ NB_MODULE(_kernels, m) {
     m.def("extinction_table", &bound_extinction_table, "values"_a, "color_points"_a, "opacity_points"_a, "samples"_a, "most_opaque"_a);
     bind_averages(m);
     bind_blends(m);
+    bind_rays(m);
     // Bytes first, and not converted: floats would be cut to them.
     m.def("image_loss", &bound_image_loss<Bytes>, "image"_a, nb::arg("target").noconvert(), "ssim_weight"_a, "threads"_a,
           "instruction_set"_a = "");

@@ -14,6 +14,7 @@ namespace {
 
 #include "vectors.inc"
 #include "doubles.inc"
+#include "rotations.inc"
 #include "projection.inc"
 #include "touches.inc"
 #include "tiles.inc"
@@ -23,6 +24,7 @@ namespace {
 #include "transfer.inc"
 #include "averages.inc"
 #include "blending.inc"
+#include "rays.inc"
 
 }  // namespace
 
@@ -46,6 +48,8 @@ extern const Kernels GS_KERNELS = {
     averages,
     averages_backward,
     blend_pairs,
+    ray_opacities,
+    ray_opacities_backward,
 };
 
 }  // namespace gs

@@ -184,6 +184,24 @@ struct Carriers {
     int64_t count;
 };
 
+// Gaussians of a medium, and where they are seen from, see rays.inc: means and logarithms of scales [count, 3], quaternions
+// [count, 4], logits [count].
+struct Media {
+    const float* means;
+    const float* log_scales;
+    const float* quats;
+    const float* logits;
+    double position[3];
+    double shortest_quaternion;
+};
+
+struct MediaGradients {
+    float* means;
+    float* log_scales;
+    float* quats;
+    float* logits;
+};
+
 // Places sorted into the cells of a grid around them: x varies fastest, and one cell's places follow another's.  kWidest more
 // numbers may be read behind the last place.
 struct PlaceGrid {
@@ -242,6 +260,9 @@ struct Kernels {
                               float* by_old_logits, float* by_values);
     // The pairs of Gaussians [first, last) with places, see blending.inc: at most one for each two; returns how many.
     int64_t (*blend_pairs)(const Carriers&, const PlaceGrid&, float reach, int64_t first, int64_t last, Pair*);
+    // The opacities of Gaussians [first, last) along rays, and the derivatives of a loss with this gradient by them, see rays.inc.
+    void (*ray_opacities)(const Media&, int64_t first, int64_t last, float* opacities);
+    void (*ray_opacities_backward)(const Media&, int64_t first, int64_t last, const float* by_opacities, const MediaGradients&);
 };
 
 extern const Kernels kernels_baseline;

@@ -28,10 +28,12 @@ class FieldValues:
     ----------
     base : the transfer function that is shown unless another one is asked for; extinctions are relative to its unit distance.
     scale : on which the values lie.
+    medium : whether the Gaussians absorb along rays, see `Gaussians`; models that were trained before they did have False.
     """
 
     base: TransferFunction
     scale: ValueScale
+    medium: bool = True
     _tables: dict[TransferFunction, AverageTable] = field(default_factory=dict, repr=False)
 
     __repr__ = one_line
@@ -39,11 +41,14 @@ class FieldValues:
     @classmethod
     def load(cls, record: Mapping[str, Any]) -> FieldValues:
         """Those of `record()`; raises ValueError for what is none."""
-        return cls(TransferFunction(**record["base"]), ValueScale.from_json(record["knots"]))
+        medium = record.get("medium", False)
+        if not isinstance(medium, bool):
+            raise ValueError(f"medium must be true or false, got {medium!r}")
+        return cls(TransferFunction(**record["base"]), ValueScale.from_json(record["knots"]), medium)
 
     def record(self) -> dict[str, Any]:
         """JSON values that `load` needs."""
-        return {"base": asdict(self.base), "knots": self.scale.to_json()}
+        return {"base": asdict(self.base), "knots": self.scale.to_json(), "medium": self.medium}
 
     def table(self, function: TransferFunction) -> AverageTable:
         """The averages of a function; those asked for lately are kept."""
@@ -61,13 +66,14 @@ class FieldGaussians:
     """N Gaussians in unconstrained parameters (float32), in the coordinates of a `Normalization`.
 
     The values in each are normally distributed.  Its optical depth and its emission are a transfer function's extinction, and
-    extinction times colour, averaged over them, times its thickness (emission and absorption, Max 1995, equations 1 to 3).
+    extinction times colour, averaged over them, times its thickness (emission and absorption, Max 1995, equations 1 to 3): along
+    a ray that of a ball of the same volume times how much longer the ray is in it.
 
     Attributes
     ----------
     means, log_scales, quats : as in `Gaussians`.
-    opacity_logits : (N,), whose sigmoid is the opacity that each would have where the extinction is 1.
-    values : (N, 2), the mean of the values in each on the scale of `field`, and the logarithm of their standard deviation there.
+    opacity_logits : (N,), whose sigmoid is the opacity that a ball of its volume would have where the extinction is 1.
+    values : (N, 2), the mean of the values in each on the scale of `field`, and the logarithm of their standard deviation.
     field : what the values mean.
     """
 
@@ -134,7 +140,7 @@ class FieldGaussians:
         """What is drawn of them under a transfer function, by default the base; differentiable."""
         table = self.field.table(function or self.field.base)
         logits, colors = apply(table, self.opacity_logits, self.values)
-        return Gaussians(self.means, self.log_scales, self.quats, logits, colors)
+        return Gaussians(self.means, self.log_scales, self.quats, logits, colors, medium=self.field.medium)
 
 
 AnyGaussians = Gaussians | FieldGaussians

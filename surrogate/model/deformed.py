@@ -69,7 +69,7 @@ class DeformedGaussians:
 
     @property
     def opacities(self) -> NDArray[np.float32]:
-        """Opacities, (N,)."""
+        """Opacities, (N,); where Gaussians absorb along rays, those of balls of the same volume."""
         return self.gaussians.opacities().cpu().numpy()
 
     def __len__(self) -> int:

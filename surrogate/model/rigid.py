@@ -41,7 +41,7 @@ def in_camera(gaussians: Gaussians, normalization: Normalization, pose: Tensor) 
     """The Gaussians, which are in normalized coordinates, as a camera of this pose (4, 4) in world units has them before it.
 
     Drawn by a camera whose own pose is the identity they give the same picture, and gradients by the pose are exact: means and
-    rotations move rigidly, and colours are those seen from the camera's position.
+    rotations move rigidly, and colours and opacities are those seen from the camera's position.
     """
     matrix = pose.double()  # so that boxes far from the origin lose nothing
     rotation = matrix[:3, :3]  # [3, 3]
@@ -53,7 +53,7 @@ def in_camera(gaussians: Gaussians, normalization: Normalization, pose: Tensor) 
         gaussians.means @ turned.T + shift.to(gaussians.means),
         gaussians.scales(),
         _product(_quaternion(rotation).to(gaussians.means), gaussians.quats),
-        gaussians.opacities(),
+        gaussians.opacities_from(position),
         gaussians.colors_from(position),
     )
 

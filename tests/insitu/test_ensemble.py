@@ -145,12 +145,19 @@ def test_when_every_pilot_fails_nothing_is_written(tmp_path: Path, log: Path) ->
 
 def test_a_worker_that_dies_takes_only_its_own_member_along(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "a.cdb"
-    source = Source(str(log), (("m1", "die"), ("m2", "die once")))
-    result = run_ensemble(path, planned(), source, OPTIONS, workers=2)
+    result = run_ensemble(path, planned(), Source(str(log), (("m1", "die"),)), OPTIONS, workers=2)
     assert names(path) == ["m0", "m2", "m3", "m4"]
     assert "killed, twice" in result.failures["m1"]
     assert log.read_text().count("m1") == 2
     assert not list((path / "members").glob(".*"))
+
+
+def test_a_member_whose_worker_died_once_is_rendered_after_all(tmp_path: Path, log: Path) -> None:
+    path = tmp_path / "a.cdb"
+    result = run_ensemble(path, planned(), Source(str(log), (("m2", "die once"),)), OPTIONS, workers=2)
+    assert names(path) == ["m0", "m1", "m2", "m3", "m4"]
+    assert not result.failures
+    assert log.read_text().count("m2") == 2
 
 
 def test_a_full_disk_stops_the_ensemble_at_once(tmp_path: Path, log: Path) -> None:

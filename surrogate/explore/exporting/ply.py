@@ -32,6 +32,7 @@ def ply_bytes(deformed: DeformedGaussians) -> bytes:
     0.5 to what its spherical harmonics sum up to, so f_dc is (color - 0.5) / `SH_C0`; its coefficients of degree 1 have our signs
     and order (y, z, x), and stand channel by channel.  A comment holds the parameters as JSON.
 
+    Of Gaussians that absorb along rays the opacity is that of a ball of the same volume, from everywhere: the format has no other.
     The light on surfaces is told by its harmonics up to degree 2, which blur highlights.  All else,
     drawn again with this package's constants, is the same within 1e-4, but for a few pixels where Gaussians of equal
     depth change places.  What a generic viewer does not do as this package does, so that its pictures are alike but not equal (with

@@ -18,6 +18,9 @@ from surrogate.appearance.field_gaussians import FieldGaussians, FieldValues, lo
 from surrogate.appearance.scale import ValueScale
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
+from surrogate.gaussians import Normalization
+from surrogate.model.rigid import in_camera
+from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
 from surrogate.training.state import Fitted
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS
@@ -104,6 +107,43 @@ def test_everything_that_is_carried_has_a_gradient() -> None:
         assert parameter.grad is not None, name
         assert parameter.grad.isfinite().all(), name
         assert parameter.grad.any(), name
+
+
+def needles() -> FieldGaussians:
+    """The same, along z twenty times as long as they are wide."""
+    gaussians, upright = carried(), torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(len(carried()), 1)
+    return replace(gaussians, log_scales=gaussians.log_scales[:, :1] + torch.tensor([0.0, 0.0, 3.0]), quats=upright)
+
+
+def test_needles_are_more_opaque_along_their_axis_and_those_of_earlier_models_alike() -> None:
+    record = needles().record()["field"]
+    earlier = load_gaussians(needles().tensors(), {k: v for k, v in record.items() if k != "medium"}).drawn()
+    now = load_gaussians(needles().tensors(), record).drawn()
+    side, end = torch.tensor([9.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 9.0])
+    assert torch.equal(earlier.opacities_from(side), earlier.opacities_from(end))
+    assert (now.opacities_from(end) > now.opacities_from(side)).all()
+    kept = (now.of(torch.arange(len(now))), now.to(torch.float32), now.copy())
+    assert all(torch.equal(other.opacities_from(end), now.opacities_from(end)) for other in kept)
+
+
+def test_gradients_by_the_pose_know_of_the_rays() -> None:
+    drawn, camera = needles().drawn().to(torch.float64), BLOBS.cameras()[1]
+    here = Normalization(np.zeros(3), 1.0)
+    pose = torch.tensor(camera.world_to_camera)
+
+    def opacities(shift: torch.Tensor) -> torch.Tensor:
+        moved = torch.cat([pose[:, :3], pose[:, 3:] + torch.nn.functional.pad(shift, (0, 1))[:, None]], dim=1)
+        return in_camera(drawn, here, moved).opacities
+
+    at_rest = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    torch.testing.assert_close(opacities(at_rest), primitives(drawn, camera).opacities, rtol=1e-6, atol=0.0)
+    assert torch.autograd.gradcheck(opacities, at_rest)
+
+
+@pytest.mark.parametrize("medium", [1, "yes", None])
+def test_a_medium_is_one_or_not(medium: Any) -> None:
+    with pytest.raises(ValueError, match="medium must be true or false"):
+        load_gaussians(carried().tensors(), carried().record()["field"] | {"medium": medium})
 
 
 def test_a_gradient_by_the_function_is_refused() -> None:

@@ -1,0 +1,84 @@
+// Arrays in, arrays out: opacities along rays.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <tuple>
+
+#include "arrays.hpp"
+#include "instruction_sets.hpp"
+#include "parallel.hpp"
+
+namespace gs {
+namespace {
+
+constexpr int64_t kGaussiansPerTask = 512;
+
+using Four = std::array<Input, 4>;  // means, log_scales, quats, logits
+
+Media media_of(const Four& gaussians, const std::array<double, 3>& position, double shortest_quaternion) {
+    const auto& [means, log_scales, quats, logits] = gaussians;
+    require(logits.ndim() == 1, "logits must have shape [N], got " + shape_of(logits));
+    const size_t count = logits.shape(0);
+    require_shape(means, "means", {count, 3});
+    require_shape(log_scales, "log_scales", {count, 3});
+    require_shape(quats, "quats", {count, 4});
+    Media media{means.data(), log_scales.data(), quats.data(), logits.data(), {}, shortest_quaternion};
+    std::copy(position.begin(), position.end(), media.position);
+    return media;
+}
+
+template <class Part>
+void in_parts(int64_t count, int threads, const Part& part) {
+    parallel((count + kGaussiansPerTask - 1) / kGaussiansPerTask, threads, [&](int64_t task) {
+        const int64_t first = task * kGaussiansPerTask;
+        part(first, std::min(count, first + kGaussiansPerTask));
+    });
+}
+
+Output bound_opacities(Four gaussians, const std::array<double, 3>& position, double shortest_quaternion, int threads,
+                       const std::string& instruction_set) {
+    const Media media = media_of(gaussians, position, shortest_quaternion);
+    const Kernels& kernels = kernels_named(instruction_set);
+    const size_t count = gaussians[3].shape(0);
+    Output made = unset_array({count});
+    float* opacities = made.data();
+    nb::gil_scoped_release released;
+    in_parts(int64_t(count), threads, [&](int64_t first, int64_t last) { kernels.ray_opacities(media, first, last, opacities); });
+    return made;
+}
+
+std::tuple<Output, Output, Output, Output> bound_gradient(Four gaussians, const std::array<double, 3>& position,
+                                                          double shortest_quaternion, Input by_opacities, int threads,
+                                                          const std::string& instruction_set) {
+    const Media media = media_of(gaussians, position, shortest_quaternion);
+    const size_t count = gaussians[3].shape(0);
+    require_shape(by_opacities, "by_opacities", {count});
+    const Kernels& kernels = kernels_named(instruction_set);
+    std::tuple<Output, Output, Output, Output> made{unset_array({count, 3}), unset_array({count, 3}), unset_array({count, 4}),
+                                                    unset_array({count})};
+    auto& [means, log_scales, quats, logits] = made;
+    const MediaGradients gradients{means.data(), log_scales.data(), quats.data(), logits.data()};
+    const float* upstream = by_opacities.data();
+    nb::gil_scoped_release released;
+    in_parts(int64_t(count), threads,
+             [&](int64_t first, int64_t last) { kernels.ray_opacities_backward(media, first, last, upstream, gradients); });
+    return made;
+}
+
+}  // namespace
+
+void bind_rays(nb::module_& m) {
+    using namespace nb::literals;
+    m.def("ray_opacities", &bound_opacities, "gaussians"_a, "position"_a, "shortest_quaternion"_a, "threads"_a,
+          "instruction_set"_a = "");
+    m.def("ray_opacities_gradient", &bound_gradient, "gaussians"_a, "position"_a, "shortest_quaternion"_a, "by_opacities"_a,
+          "threads"_a, "instruction_set"_a = "");
+}
+
+}  // namespace gs

@@ -1,0 +1,109 @@
+"""Opacities of Gaussians of an absorbing medium, which depend on where they are seen from: by the C++ kernel, and by its twin.
+
+A ray through the centre of a Gaussian of density rho crosses an optical depth of sqrt(2 pi) rho sigma(d), where
+sigma(d) = 1 / |S^-1 R^T d| is the standard deviation along the ray's direction d (absorption, Max 1995, equation 1, over the line
+integral of a Gaussian, Zwicker et al. 2002, "EWA Splatting", section 3.2).  The same density is opaque along a needle and faint
+from its side: one opacity for all directions would be right for balls only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+import native
+from catalogs.words import one_line
+from surrogate.derivatives import require_no_second_derivative
+from surrogate.splatting.reference import rotations
+from surrogate.splatting.rendering import Constants
+from surrogate.splatting.threads import cores
+
+MOST_DEPTH = 80.0  # no light passes, to any digit
+
+
+def opacities_along_rays(
+    means: Tensor,
+    log_scales: Tensor,
+    quats: Tensor,
+    opacity_logits: Tensor,
+    position: Tensor,
+    *,
+    threads: int | None = None,
+) -> Tensor:
+    """Opacities (N,) at the centres of N Gaussians as seen from `position` (3,); differentiable by the four tensors.
+
+    A Gaussian of equal scales has the sigmoid of its logit from everywhere.  Others have the optical depth of a ball of the same
+    volume times sigma(d) over its radius: 1 - exp(-softplus(logit) sigma(d) / (s_1 s_2 s_3)^(1/3)).  At the very place of a
+    centre there is no direction, and it counts as a ball.  On a CPU in float32 the kernel does it, else
+    `opacities_along_rays_reference`, and also where a gradient by `position` is asked for.
+
+    Parameters
+    ----------
+    means : (N, 3).
+    log_scales : (N, 3), logarithms of the standard deviations along the principal axes.
+    quats : (N, 4), rotations as w, x, y, z, of any length.
+    opacity_logits : (N,).
+    """
+    tensors = (means, log_scales, quats, opacity_logits)
+    if position.requires_grad or not all(t.is_cpu and t.dtype == torch.float32 for t in tensors):
+        return opacities_along_rays_reference(*tensors, position)
+    place = _Place(tuple(position.tolist()), cores() if threads is None else threads)
+    return _AlongRays.apply(place, *tensors) if torch.is_grad_enabled() else _opacities(place, tensors)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where Gaussians are seen from, and how many threads look."""
+
+    position: tuple[float, ...]
+    threads: int
+
+    __repr__ = one_line
+
+
+def _opacities(place: _Place, tensors: Sequence[Tensor]) -> Tensor:
+    """Opacities (N,) by the kernel."""
+    return torch.from_numpy(native.ray_opacities(*_arguments(place, tensors), place.threads))
+
+
+def _arguments(place: _Place, tensors: Sequence[Tensor]) -> tuple[Any, ...]:
+    return [tensor.detach().numpy() for tensor in tensors], place.position, Constants.shortest_quaternion
+
+
+class _AlongRays(torch.autograd.Function):
+    """`_opacities` with its derivatives by the four tensors."""
+
+    @staticmethod
+    def forward(ctx: Any, *inputs: Any) -> Tensor:
+        ctx.place, *tensors = inputs
+        ctx.save_for_backward(*tensors)
+        return _opacities(ctx.place, tensors)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative("opacities_along_rays", "opacities_along_rays_reference")
+        arguments = _arguments(ctx.place, ctx.saved_tensors)
+        found = native.ray_opacities_gradient(*arguments, gradients[0].numpy(), ctx.place.threads)
+        return None, *(torch.from_numpy(array) for array in found)
+
+
+def opacities_along_rays_reference(
+    means: Tensor, log_scales: Tensor, quats: Tensor, opacity_logits: Tensor, position: Tensor
+) -> Tensor:
+    """The same in plain torch, on any device and in any float dtype: the definition that the kernel is tested against."""
+    rays = means - position  # [N, 3]
+    directions = rays / torch.where(
+        (rays == 0.0).all(dim=1, keepdim=True), 1.0, rays.norm(dim=1, keepdim=True)
+    )  # [N, 3]
+    local = torch.einsum("nck,nc->nk", rotations(quats), directions)  # [N, 3]
+    stretches = log_scales - log_scales.mean(
+        dim=1, keepdim=True
+    )  # [N, 3], logarithms of scales over their geometric mean
+    squared = (local * torch.exp(-stretches)).square().sum(dim=1)  # [N]
+    ratios = torch.where(squared == 0.0, 1.0, squared).rsqrt()  # [N]
+    depths = (torch.nn.functional.softplus(opacity_logits) * ratios).clamp(max=MOST_DEPTH)  # [N]
+    return -torch.expm1(-depths)
