@@ -35,7 +35,6 @@ TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
 MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
 FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
-MIDDLE_FACTOR = 0.25  # of the first layer's rate: a unit of the second sums over all hidden ones, which once ran away
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
 
 
@@ -240,7 +239,7 @@ class BilinearDeformation:
 
         Adam moves every number by about its rate, and an offset is a sum over modes, a mode one over hidden units: with the same
         rates wider sums move faster (48 modes of 128 units: to infinite scales in 2,000 steps).  A unit of the second hidden layer
-        is a sum over those of the first as well.
+        is a sum over those of the first as well: what keeps it from running away is `optimizer.surprise`.
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
         hidden = settings.rates.embedding * narrower
@@ -250,7 +249,7 @@ class BilinearDeformation:
             "biases_in": hidden,
             "weights_out": hidden * fewer,
             "biases_out": settings.rates.embedding * fewer,
-            "weights_middle": hidden * MIDDLE_FACTOR * narrower,
+            "weights_middle": hidden * narrower,
             "biases_middle": hidden,
         }
         return {name: found[name] for name in self.tensors()}

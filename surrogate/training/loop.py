@@ -56,7 +56,7 @@ class StageRun:
     ) -> None:
         self.stage, self.settings, self.data = stage, settings, data
         self.step = 0 if memory is None else memory.step
-        self._adam = Adam(stage.tensors, stage.rates, self.step)
+        self._adam = Adam(stage.tensors, stage.rates, self.step, stage.shared)
         first = next(iter(stage.tensors.values()))
         count = len(stage.tensors["means"]) if stage.per_gaussian else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 
 import torch
@@ -54,6 +55,18 @@ def plain_update(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor
 update = fused_update if hasattr(torch, "_fused_adam_") else plain_update
 
 
+def surprise(gradient: Tensor, second: Tensor, steps: float) -> float:
+    """How many times larger a gradient is than those lately, in the root mean square of its elements; at least 1.
+
+    `second` is the second moment before it, `steps` counts it.  Divided by it, rates no longer let one step throw far what has seen
+    small gradients for long: "update clipping" of Wortsman et al. 2023, "Stable and low-precision training for large-scale
+    vision-language models", algorithm 2.
+    """
+    squares = gradient.square()
+    lately = (second * DECAY_SECOND).add_(squares, alpha=1.0 - DECAY_SECOND).clamp_(min=EPSILON**2)
+    return max(1.0, math.sqrt(float(squares.div_(lately).mean()) * (1.0 - DECAY_SECOND**steps)))
+
+
 class Adam:
     """Adam (Kingma & Ba 2015, algorithm 1) over named leaf tensors.
 
@@ -61,9 +74,11 @@ class Adam:
     around the kernel as in it.
     """
 
-    def __init__(self, tensors: Mapping[str, Tensor], rates: Mapping[str, float], steps: int = 0) -> None:
-        """Go on after so many `steps`, with zero moments until `moments` is written to."""
-        self._tensors, self._rates = dict(tensors), dict(rates)
+    def __init__(
+        self, tensors: Mapping[str, Tensor], rates: Mapping[str, float], steps: int = 0, calmed: Collection[str] = ()
+    ) -> None:
+        """Go on after so many `steps`, with zero moments until `moments` is written to; the rates of some are `calmed`."""
+        self._tensors, self._rates, self._calmed = dict(tensors), dict(rates), frozenset(calmed)
         self._steps = torch.tensor(float(steps), device=next(iter(tensors.values())).device)
         self._moments = {
             name: (torch.zeros_like(t, requires_grad=False), torch.zeros_like(t, requires_grad=False))
@@ -79,7 +94,10 @@ class Adam:
             if tensor.grad is None:
                 continue
             first, second = self._moments[name]
-            update(tensor, tensor.grad, first, second, self._steps, self._rates[name] * factor)
+            rate = self._rates[name] * factor
+            if name in self._calmed:
+                rate /= surprise(tensor.grad, second, float(self._steps))
+            update(tensor, tensor.grad, first, second, self._steps, rate)
             tensor.grad = None
 
     def moments(self) -> dict[str, tuple[Tensor, Tensor]]:

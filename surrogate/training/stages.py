@@ -31,6 +31,7 @@ class Stage:
     tensors : the leaf tensors that are optimized, by name; those of the Gaussians under the names in `Gaussians`.
     rates : Adam's rate per tensor at the stage's start.
     per_gaussian : which of them have a row per Gaussian that moves when a dead Gaussian is relocated; none: nothing is relocated.
+    shared : which of them move all Gaussians at once.
     carried_at : the Gaussians at normalized parameters (P,) with the colours or values they carry, differentiable in `tensors`.
     function_at : the transfer function that is shown there of the values that they carry; None for the base.
     rest_at : what the stage's deformation acts on, there; None where it has none.
@@ -42,6 +43,7 @@ class Stage:
     rates: Mapping[str, float]
     per_gaussian: frozenset[str]
     carried_at: Callable[[Tensor], AnyGaussians]
+    shared: frozenset[str] = frozenset()
     function_at: Callable[[Tensor], TransferFunction | None] = lambda _: None
     rest_at: Callable[[Tensor], Gaussians] | None = None
 
@@ -75,6 +77,11 @@ def new_deformation(gaussians: AnyGaussians, parameters: int, settings: Training
     return deformation
 
 
+def shared_of(deformation: Deformation, prefix: str) -> frozenset[str]:
+    """The tensors of a deformation that have no row per Gaussian, by name after a prefix."""
+    return frozenset(prefix + name for name in deformation.tensors() if name not in deformation.per_gaussian)
+
+
 def simulation_stage(gaussians: AnyGaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:
     """Optimize `gaussians` (at a reduced rate) and `deformation` in place."""
     canonical = {
@@ -88,5 +95,6 @@ def simulation_stage(gaussians: AnyGaussians, deformation: Deformation, settings
         rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
         per_gaussian=frozenset(gaussians.tensors()) | {PREFIX + name for name in deformation.per_gaussian},
         carried_at=lambda parameters: deformation.deformed(gaussians, parameters),
+        shared=shared_of(deformation, PREFIX),
         rest_at=lambda parameters: gaussians.drawn(),
     )

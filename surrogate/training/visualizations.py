@@ -25,7 +25,7 @@ from surrogate.settings import TrainingSettings, VisualizationKind
 from surrogate.training.data import TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.stages import Stage, canonical_stage, simulation_stage
+from surrogate.training.stages import Stage, canonical_stage, shared_of, simulation_stage
 
 FROZEN_BY_TRANSFER_FUNCTIONS = ("means", "log_scales", "quats")
 STILL = 0.03  # of stage 3, for which Gaussians of its own do not move yet; without it half of them may die at once
@@ -167,6 +167,7 @@ def visualization_stage(
         rates=rates,
         per_gaussian=frozenset(),
         carried_at=gaussians_at,
+        shared=frozenset[str]().union(*(shared_of(part, prefix) for prefix, part, _ in parts)),
         rest_at=None if applied else rest_at,
     )
 

@@ -1,4 +1,5 @@
 import importlib
+import math
 from collections.abc import Callable
 
 import pytest
@@ -6,7 +7,7 @@ import torch
 
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.training import optimizer
-from surrogate.training.optimizer import Adam, without_subnormals
+from surrogate.training.optimizer import Adam, surprise, without_subnormals
 
 
 def steps(adam: Adam, tensors: dict[str, torch.Tensor], first: int, last: int) -> None:
@@ -106,3 +107,30 @@ def test_numbers_are_as_before_after_a_step() -> None:
             pass
         assert float(tiny * 2.0) == 0.0
     assert float(tiny * 2.0) > 0.0
+
+
+def test_a_gradient_far_larger_than_those_lately_moves_what_is_calmed_no_farther_than_usual() -> None:
+    tensors = {name: torch.zeros(6, 2, requires_grad=True) for name in ("free", "calmed")}
+    adam, far = Adam(tensors, dict.fromkeys(tensors, 0.01), calmed=("calmed",)), dict.fromkeys(tensors, 0.0)
+    for step in range(401):
+        before = {name: tensor.detach().clone() for name, tensor in tensors.items()}
+        for tensor in tensors.values():
+            tensor.grad = torch.full((6, 2), 100.0 if step == 400 else 1.0)
+        adam.step(1.0)
+        moved = {name: float((tensor.detach() - before[name]).abs().max()) for name, tensor in tensors.items()}
+        if step < 400:  # equal gradients: Adam's step is the rate
+            assert moved == pytest.approx(dict.fromkeys(tensors, 0.01), rel=1e-3)
+        far = moved
+    assert far["free"] > 0.015
+    assert far["calmed"] < 0.005
+
+
+@pytest.mark.parametrize("steps", [1, 2, 1000])
+def test_the_first_gradient_and_equal_ones_surprise_nobody(steps: int) -> None:
+    gradient = torch.linspace(-3.0, 2.0, 7)
+    second = gradient.square() * (1.0 - 0.999 ** (steps - 1))
+    assert surprise(gradient, second, steps) == pytest.approx(1.0, abs=1e-5)
+    assert surprise(torch.zeros(7), torch.zeros(7), steps) == 1.0
+    assert surprise(3.0 * gradient, second, steps) == pytest.approx(
+        3.0 * math.sqrt((1.0 - 0.999**steps) / (8.0 * 0.001 + 1.0 - 0.999**steps)), rel=1e-5
+    )
