@@ -39,9 +39,7 @@ FEWEST_STEPS = 20  # of a stage
 ENOUGH_STEPS = 2_000, 20_000  # and within these two for each image: with fewer there are fewer Gaussians as well
 FEWEST_GAUSSIANS = 0.25  # of those that the pictures are worth
 CANONICAL_SHARE, MOST_CANONICAL = 0.06, 1_000  # of stages 1 and 2
-MODES_OF_VALUES = (
-    32  # of carried values, which are also learnt without a stage of their own for the canonical Gaussians
-)
+MODES_OF_VALUES = 32  # carried values are also learnt without a stage of their own for the canonical Gaussians
 VALIDATIONS, MOST_BETWEEN = 16, 1_000  # in a training, and steps between them at most
 
 # What takes time beside the steps

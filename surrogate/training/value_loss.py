@@ -26,9 +26,7 @@ from surrogate.splatting.reference import rotations
 REACH = 3.0  # standard deviations
 NAMES = ("means", "scales", "quats", "weights", "values")
 PLACES = 256  # that are looked at in a step
-INTERVAL = (
-    4  # steps: looking in each takes up to a fifth longer, and four times the weight in one of four teaches as much
-)
+INTERVAL = 4  # steps: looking in each takes up to a fifth longer, at a quarter of the weight, and teaches no more
 BEYOND = 0.2  # of a scale of values: what lies further beyond its ends counts as that
 
 
