@@ -1,4 +1,4 @@
-"""docs/results.md: all tables, each with what made it, and the pictures that belong to them."""
+"""docs/results.md: all tables, what made them, and the pictures that belong to them."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from surrogate.storage.records import read_json
 from surrogate.studies.ablation.table import plot
 
 PAGE = "results.md"
+SOURCES = "What made these numbers"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")
 INTRODUCTION = (
     "Every number on this page was read from [records](records/README.md) by `python -m benchmarks.results`, which `make results` "
@@ -60,21 +61,12 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
         "# Results",
         INTRODUCTION,
         _earlier([scene.name for scene in scenes if scene.earlier]),
-        *(
-            block
-            for one in quality_tables(parts_of(scenes))
-            for block in (
-                f"## {one.title}",
-                one.text,
-                one.table,
-                report_sources(s for s in scenes if s.name in one.scenes),
-            )
-        ),
+        *(block for one in quality_tables(parts_of(scenes)) for block in (f"## {one.title}", one.text, one.table)),
         *functions_section(scenes),
         "## How large, how fast",
         "Times are medians, one picture at a time.",
         table_of(known, *COST_COLUMNS) if known else "No scene has a report yet.",
-        report_sources(scenes),
+        *([f"## {SOURCES}", report_sources(scenes)] if known else []),
         *_pictures(scenes, pictures),
         "## What each choice of training is worth",
         *(_ablations(scenes, pictures) or ["No scene has an ablation yet."]),
@@ -158,7 +150,8 @@ def _earlier(names: Sequence[str]) -> str:
     """Of which scenes something was not measured by the present code."""
     return (
         "The code that trains and evaluates has changed since some was measured of "
-        f"{', '.join(f'`{name}`' for name in names)}: these figures are of the commits beneath their tables."
+        f"{', '.join(f'`{name}`' for name in names)}: these figures are of the commits that stand "
+        f"under *{SOURCES}*."
         if names
         else ""
     )

@@ -16,12 +16,11 @@ Cell = tuple[str, str]  # row and column
 
 
 class QualityTable(NamedTuple):
-    """A section of the page: its title, what it shows, its table, and the scenes in it; none without any."""
+    """A section of the page: its title, what it shows, and its table."""
 
     title: str
     text: str
     table: str
-    scenes: Sequence[str]
 
 
 def quality_tables(parts: Sequence[Part]) -> list[QualityTable]:
@@ -119,7 +118,7 @@ def _made(
     )
     shown = table_of(parts, *(column for column in columns if column[0] != without))
     nothing = "No scene has a report of such images yet."
-    return QualityTable(title, text, shown if parts else nothing, list(dict.fromkeys(part.scene for part in parts)))
+    return QualityTable(title, text, shown if parts else nothing)
 
 
 def _joint(part: Part) -> Cell:

@@ -1,4 +1,4 @@
-"""What made the numbers of a table: command, commit, machine and seed, scene by scene."""
+"""What made the numbers: command, commit, machine and seed, scene by scene."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ from typing import Any
 
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.studies import StudyResults
+from surrogate.evaluation.tables import table
 
 
 def report_sources(scenes: Iterable[SceneResults]) -> str:
-    """Of tables that are made of reports, ceilings and seeds; "" without any."""
-    commands: dict[str, list[str]] = {}  # by what made their numbers, in words
-    for scene in scenes:
-        for command, made in _of_scene(scene):
-            commands.setdefault(made, []).append(f"`{command}`")
-    lines = [f"{', '.join(names)}: {made}" for made, names in commands.items()]
-    return f"<sub>{'; '.join(lines)}.</sub>" if lines else ""
+    """Of reports, ceilings and seeds: a table with a row for each command; "" without any."""
+    rows = [(f"`{scene.name}`", f"`{command}`", made) for scene in scenes for command, made in _of_scene(scene)]
+    return table(("scene", "command", "made at"), rows) if rows else ""
 
 
 def study_sources(scene: str, study: StudyResults) -> str:
