@@ -21,6 +21,7 @@ FORBIDDEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", FORBIDDEN)
 def test_every_module_of_a_package_loads_without_the_other_half(package: str) -> None:
     program = (

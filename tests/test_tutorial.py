@@ -66,6 +66,7 @@ def check_results(notebook: Any) -> None:
         assert "data:image/png" in output.data["text/html"]
 
 
+@pytest.mark.slow
 def test_what_is_stored_is_whole_and_small_and_says_nothing_of_a_machine() -> None:
     notebook = read()
     import nbformat

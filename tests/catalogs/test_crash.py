@@ -213,6 +213,7 @@ def operations(folder: Path) -> int:
     return disk.count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", LOSSES)
 def test_dead_at_every_operation(folder: Path, loss: str) -> None:
     write_all(folder / "whole.cdb", ("a", "b"))
@@ -235,6 +236,7 @@ def test_dead_at_every_operation(folder: Path, loss: str) -> None:
         shutil.rmtree(path)
 
 
+@pytest.mark.slow
 def test_killed_at_fifty_random_moments(folder: Path, undisturbed: dict[str, bytes]) -> None:
     started = time.perf_counter()
     write_all(folder / "timing.cdb")
@@ -273,6 +275,7 @@ def test_writers_at_once_lose_nothing(folder: Path, undisturbed: dict[str, bytes
     assert contents(path) == undisturbed
 
 
+@pytest.mark.slow
 def test_writers_at_once_survive_the_death_of_some(folder: Path, undisturbed: dict[str, bytes]) -> None:
     draw = random.Random(1)
     for attempt in range(10):

@@ -87,6 +87,7 @@ def flow(finished: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished, tmp_path / "runs" / "flow"))
 
 
+@pytest.mark.slow
 def test_a_simulation_is_rendered_over_processes_and_then_left_alone(tmp_path: Path) -> None:
     asked = scene(tmp_path, SIMULATION)
     lines: list[str] = []
@@ -118,6 +119,7 @@ def test_a_catalog_that_is_there_is_only_looked_at(tmp_path: Path) -> None:
         make_dataset(Scene.load(path), tmp_path / "runs")
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_made_and_another_scene_is_refused(tmp_path: Path) -> None:
     first = scene(tmp_path, SIMULATION.replace("test = [150.0]", ""))
     make_dataset(first, tmp_path / "runs", workers=1)
@@ -218,6 +220,7 @@ def test_a_wrong_source_is_named_before_anything_is_written(tmp_path: Path, old:
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 def test_time_may_be_a_parameter(tmp_path: Path) -> None:
     timed = scene(tmp_path, TIMED)
     source = ensemble_of(timed).source
@@ -257,6 +260,7 @@ def test_the_command_line_says_what_is_wrong_in_one_line(tmp_path: Path, monkeyp
     assert "Traceback" not in result.output
 
 
+@pytest.mark.slow
 def test_an_hdf5_file_is_rendered_with_the_suggested_transfer_function(tmp_path: Path, stored: Path) -> None:
     out = tmp_path / "out.cdb"
     arguments = [
@@ -283,6 +287,7 @@ def test_an_hdf5_file_is_rendered_with_the_suggested_transfer_function(tmp_path:
     assert "32 here, 16 in the catalog" in other.output
 
 
+@pytest.mark.slow
 def test_an_hdf5_file_is_rendered_as_a_toml_file_says(tmp_path: Path, stored: Path) -> None:
     (tmp_path / "look.toml").write_text(APPEARANCE.split("[views]")[0])
     arguments = ["ensemble", str(stored), "--catalog", str(tmp_path / "out.cdb"), "--size", "16", "--workers", "1"]

@@ -123,6 +123,7 @@ def test_only_what_the_catalog_lacks_is_simulated_and_no_longer_than_needed(tmp_
     assert (steps(log, 0), steps(log, 1), steps(log, 2)) == ([1, 2], [1, 2, 3], [])
 
 
+@pytest.mark.slow
 def test_a_dump_that_cannot_be_rendered_leaves_the_others(tmp_path: Path, log: Path) -> None:
     path, source = tmp_path / "a.cdb", Marching(str(log), (((1, 2), "nan"),))
     result = run_ensemble(path, planned(), source, OPTIONS, workers=2)

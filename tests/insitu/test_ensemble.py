@@ -123,6 +123,7 @@ def test_shards_share_the_members_out(tmp_path: Path, log: Path) -> None:
         run_ensemble(path, planned(7), source, OPTIONS, shard=(0, 3))
 
 
+@pytest.mark.slow
 def test_a_failing_member_is_reported_and_the_others_stay(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "a.cdb"
     source = Source(str(log), (("m1", "nan"), ("m3", "odd"), ("m0", "nan")))
@@ -143,6 +144,7 @@ def test_when_every_pilot_fails_nothing_is_written(tmp_path: Path, log: Path) ->
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log"]
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_takes_only_its_own_member_along(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "a.cdb"
     result = run_ensemble(path, planned(), Source(str(log), (("m1", "die"),)), OPTIONS, workers=2)
@@ -152,6 +154,7 @@ def test_a_worker_that_dies_takes_only_its_own_member_along(tmp_path: Path, log:
     assert not list((path / "members").glob(".*"))
 
 
+@pytest.mark.slow
 def test_a_member_whose_worker_died_once_is_rendered_after_all(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "a.cdb"
     result = run_ensemble(path, planned(), Source(str(log), (("m2", "die once"),)), OPTIONS, workers=2)
@@ -262,6 +265,7 @@ def test_warnings_may_be_taken_by_the_caller(tmp_path: Path, log: Path) -> None:
     assert [str(note).split(" lies")[0] for note in told] == ["far: parameter w = 1.5"]
 
 
+@pytest.mark.slow
 def test_progress_counts_members_and_images(tmp_path: Path, log: Path) -> None:
     states = []
     run_ensemble(tmp_path / "a.cdb", planned(), Source(str(log)), OPTIONS, workers=2, progress=states.append)

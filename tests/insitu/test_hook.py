@@ -234,6 +234,7 @@ def test_a_plan_that_cannot_be_is_refused_before_anything_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("value", "copies"), [("field[0, 0, 0]", 3.7), ("numpy.nan", 4.2)], ids=["whole", "holes"])
 def test_memory_is_bounded_by_a_few_copies_of_the_field(tmp_path: Path, value: str, copies: float) -> None:
     program = (

@@ -236,6 +236,7 @@ class TwoFields:
         return {name: Field(values, SPACING, (0.0, 0.0, 0.0), time=2.5) for name, values in made.items()}
 
 
+@pytest.mark.slow
 def test_worker_processes_render_all_fields_and_keep_those_of_pilots(tmp_path: Path) -> None:
     members = [PlannedMember(f"m{i}", {"Re": re}, "train") for i, re in enumerate((110.0, 150.0, 190.0))]
     space = ParameterSpace((Parameter("Re", 100.0, 200.0),))
@@ -328,6 +329,7 @@ def run(*arguments: object) -> Any:
     return CliRunner().invoke(main, [str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 def test_a_stored_ensemble_shows_the_data_sets_that_appearances_name(stored: Path, tmp_path: Path) -> None:
     look, out = tmp_path / "look.toml", tmp_path / "out.cdb"
     look.write_text(LOOK)
@@ -346,6 +348,7 @@ def test_a_stored_ensemble_shows_the_data_sets_that_appearances_name(stored: Pat
     assert not (tmp_path / "b.cdb").exists()
 
 
+@pytest.mark.slow
 def test_each_data_set_is_probed_and_may_be_shown_as_suggested(stored: Path, tmp_path: Path) -> None:
     both = ["--dataset", "q", "--dataset", "speed"]
     made = run("ensemble", stored, "--catalog", tmp_path / "a.cdb", *both, "--size", 16, "--workers", 1)
@@ -475,6 +478,7 @@ def test_appearances_may_come_one_by_one(tmp_path: Path) -> None:
     assert member.appearances == ("dvr", "surface")
 
 
+@pytest.mark.slow
 def test_data_sets_of_similar_names_are_told_apart(tmp_path: Path) -> None:
     """What is left of their names in those of appearances is the same."""
     path, names = tmp_path / "greek.h5", ("α", "β", "x" * 120)

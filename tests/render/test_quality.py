@@ -20,6 +20,7 @@ def cameras(grid: Grid, size: int = 48):
     return orbit(grid.center, grid.bounding_radius, width=size, height=size, frequency=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", ["smooth", "peaks"])
 @pytest.mark.parametrize("target", [40.0, 50.0])
 def test_the_chosen_distance_meets_the_target_against_the_ray_marcher(gyroid, profile, target, request) -> None:

@@ -35,6 +35,7 @@ def test_a_homogeneous_medium_has_the_stated_opacity_at_any_step(opacity: float,
     np.testing.assert_allclose(rgba, alpha * np.array([1.0, 0.5, 0.0, 1.0]), atol=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_one_ray_solves_the_emission_absorption_equation(seed: int) -> None:

@@ -44,6 +44,7 @@ def call(*arguments: object) -> None:
     main()
 
 
+@pytest.mark.slow
 def test_a_run_is_scored_on_pictures_of_the_field(folder: Path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(sys, "argv", [])
     run = folder / "runs" / "again"

@@ -33,6 +33,7 @@ def test_floor_is_the_longer_of_arithmetic_and_memory() -> None:
     assert peak.loop_ms() == pytest.approx(20.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("instruction_set", native.instruction_sets())
 def test_the_peak_is_one_that_a_processor_can_have(instruction_set: str) -> None:
     peak = Peak.measure(instruction_set, 1, 0.02)

@@ -79,6 +79,7 @@ def test_a_validation_file_brings_its_own_members(data: DataSet, tmp_path: Path)
     assert by_parameters[TEST[0]].view_splits == ("validation", "test", "train")
 
 
+@pytest.mark.slow
 def test_the_draw_prefers_the_inside_and_follows_the_seed(data: DataSet, tmp_path: Path) -> None:
     draws = set()
     for seed in range(8):
@@ -248,6 +249,7 @@ class TestNyx:
                 looked_at += 1
         assert looked_at > 100
 
+    @pytest.mark.slow
     def test_cameras_agree_on_one_solid(self, nyx: Catalog) -> None:
         """The visual hull of all views explains every view's silhouette; were world and camera confused it would not."""
         member = nyx.member("train-000")

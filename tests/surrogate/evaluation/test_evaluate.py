@@ -131,6 +131,7 @@ def test_at_the_centre_every_member_looks_alike(run: tuple[Surrogate, Catalog, P
             assert one.score == score(truth, middle.render(one.target.camera, background=background), background)
 
 
+@pytest.mark.slow
 def test_the_report_holds_all_that_it_promises(run: tuple[Surrogate, Catalog, Path]) -> None:
     surrogate, catalog, folder = run
     evaluation = evaluate(surrogate, catalog)
@@ -209,6 +210,7 @@ def test_seeds_stand_in_the_report_of_the_surrogate_that_they_repeat(
         assert is_current(report, surrogate)
 
 
+@pytest.mark.slow
 def test_cells_without_images_are_null(tmp_path: Path) -> None:
     catalog = make_catalog(tmp_path / "a.cdb")
     import shutil
@@ -234,6 +236,7 @@ deformation_steps = 10
 """
 
 
+@pytest.mark.slow
 def test_the_command_line_trains_evaluates_renders_and_does_nothing_twice(tmp_path: Path) -> None:
     make_catalog(tmp_path / "runs/disks/catalog.cdb")
     scene = tmp_path / "disks.toml"

@@ -89,6 +89,7 @@ VALUES = st.recursive(
 NAMES = st.sampled_from(["settings", "camera", "size", "background", "form", "difference", "truth"])
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(st.dictionaries(NAMES, VALUES, min_size=1))
 def test_no_message_whatever_raises_anything_else(changes: dict[str, Any]) -> None:

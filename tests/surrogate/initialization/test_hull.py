@@ -117,6 +117,7 @@ def test_voxels_are_nearly_cubes_that_fill_a_flat_box() -> None:
     np.testing.assert_allclose(centers.max(0) + sides / 2.0, box[1], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vertical_fov_degrees", [20.0, 60.0, 110.0])
 @pytest.mark.parametrize("radius", [0.03, 0.3])
 def test_a_ball_of_which_one_pixel_is_seen_anywhere_is_kept(vertical_fov_degrees: float, radius: float) -> None:

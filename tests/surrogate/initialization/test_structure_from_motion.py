@@ -58,6 +58,7 @@ def test_points_lie_on_a_textured_ball(
     check_on_surface(structure(catalog), BALL, least)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_points(tmp_path: Path) -> None:
     catalog = store(tmp_path, BALL, speckled(BALL), cameras=BALL.cameras()[:14])
     first, second = structure(catalog), structure(catalog)
@@ -90,6 +91,7 @@ def test_two_features_of_one_picture_are_one_view_of_a_point(tmp_path: Path, mon
         structure(catalog)
 
 
+@pytest.mark.slow
 def test_colmap_says_nothing_and_leaves_nothing(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

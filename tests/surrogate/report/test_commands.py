@@ -36,6 +36,7 @@ def test_figures_are_kept_and_answer_where_there_is_no_model(tmp_path: Path, mon
     assert "make train" in call("evaluate", *kept)
 
 
+@pytest.mark.slow
 def test_a_checkout_is_not_written_to_unless_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
     monkeypatch.chdir(tmp_path)

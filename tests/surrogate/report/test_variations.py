@@ -167,6 +167,7 @@ def summary(evaluation: Evaluation, surrogate: Surrogate) -> dict:
     return json.loads(json.dumps(summarize("x", surrogate, evaluation, dataset_seconds=None), allow_nan=False))
 
 
+@pytest.mark.slow
 def test_the_report_tells_all_of_it(wrong, tmp_path: Path) -> None:
     surrogate, catalog, evaluation = wrong
     write_report(tmp_path / "report", "blobs", surrogate, catalog, evaluation)
@@ -213,6 +214,7 @@ def check_record(record: dict, evaluation: VariedEvaluation) -> None:
     assert all(0 < ms < 1000 for ms in record["milliseconds"].values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("members", "empty"),
     [

@@ -41,6 +41,7 @@ def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path("flow.cdb")
 
 
+@pytest.mark.slow
 def test_from_a_catalog_to_the_explorer(flow: Path) -> None:
     said = call("train", flow, *SMALL)
     assert "learns the pictures drawn over p in [0, 1]" in said

@@ -88,6 +88,7 @@ def as_before(checkpoint: Checkpoint, catalog: Catalog) -> Checkpoint:
     return Checkpoint({**fitted, **shown, **{f"run.{name}": t for name, t in run.items()}}, record)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_run_that_an_earlier_version_began_ends_alike(
     catalog: Catalog, undisturbed: Path, tmp_path: Path, moment: str

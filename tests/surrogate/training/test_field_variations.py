@@ -230,6 +230,7 @@ def test_the_fields_belong_to_what_a_run_is_recognized_by(catalog: Catalog, tmp_
     assert fingerprint(QUICK, same_again) != fingerprint(QUICK, other)
 
 
+@pytest.mark.slow
 def test_fields_are_recovered_at_unseen_parameters_and_views(tmp_path: Path) -> None:
     """Blobs under another transfer function: as well as one may, and far better than the base's picture."""
     catalog = fields_catalog(
@@ -252,6 +253,7 @@ def test_fields_are_recovered_at_unseen_parameters_and_views(tmp_path: Path) -> 
     assert found > 24.0
 
 
+@pytest.mark.slow
 def test_the_report_shows_fields_as_seen_settings(catalog: Catalog, run: Path, tmp_path: Path) -> None:
     surrogate = Surrogate.load(run / "surrogate")
     evaluation = evaluate(surrogate, catalog)
@@ -282,6 +284,7 @@ def test_the_report_shows_fields_as_seen_settings(catalog: Catalog, run: Path, t
     assert f"{fields['psnr']['seen_settings']['unseen_parameters']:.2f} dB" in variation_line(fields)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "members", [MEMBERS[:3], MEMBERS[:4], (MEMBERS[0], MEMBERS[4])], ids=["train", "no test", "no validation"]
 )
@@ -300,6 +303,7 @@ def test_only_the_base_has_a_ceiling(catalog: Catalog) -> None:
     assert [subject.appearance for subject in subjects(Source(QUICK, catalog))] == ["dvr"]
 
 
+@pytest.mark.slow
 def test_fields_and_transfer_functions_are_learnt_side_by_side(tmp_path: Path) -> None:
     family = transfer_function_family(BASE, first_step=(0.2, 0.1), second_step=(0.2, 0.1), validation=1, test=1)
     catalog = fields_catalog(

@@ -104,6 +104,7 @@ def test_other_settings_or_data_are_refused_and_nothing_changes(make_catalog, tm
     assert contents(folder) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [
@@ -165,6 +166,7 @@ def test_a_catalog_without_training_images_changes_nothing(make_catalog, tmp_pat
     assert not (tmp_path / "surrogate").exists()
 
 
+@pytest.mark.slow
 def test_two_processes_never_train_in_one_folder(make_catalog, tmp_path: Path) -> None:
     catalog, folder = make_catalog(), tmp_path / "surrogate"
     long = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 100_000})
@@ -177,6 +179,7 @@ def test_two_processes_never_train_in_one_folder(make_catalog, tmp_path: Path) -
         process.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "status"), [(signal.SIGINT, -signal.SIGINT), (signal.SIGTERM, 128 + signal.SIGTERM)]
 )
@@ -198,6 +201,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(make_catalog, tmp_path: Pat
     assert files(folder) == ["model.json", "model.safetensors"]
 
 
+@pytest.mark.slow
 def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(make_catalog, tmp_path: Path) -> None:
     catalog, folder = make_catalog(), tmp_path / "surrogate"
     settings = TrainingSettings(
@@ -210,6 +214,7 @@ def test_a_run_killed_again_and_again_ends_where_an_undisturbed_one_does(make_ca
     assert files(folder) == ["model.json", "model.safetensors"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [10, 18, 30])
 def test_a_run_whose_colours_turn_out_to_depend_on_the_direction_goes_on_alike(
     make_catalog, tmp_path: Path, step: int, monkeypatch: pytest.MonkeyPatch

@@ -76,6 +76,7 @@ def interrupted(settings: TrainingSettings, catalog: Catalog, folder: Path, when
     assert not Surrogate.exists(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "moments",
     [[name] for name in MOMENTS] + [list(MOMENTS)],
@@ -91,6 +92,7 @@ def test_an_interrupted_run_ends_where_an_undisturbed_one_does(
     assert files(tmp_path / "resumed") == ["model.json", "model.safetensors"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [

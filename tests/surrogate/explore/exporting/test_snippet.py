@@ -58,6 +58,7 @@ def test_units_are_said(tmp_path: Path) -> None:
     assert "# p" not in snippet(tmp_path, plain(), SETTINGS["base"], CAMERA, None)
 
 
+@pytest.mark.slow
 def test_it_runs_as_a_program_of_its_own(tmp_path: Path) -> None:
     following().save(tmp_path / "model")
     program = snippet(tmp_path / "model", following(), SETTINGS["colours"], CAMERA.resized(30, 18), None)

@@ -334,6 +334,7 @@ def test_tabs_that_come_and_go_leave_nothing(explorer: str) -> None:
 SWEEP = {"name": "p", "low": "", "high": "", "count": 3}
 
 
+@pytest.mark.slow
 def test_frames_keep_coming_while_films_are_made(explorer: str, tab: Tab) -> None:
     film = message(kind="mp4", size=[240, 240], sweep=SWEEP)
     with ThreadPoolExecutor(2) as pool:

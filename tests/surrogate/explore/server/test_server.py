@@ -86,6 +86,7 @@ def suppressed(work: Callable[..., object], *arguments: object) -> None:
         work(*arguments)
 
 
+@pytest.mark.slow
 def test_it_prints_one_address_and_stops_on_control_c(run_folder: Path) -> None:
     with installed(run_folder) as (process, line):
         parts = urlsplit(address_in(line))
@@ -147,6 +148,7 @@ def test_a_port_can_be_chosen_once(run_folder: Path) -> None:
         assert address_in(line_printed) == f"http://127.0.0.1:{port}/"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [

@@ -50,6 +50,7 @@ def test_the_first_variant_is_the_default_and_all_others_change_something() -> N
     )
 
 
+@pytest.mark.slow
 def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
     experiment: VisualizationExperiment, surrogate: Surrogate, tmp_path: Path
 ) -> None:

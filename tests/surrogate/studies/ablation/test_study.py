@@ -77,6 +77,7 @@ def names(results: list[Result]) -> list[tuple[str, int]]:
     return [(result.variant, result.seed) for result in results]
 
 
+@pytest.mark.slow
 def test_every_variant_is_fitted_once_per_seed_and_kept(conduct, tmp_path: Path) -> None:
     fitted = conduct(seeds=2, only=["joint"])
     assert names(fitted) == [("default", 0), ("joint", 0), ("default", 1), ("joint", 1)]
@@ -212,6 +213,7 @@ def test_a_model_that_shows_no_numbers_is_a_failure(conduct, monkeypatch: pytest
     assert "training diverged" in conduct(only=["default"])[0].error
 
 
+@pytest.mark.slow
 def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> None:
     fitted = {r.variant: r for r in conduct(only=["default-in-paper-steps", "paper-in-default-steps"], longest=1e-3)}
     assert fitted["default-in-paper-steps"].error.endswith("--longest allows more")
@@ -225,6 +227,7 @@ def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> Non
     assert names(conduct(only=["default-in-paper-steps"], longest=60.0)) == [("default-in-paper-steps", 0)]
 
 
+@pytest.mark.slow
 def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog, tmp_path: Path) -> None:
     pressed = []
 
@@ -410,6 +413,7 @@ def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: 
         BaseExperiment(SCENE, bare)
 
 
+@pytest.mark.slow
 def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("surrogate.studies.ablation.table.plot", lambda _: None)
     longer = Variant("longer", "time", budgets=3.0, changes={"ssim_weight": 0.1})

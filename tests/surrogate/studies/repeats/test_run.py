@@ -108,6 +108,7 @@ def test_nothing_is_done_twice(catalog: Catalog, tmp_path: Path, monkeypatch: py
     assert contents(tmp_path / "run") == before
 
 
+@pytest.mark.slow
 def test_without_a_model_records_answer_unless_other_code_made_them(
     catalog: Catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -140,6 +140,7 @@ def test_an_engine_that_depends_on_the_run_misses(monkeypatch: pytest.MonkeyPatc
     )
 
 
+@pytest.mark.slow
 def test_a_short_training_does_not_drift() -> None:
     drift = measure_drift(steps=40)
     assert drift.complaints == ()

@@ -36,6 +36,7 @@ def evaluator(fitted: Fitted, visual: Visualization, tolerance: float) -> Evalua
     return Evaluator(TrainingSettings(need_tolerance=tolerance), TrainingData([], images, None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.05, 100.0])
 @pytest.mark.parametrize("kind", KINDS)
 def test_few_bits_cost_no_more_than_the_tolerance(kind: str, tolerance: float) -> None:
