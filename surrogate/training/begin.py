@@ -17,7 +17,7 @@ from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, s
 from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
 from surrogate.training.source import Source
 
-MOST_CALMED = 2  # times that a training which diverged begins anew
+MOST_CALMED = 3  # times that a training which diverged begins anew
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def begin(path: Path, folder: Path, asked: Asked, *, elapsed: Callable[[], float
 
 
 def calmer(run: RunFolder) -> RunFolder | None:
-    """A run of a catalog that diverged, begun anew with half the rates of F_sim; None after two times, and for a scene."""
+    """A run of a catalog that diverged, begun anew with half the rates of F_sim; None after three times, and for a scene."""
     known = run.record
     if known is None or not known.asked or known.chosen.get("calmed", 0) >= MOST_CALMED:
         return None

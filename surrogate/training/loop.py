@@ -25,6 +25,7 @@ from surrogate.training.stages import Stage
 from surrogate.training.value_loss import INTERVAL
 
 LARGEST_SCALE = 1e4  # in half boxes: deformations that ran away passed it while all numbers were finite
+FARTHEST = 10.0  # half boxes from the centre
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,12 +110,20 @@ class StageRun:
             self.advance()
 
     def require_finite(self) -> None:
-        """Raise ValueError where training has diverged: a tensor, or a Gaussian of the next picture, is not finite or huge."""
+        """Raise ValueError where training has diverged.
+
+        A tensor, or a Gaussian of the next picture, is not finite; one that is seen is huge; or none is seen, where the picture
+        shows something.
+        """
+        example = self.data.examples[self._order[self.step]]
         with torch.no_grad():
-            shown = as_drawn(self.stage.gaussians_at(self.data.examples[self._order[self.step]].parameters))
-        found = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown["scales"])
+            gaussians = self.stage.gaussians_at(example.parameters)
+        shown, floor = as_drawn(gaussians), self.settings.splatting.alpha_floor
+        found = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown, floor)
         if found:
             raise self._diverged(found)
+        if not is_blank(example, self._background) and not seen(shown, floor).any():
+            raise self._diverged(f"no Gaussian is seen in a picture of {example.member}")
 
     def _diverged(self, what: str) -> Diverged:
         return Diverged(
@@ -178,13 +187,27 @@ def first_infinite(tensors: Mapping[str, Tensor]) -> str:
     return ""
 
 
-def first_huge(scales: Tensor) -> str:
-    """The first scale (N, 3) that no box can need, such as "scales[3, 0] is 2e+09 boxes"; "" where there is none."""
-    huge = scales > LARGEST_SCALE  # [N, 3]
+def seen(shown: Mapping[str, Tensor], floor: float) -> Tensor:
+    """Which of the Gaussians `as_drawn` are more opaque than `floor`, and not far away from the box, (N,)."""
+    return (shown["opacities"] > floor) & (shown["means"].abs().amax(dim=1) < FARTHEST + shown["scales"].amax(dim=1))
+
+
+def first_huge(shown: Mapping[str, Tensor], floor: float) -> str:
+    """The first scale that no box can need of what is seen, such as "scales[3, 0] is 2e+09 boxes"; "" where there is none.
+
+    What is fainter than `floor` is never drawn: training may have made it huge, to no harm.
+    """
+    huge = (shown["scales"] > LARGEST_SCALE) & seen(shown, floor)[:, None]  # [N, 3]
     if not huge.any():
         return ""
     place = huge.nonzero()[0].tolist()
-    return f"scales{place} is {float(scales[*place]) / 2.0:.2g} boxes"
+    return f"scales{place} is {float(shown['scales'][*place]) / 2.0:.2g} boxes"
+
+
+def is_blank(example: Example, background: Sequence[float]) -> bool:
+    """Whether the picture shows nothing but its background (3,), within a step of 8 bits."""
+    colors = np.asarray(example.compared()[..., :3], dtype=np.float64)  # [H, W, 3]
+    return bool(np.abs(colors - 255.0 * np.asarray(background)).max() <= 1.0)
 
 
 @torch.no_grad()

@@ -10,7 +10,7 @@ import torch
 from surrogate import TrainingSettings, train
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.training.loop import Diverged, StageRun, as_drawn, first_huge, first_infinite
+from surrogate.training.loop import Diverged, StageRun, as_drawn, first_huge, first_infinite, seen
 from tests.support.blobs import Blobs
 
 SMALL = Blobs(count=4, size=16)
@@ -41,11 +41,33 @@ def test_scales_may_be_infinite_where_their_logarithms_are_not() -> None:
     assert first_infinite(as_drawn(shown)) == "scales[0, 0] is inf"
 
 
-def test_a_scale_that_no_box_can_need_is_named() -> None:
-    scales = torch.full((4, 3), 9e3)
-    assert first_huge(scales) == ""
-    scales[2, 1] = 4e9
-    assert first_huge(scales) == "scales[2, 1] is 2e+09 boxes"
+def drawn(scale: float, opacity: float = 0.5, place: float = 0.0) -> dict[str, torch.Tensor]:
+    """Four Gaussians as they are drawn, of which the third has one scale, opacity and place of its own."""
+    shown = {"means": torch.zeros(4, 3), "scales": torch.full((4, 3), 9e3), "opacities": torch.full((4,), 0.001)}
+    shown["scales"][2, 1], shown["opacities"][2], shown["means"][2, 0] = scale, opacity, place
+    return shown
+
+
+def test_a_scale_that_no_box_can_need_is_named_where_it_is_seen() -> None:
+    assert first_huge(drawn(9e3), 0.004) == ""
+    assert first_huge(drawn(4e9), 0.004) == "scales[2, 1] is 2e+09 boxes"
+    assert first_huge(drawn(4e9, opacity=0.003), 0.004) == ""
+
+
+def test_what_is_faint_or_far_away_is_not_seen() -> None:
+    assert seen(drawn(9e3), 0.004).tolist() == [False, False, True, False]
+    assert not seen(drawn(9e3, opacity=0.003), 0.004).any()
+    far = drawn(1.0, place=40.0)
+    far["scales"][:] = 1.0
+    assert not seen(far, 0.004).any()
+
+
+def test_a_training_that_shows_nothing_any_more_has_diverged(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog(SMALL, view_splits=("train",) * 3)
+    with pytest.raises(
+        Diverged, match=r"stage canonical at step \d+ of 10, where no Gaussian is seen in a picture of \S+: lower"
+    ):
+        train(QUICK.changed(mean_rate=90.0, log_scale_rate=0.0), catalog, tmp_path / "surrogate")
 
 
 def test_what_ran_away_but_is_finite_has_diverged(make_catalog, tmp_path: Path) -> None:
