@@ -113,7 +113,7 @@ class StageRun:
         """Raise ValueError where training has diverged.
 
         A tensor, or a Gaussian of the next picture, is not finite; one that is seen is huge; or none is seen, where the picture
-        shows something.
+        is not faint.
         """
         example = self.data.examples[self._order[self.step]]
         with torch.no_grad():
@@ -122,7 +122,7 @@ class StageRun:
         found = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown, floor)
         if found:
             raise self._diverged(found)
-        if not is_blank(example, self._background) and not seen(shown, floor).any():
+        if not is_faint(example, self._background) and not seen(shown, floor).any():
             raise self._diverged(f"no Gaussian is seen in a picture of {example.member}")
 
     def _diverged(self, what: str) -> Diverged:
@@ -204,10 +204,10 @@ def first_huge(shown: Mapping[str, Tensor], floor: float) -> str:
     return f"scales{place} is {float(shown['scales'][*place]) / 2.0:.2g} boxes"
 
 
-def is_blank(example: Example, background: Sequence[float]) -> bool:
-    """Whether the picture shows nothing but its background (3,), within a step of 8 bits."""
+def is_faint(example: Example, background: Sequence[float]) -> bool:
+    """Whether the picture lies on average within a step of 8 bits of its background (3,): no Gaussian may be right there."""
     colors = np.asarray(example.compared()[..., :3], dtype=np.float64)  # [H, W, 3]
-    return bool(np.abs(colors - 255.0 * np.asarray(background)).max() <= 1.0)
+    return bool(np.abs(colors - 255.0 * np.asarray(background)).mean() <= 1.0)
 
 
 @torch.no_grad()

@@ -135,7 +135,7 @@ def test_a_training_that_diverged_begins_anew_with_lower_rates_but_not_for_ever(
     (run.model).mkdir()
     (run.model / CHECKPOINT).write_text("of the first")
     rates = run.settings.rates
-    for factor in (0.5, 0.25):
+    for factor in (0.5, 0.25, 0.125):
         found = calmer(run)
         assert found is not None
         run = found

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from surrogate.settings import TrainingSettings
 from surrogate.training import budget
 from surrogate.training.budget import Budget, Pace, budgeted, gaussians_for
 from tests.support.results import make_catalog
@@ -86,3 +87,14 @@ def test_speed_is_measured_on_a_few_images(tmp_path: Path) -> None:
 def test_a_budget_must_be_one(minutes: float | None, steps: int | None, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Budget(minutes, steps)
+
+
+def test_long_trainings_move_f_sim_at_lower_rates_and_what_is_given_stays(tmp_path: Path) -> None:
+    catalog = make_catalog(tmp_path, "blobs")
+    usual = TrainingSettings().rates
+    for steps, factor in ((40, 1.0), (4_000, 1.0), (16_000, 0.5), (400_000, 0.1)):
+        settings, _ = budgeted({}, catalog, Budget(steps=steps))
+        assert settings.rates.latent == pytest.approx(factor * usual.latent)
+        assert settings.rates.embedding == pytest.approx(factor * usual.embedding)
+    given, _ = budgeted({"latent_rate": 0.03}, catalog, Budget(steps=16_000))
+    assert given.rates.latent == 0.03
