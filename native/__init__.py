@@ -1,4 +1,5 @@
-"""C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values.
+"""C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values,
+opacities along rays.
 
 No torch or logic.  The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are
 copied); the same input gives bitwise the same output for any number of threads.

@@ -195,7 +195,7 @@ def seen(shown: Mapping[str, Tensor], floor: float) -> Tensor:
 def first_huge(shown: Mapping[str, Tensor], floor: float) -> str:
     """The first scale that no box can need of what is seen, such as "scales[3, 0] is 2e+09 boxes"; "" where there is none.
 
-    What is fainter than `floor` is never drawn: training may have made it huge, to no harm.
+    What is fainter than `floor`, a medium as a ball of the same volume, hardly shows: training may have made it huge, to no harm.
     """
     huge = (shown["scales"] > LARGEST_SCALE) & seen(shown, floor)[:, None]  # [N, 3]
     if not huge.any():
