@@ -149,12 +149,16 @@ def test_the_projection_matrix_is_the_pinhole_camera() -> None:
     assert (np.abs(device[:, 2]) < 1).all()
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads /proc")
+def resident() -> float:
+    """Memory of this process in MiB; skips where it can't be known."""
+    statm = Path("/proc/self/statm")
+    if not statm.exists():
+        pytest.skip("reads /proc")
+    return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
 def test_many_members_leave_no_memory_behind(smooth) -> None:
     from render.datasets import to_grid
-
-    def resident() -> float:
-        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
     field = np.random.default_rng(0).uniform(-1, 1, size=(96, 96, 96)).astype(np.float32)  # 3.4 MB
     camera = Camera.look_at((4, 3, 2), (0.5, 0.5, 0.5), vertical_fov_degrees=20, width=32, height=32)
@@ -164,3 +168,16 @@ def test_many_members_leave_no_memory_behind(smooth) -> None:
             volume.render(camera)
         used.append(resident())
     assert used[-1] - used[7] < 12.0  # sixteen members of 3.4 MB, held twice or more, would be over 100
+
+
+@pytest.mark.parametrize("float_output", [False, True])
+def test_many_pictures_leave_no_memory_behind(smooth, float_output: bool) -> None:
+    from render.datasets import to_grid
+
+    camera = Camera.look_at((4, 3, 2), (0.5, 0.5, 0.5), vertical_fov_degrees=20, width=512, height=512)
+    used = []
+    with Renderer(to_grid(np.zeros((8, 8, 8)), spacing=1 / 7), VolumeRendering("dvr", smooth)) as volume:
+        for _ in range(24):
+            volume.render(camera, float_output=float_output)
+            used.append(resident())
+    assert used[-1] - used[7] < 12.0  # sixteen float pictures have 64
