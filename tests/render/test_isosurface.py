@@ -13,6 +13,7 @@ from render.datasets import to_grid
 from render.grids import Grid
 from render.isosurface import box_average, extract
 from render.placement import Placement
+from render.quality import psnr
 from render.raymarch import box_intersections, gradient, trilinear
 from render.views import Renderer
 
@@ -180,12 +181,23 @@ def test_eight_bits_are_the_rounded_floats() -> None:
         assert np.abs(exact * 255 - image).max() < 1.01  # rounded once per sample and once for the mean
 
 
-def test_box_average_is_the_mean_rounded_to_nearest() -> None:
+@pytest.mark.parametrize("n", [1, 2, 4, 16])
+def test_box_average_is_the_mean_rounded_to_nearest(n: int) -> None:
     random = np.random.default_rng(0)
-    image = random.integers(0, 256, size=(6, 8, 4)).astype(np.uint8)
-    expected = image.reshape(3, 2, 4, 2, 4).astype(float).mean(axis=(1, 3))
-    np.testing.assert_array_equal(box_average(image), np.floor(expected + 0.5))
-    np.testing.assert_allclose(box_average(image.astype(np.float32)), expected)
+    image = random.integers(0, 256, size=(3 * n, 4 * n, 4)).astype(np.uint8)
+    image[:n, :n] = 255  # the largest sum there is
+    expected = image.reshape(3, n, 4, n, 4).astype(float).mean(axis=(1, 3))
+    np.testing.assert_array_equal(box_average(image, n), np.floor(expected + 0.5))
+    np.testing.assert_allclose(box_average(image.astype(np.float32), n), expected, rtol=1e-6)
+
+
+def test_edges_are_as_smooth_as_many_more_samples_make_them() -> None:
+    grid = ball(33)
+    for camera in views(grid):
+        fine = camera.resized(4 * camera.width, 4 * camera.height)
+        expected = box_average(next(render_views(grid, SURFACE, [fine], float_output=True)), 4)
+        pixels = next(render_views(grid, SURFACE, [camera], float_output=True))
+        assert psnr(pixels, expected) > 40.0
 
 
 def test_a_closed_renderer_says_so() -> None:

@@ -126,7 +126,7 @@ def test_a_process_that_drew_in_a_thread_that_ended_ends_in_peace() -> None:
     assert (ended.stdout.split(), ended.returncode) == (["12", "12"], 0)
 
 
-@pytest.mark.parametrize(("look", "factor"), [("volume", 1), ("surface", 2)])
+@pytest.mark.parametrize(("look", "factor"), [("volume", 1), ("surface", 4)])
 def test_pictures_larger_than_opengl_draws_are_refused(gyroid, smooth, look: str, factor: int) -> None:
     longest = open_window().longest_side
     appearance = VolumeRendering("dvr", smooth) if look == "volume" else Isosurface("iso", 0.2)
