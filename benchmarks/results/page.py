@@ -42,6 +42,10 @@ COST_COLUMNS = (  # times are of the scene's own seed
     ("model (MB)", lambda scene: _size(scene, "megabytes", scene.report["model_megabytes"], 2)),
     ("making the data set (s)", lambda scene: number(scene.report["seconds"]["dataset"], 0)),
     ("training (s)", lambda scene: _size(scene, "seconds", scene.report["seconds"]["train"], 0)),
+    (
+        "of all cores together (s)",
+        lambda scene: _size(scene, "processor_seconds", scene.report["seconds"].get("train_processor"), 0),
+    ),
     ("a picture (ms)", lambda scene: number(scene.report["milliseconds"]["view_change"])),
     ("a parameter change (ms)", lambda scene: number(scene.report["milliseconds"]["parameter_change"])),
     (
@@ -115,9 +119,12 @@ def _pictures_on(path: Path) -> set[str]:
     return set(PICTURE_LINK.findall(path.read_text(encoding="utf-8", errors="replace"))) if path.is_file() else set()
 
 
-def _size(scene: SceneResults, name: str, alone: float, digits: int) -> str:
+def _size(scene: SceneResults, name: str, alone: float | None, digits: int) -> str:
     """Over seeds where there are several, else that of the report."""
-    return plain_spread(scene.repeats[name], digits) if scene.repeats else f"{alone:,.{digits}f}"
+    if scene.repeats:
+        found = scene.repeats.get(name)
+        return plain_spread(found, digits) if found else NOTHING
+    return NOTHING if alone is None else f"{alone:,.{digits}f}"
 
 
 def _sheets(scene: SceneResults) -> list[str]:

@@ -121,12 +121,14 @@ def _ceilings(record: Mapping[str, Any]) -> list[str]:
 def _costs(record: Mapping[str, Any]) -> str:
     seconds, settings = record["seconds"], record["settings"]
     stages = ["canonical", "deformation", *("visualization" for _ in record["variations"])]
+    known = seconds.get("train_processor")
+    processor = "" if known is None else f" ({number(known, 0)} s of all cores together)"
     steps = " + ".join(str(settings[f"{stage}_steps"]) for stage in stages)
     return table(
         ("", ""),
         [
             ("making the data set", f"{number(seconds['dataset'], 0)} s"),
-            ("training", f"{number(seconds['train'], 0)} s, {steps} steps"),
+            ("training", f"{number(seconds['train'], 0)} s{processor}, {steps} steps"),
             ("model", f"{record['gaussians']:,} Gaussians, {record['model_megabytes']:.2f} MB"),
             timing_row(record, "parameter_change", "a parameter change"),
             timing_row(record, "view_change", "a view change"),

@@ -61,7 +61,11 @@ def summarize(
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "fingerprint": fingerprint(surrogate, evaluation.unavailable, ceilings, repeats),
         "seed": surrogate.training["settings"]["seed"],
-        "seconds": {"dataset": dataset_seconds, "train": surrogate.training["seconds"]},
+        "seconds": {
+            "dataset": dataset_seconds,
+            "train": surrogate.training["seconds"],
+            "train_processor": surrogate.training.get("processor_seconds"),
+        },
         "model_megabytes": surrogate.megabytes,
         "gaussians": len(surrogate.gaussians),
         **_scores(evaluation),

@@ -43,7 +43,7 @@ def state_of(checkpoint: Checkpoint, first: Fitted, source: Source, plan: Sequen
         degree = varying["color_degree"] or 0
         shown.append(shared_visualization(*fitted, variations[place], source, degree))
     told: dict[str, Any] = {name: tuple(record[name]) for name in ("losses", "curve", "choices")}
-    state = TrainingState(fitted, done, None, tuple(shown), **told, seconds=record["seconds"])
+    state = TrainingState(fitted, done, None, tuple(shown), **told, seconds=record["seconds"], processor_seconds=None)
     step = plan[done] if done < len(plan) else None
     if not isinstance(step, Optimize):
         return state

@@ -75,7 +75,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
     data = source.data()
     steps = plan(source, data)
     state = _begun(source, data, checkpoint, steps)
-    session.before = state.seconds
+    session.before, session.processor_before = state.seconds, state.processor_seconds
     with session.interruption:
         for step in steps[state.done :]:
             state = step(state, session)
@@ -93,6 +93,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
             "fingerprint": session.fingerprint,
             "appearance": source.appearance,
             "seconds": session.seconds,
+            "processor_seconds": session.processor_seconds,
             "commit": commit(),
             "code_version": code(),
             "steps": _steps(source),

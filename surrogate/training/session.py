@@ -101,7 +101,10 @@ class Interruption:
 
 @dataclass(eq=False, repr=False)
 class Session:
-    """One process that trains in `directory`, for `steps` steps over all stages; `before` seconds were spent by others."""
+    """One process that trains in `directory`, for `steps` steps over all stages.
+
+    Others spent `before` seconds, and `processor_before` of all cores; None where that is not known.
+    """
 
     settings: TrainingSettings
     directory: Path
@@ -110,8 +113,10 @@ class Session:
     progress: ProgressReport
     interruption: Interruption
     before: float = 0.0
+    processor_before: float | None = 0.0
 
     def __post_init__(self) -> None:
+        self._processor_started = time.process_time()
         self._started = self._saved = self._reported = time.perf_counter()
         self._rate = Rate()
 
@@ -121,13 +126,21 @@ class Session:
         return self.before + time.perf_counter() - self._started
 
     @property
+    def processor_seconds(self) -> float | None:
+        """The same, of all cores together; None where it is not known."""
+        if self.processor_before is None:
+            return None
+        return self.processor_before + time.process_time() - self._processor_started
+
+    @property
     def checkpoint_is_due(self) -> bool:
         """Whether the last one is old, or training is to stop."""
         return self.interruption.requested or time.perf_counter() - self._saved > self.settings.checkpoint_seconds
 
     def save(self, state: TrainingState) -> None:
         """Keep a checkpoint, and then stop where that was asked for."""
-        replace(state, seconds=self.seconds).checkpoint(self.fingerprint).save(self.directory)
+        now = replace(state, seconds=self.seconds, processor_seconds=self.processor_seconds)
+        now.checkpoint(self.fingerprint).save(self.directory)
         self._saved = time.perf_counter()
         self.interruption.act()
 

@@ -18,6 +18,8 @@ from surrogate.storage.encoding import Encoding
 from surrogate.storage.names import joined, part_of
 from surrogate.training.loop import LoopMemory
 
+TOLD = ("done", "losses", "curve", "choices", "seconds", "processor_seconds")  # in a checkpoint's record as they are
+
 
 class Fitted(NamedTuple):
     """What stages 1 and 2 fit: canonical Gaussians and F_sim, their deformation by the simulation's parameters."""
@@ -77,7 +79,7 @@ class TrainingState:
     visualizations : F_vis of each variation that has begun.
     losses : of the steps since the last point of `curve`.
     curve, choices : as in a model's `training`.
-    seconds : that training has taken.
+    seconds, processor_seconds : that training has taken, and those of all cores; None where that is not known.
     encodings : of the model's tensors, by name; no checkpoint holds them, for the last step chooses them.
     """
 
@@ -89,6 +91,7 @@ class TrainingState:
     curve: tuple[Mapping[str, Any], ...] = ()
     choices: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 0.0
+    processor_seconds: float | None = 0.0
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
 
     def copy(self) -> TrainingState:
@@ -110,7 +113,7 @@ class TrainingState:
             "visualizations": [v.record() for v in self.visualizations],
             "step": None if self.loop is None else self.loop.step,
         }
-        record |= {name: getattr(self, name) for name in ("done", "losses", "curve", "choices", "seconds")}
+        record |= {name: getattr(self, name) for name in TOLD}
         return Checkpoint(joined(parts | ({} if self.loop is None else {"loop": self.loop.tensors})), record)
 
     @classmethod
@@ -124,6 +127,7 @@ class TrainingState:
             loop=None if record["step"] is None else LoopMemory(record["step"], part_of(tensors, "loop")),
             visualizations=tuple(Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in shown),
             seconds=record["seconds"],
+            processor_seconds=record.get("processor_seconds"),  # earlier versions did not know
             losses=tuple(record["losses"]),
             curve=tuple(record["curve"]),
             choices=tuple(record["choices"]),

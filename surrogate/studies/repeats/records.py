@@ -31,7 +31,7 @@ class Scores:
         `report.json`; None where the data set has no such images.
     variations : the same for each variation that the model follows, with its "kind" and "base", by row of settings.
     gaussians, megabytes : size of the model, 10^6 bytes.
-    seconds : that training took.
+    seconds, processor_seconds : that training took, and those of all cores; None where that is not known.
     evaluation : version of the evaluation that scored it.
     """
 
@@ -46,6 +46,7 @@ class Scores:
     seconds: float
     provenance: Provenance
     evaluation: int = EVALUATION
+    processor_seconds: float | None = None
 
 
 def scores_path(records: Path, seed: int) -> Path:
@@ -79,7 +80,9 @@ def _check(scores: Scores) -> None:
         counted += _counts(varied, SETTINGS)
     if not all(type(text) is str for text in named) or not all(type(count) is int for count in counted):
         raise ValueError("words and counts must be such")
-    if not all(map(math.isfinite, (scores.gaussians, scores.megabytes, scores.seconds))):
+    if not all(
+        map(math.isfinite, (scores.gaussians, scores.megabytes, scores.seconds, scores.processor_seconds or 0.0))
+    ):
         raise ValueError("sizes must be finite")
 
 

@@ -135,6 +135,7 @@ def _trained_and_scored(
         gaussians=len(surrogate.gaussians),
         megabytes=surrogate.megabytes,
         seconds=surrogate.training["seconds"],
+        processor_seconds=surrogate.training.get("processor_seconds"),
         provenance=replace(made, code=_code_of(surrogate), commit=commit),
     )
 

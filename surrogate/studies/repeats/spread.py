@@ -9,7 +9,7 @@ from typing import Any
 from surrogate.evaluation.scoring import METRICS
 from surrogate.studies.repeats.records import Scores
 
-SIZES = ("gaussians", "megabytes", "seconds")
+SIZES = ("gaussians", "megabytes", "seconds", "processor_seconds")
 
 
 def spread(values: Sequence[Any]) -> dict[str, Any] | None:

@@ -14,6 +14,7 @@ from surrogate.evaluation.tables import (
     cell_table,
     document,
     metric_number,
+    number,
     plain_spread,
     spread_number,
     table_of,
@@ -102,6 +103,7 @@ def _seeds(scores: Sequence[Scores]) -> list[str]:
             ("Gaussians", lambda one: f"{one.gaussians:,}"),
             ("MB", lambda one: f"{one.megabytes:.2f}"),
             ("training (s)", lambda one: f"{one.seconds:.0f}"),
+            ("of all cores (s)", lambda one: number(one.processor_seconds, 0)),
             ("commit", lambda one: one.provenance.commit),
         ),
     ]

@@ -26,7 +26,7 @@ def test_tables_stand_with_what_made_them_and_gaps_with_what_makes_them(tmp_path
     make_scene(tmp_path, "absent")
     text = page(tmp_path)
     assert "| `vortex` | 31.00 ± 1.41 | 31.00 ± 1.41 |" in text
-    assert "| `vortex` | 1,005 ± 7 | 1.00 ± 0.71 | 45 | 100 ± 1 | 1.50 | 0.25 | – | 2 |" in text
+    assert "| `vortex` | 1,005 ± 7 | 1.00 ± 0.71 | 45 | 100 ± 1 | – | 1.50 | 0.25 | – | 2 |" in text
     assert "| `vortex` | `surrogate evaluate scenes/vortex.toml` | commit `c0ffee`, abacus, 2 cores, seed 0 |" in text
     assert "| `vortex` | `surrogate ceiling scenes/vortex.toml` | commit `c0ffee`, abacus, 2 cores, seed 0 |" in text
     assert (

@@ -98,5 +98,7 @@ def test_a_run_that_an_earlier_version_began_ends_alike(
     assert kept is not None
     assert part_of(kept.tensors, "fitted")
     as_before(kept, catalog).save(tmp_path)
-    train(QUICK, catalog, tmp_path)
+    training = train(QUICK, catalog, tmp_path).training
+    assert training["seconds"] > 0
+    assert training["processor_seconds"] is None  # nobody kept those before
     assert outcome(tmp_path) == outcome(undisturbed)

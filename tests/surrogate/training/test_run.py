@@ -8,6 +8,7 @@ import pytest
 from catalogs.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.splatting import cpu, cuda
+from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.compression.choice import Choice
 from surrogate.training.session import TrainingProgress
 from tests.support.blobs import Blobs
@@ -194,10 +195,12 @@ def test_an_interrupted_run_goes_on_where_it_stopped(make_catalog, tmp_path: Pat
     finally:
         process.close()
     assert (folder / "checkpoint.safetensors").exists()
+    before = Checkpoint.load(folder).record
     resumed = train(settings, catalog, folder)
     train(settings, catalog, tmp_path / "undisturbed")
     assert outcome(folder) == outcome(tmp_path / "undisturbed")
     assert resumed.training["seconds"] > 0
+    assert resumed.training["processor_seconds"] > before["processor_seconds"] > 0
     assert files(folder) == ["model.json", "model.safetensors"]
 
 

@@ -30,7 +30,7 @@ def test_the_page_lists_every_seed(tmp_path: Path) -> None:
     path = write_page(tmp_path, "vortex", "scenes/vortex.toml", SCORES)
     assert path == tmp_path / "seeds" / "seeds.md"
     text = path.read_text()
-    assert "| 0 | 30.00 | 30.00 | 30.00 | 30.0000 | 1,000 | 0.50 | 100 | abc |" in text
+    assert "| 0 | 30.00 | 30.00 | 30.00 | 30.0000 | 1,000 | 0.50 | 100 | – | abc |" in text
     assert "| 1 | 32.00 |" in text
 
 
