@@ -27,7 +27,7 @@ from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
 from catalogs.scene import Scene
 from render import Grid, choose_sample_distance, render_views, to_grid
-from render.isosurface import SUPERSAMPLING, box_average, extract, surface_scene
+from render.isosurface import SUPERSAMPLING, extract
 from render.placement import Placement
 from render.quality import psnr
 from render.raymarch import converged
@@ -183,27 +183,19 @@ def isosurface_row(resolution: int) -> list[str]:
 
 def smoothness() -> list[tuple[int, float, float]]:
     """For each of `SAMPLES`: so many samples along each side of a pixel, PSNR (dB) on white, and processor ms per picture."""
-    grid, views, window = member(), [cameras(member())[v] for v in VIEWS], open_window()
-    placement = Placement.of(grid)
-    scene = surface_scene(grid, Isosurface("cores", 5.0), placement)
-    window.add(scene)
+    grid, appearance = member(), Isosurface("cores", 5.0)
+    views = [cameras(grid)[v] for v in VIEWS]
 
-    def drawn(camera: Camera, n: int, *, float_output: bool = False) -> NDArray[Any]:
-        local = placement.camera(camera).resized(n * camera.width, n * camera.height)
-        aim(scene, local, *placement.clipping_range(local))
-        return box_average(window.draw(scene, local.width, local.height, float_output=float_output), n)
+    def pictures(n: int) -> NDArray[Any]:
+        """All views on white, [V, H, W, 3]."""
+        with Renderer(grid, appearance, samples=n) as surface:
+            drawn = np.stack([surface.render(view, float_output=True) for view in views])
+        return np.asarray(drawn[..., :3] + (1.0 - drawn[..., 3:]))
 
-    def on_white(picture: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(picture[..., :3] + (1.0 - picture[..., 3:]))
-
-    def row(n: int) -> tuple[int, float, float]:
-        pairs = zip(views, finest, strict=True)
-        errors = [np.mean((on_white(drawn(view, n, float_output=True)) - fine) ** 2) for view, fine in pairs]
-        return n, -10.0 * float(np.log10(np.mean(errors))), processor_ms(lambda view: drawn(view, n), views)
-
-    finest = [on_white(drawn(view, FINEST, float_output=True)) for view in views]
-    found = [row(n) for n in SAMPLES]
-    window.remove(scene)
+    finest, found = pictures(FINEST), []
+    for n in SAMPLES:
+        with Renderer(grid, appearance, samples=n) as surface:
+            found.append((n, psnr(pictures(n), finest), processor_ms(surface.render, views)))
     return found
 
 
@@ -327,8 +319,8 @@ def isosurface_part(_: dict[str, Found]) -> str:
     speed = titled("Isosurface Q = 5 (processor time)", table(header, [isosurface_row(n) for n in (64, 128)]))
     header = ["samples per pixel", "PSNR on white, dB", "per 256² image, processor ms"]
     rows = [
-        [f"{n} x {n}{' (ours)' if n == SUPERSAMPLING else ''}", f"{psnr:.1f}", f"{ms:.1f}"]
-        for n, psnr, ms in smoothness()
+        [f"{n} x {n}{' (ours)' if n == SUPERSAMPLING else ''}", f"{decibels:.1f}", f"{ms:.1f}"]
+        for n, decibels, ms in smoothness()
     ]
     error = titled(f"Isosurface Q = 5, 64³: edges against those of {FINEST} x {FINEST} samples", table(header, rows))
     return f"{speed}\n\n{error}"

@@ -105,7 +105,7 @@ def _step_exponent(grid: Grid, isovalue: float) -> float:
     return total / count if count else 0.0
 
 
-def box_average(image: NDArray[Any], n: int = SUPERSAMPLING) -> NDArray[Any]:
+def box_average(image: NDArray[Any], n: int) -> NDArray[Any]:
     """`image` [n H, n W, 4] -> [H, W, 4], the mean over n x n pixels; uint8 (n up to 16) is rounded to the nearest."""
     rows = _sum([image[first::n] for first in range(n)])  # [H, n W, 4]
     total = _sum([rows[:, first::n] for first in range(n)])  # [H, W, 4]
@@ -115,7 +115,7 @@ def box_average(image: NDArray[Any], n: int = SUPERSAMPLING) -> NDArray[Any]:
 
 
 def _sum(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """The sum of equal-shaped arrays, of bytes in 16 bits: numpy's own over an axis of a few entries is ten times slower."""
+    """The sum of equal-shaped arrays, of bytes in 16 bits: numpy's own over an axis of a few entries is far slower."""
     total = parts[0].astype(np.uint16 if parts[0].dtype == np.uint8 else parts[0].dtype)
     for part in parts[1:]:
         total += part

@@ -20,12 +20,15 @@ from render.window import aim, open_window
 class Renderer:
     """Pictures of one field under one appearance: upload or extract once, draw many views, free on exit.
 
-    `sample_distance` is for volumes (see `render.volume`).  An empty isosurface is valid: its pictures are empty.
+    `sample_distance` is for volumes (see `render.volume`), `samples` how many lie along each side of a pixel, by default as many as
+    `supersampling` says.  An empty isosurface is valid: its pictures are empty.
     Raises TypeError for an appearance that is not drawn from a field.
     """
 
-    def __init__(self, grid: Grid, appearance: Appearance, *, sample_distance: float | None = None) -> None:
-        self._closed, self._supersampling = False, supersampling(appearance)
+    def __init__(
+        self, grid: Grid, appearance: Appearance, *, sample_distance: float | None = None, samples: int | None = None
+    ) -> None:
+        self._closed, self._supersampling = False, samples or supersampling(appearance)
         self._placement, self._window = Placement.of(grid), open_window()
         if isinstance(appearance, VolumeRendering):
             self._scene = volume_scene(grid, appearance, self._placement, sample_distance)
@@ -47,7 +50,7 @@ class Renderer:
         local = self._placement.camera(camera).resized(width, height)
         aim(self._scene, local, *self._placement.clipping_range(local))
         image = self._window.draw(self._scene, width, height, float_output=float_output)
-        return image if self._supersampling == 1 else box_average(image)
+        return image if self._supersampling == 1 else box_average(image, self._supersampling)
 
     def close(self) -> None:
         """Free the volume or surface, here and in graphics memory."""

@@ -124,9 +124,7 @@ class Window:
 
         image = np.empty((height, width, 4), dtype=np.float32)
         pixels = self._float_pass.GetColorTexture().Download()
-        if (
-            pixels.GetReferenceCount() > 1
-        ):  # VTK gives it away for good, but its Python wrapper takes a reference of its own
+        if pixels.GetReferenceCount() > 1:  # VTK gives one away for good, and its Python wrapper takes another
             pixels.UnRegister(None)
         if not pixels.Download2D(VTK_FLOAT, image, (width, height), 4, (0, 0)):
             raise RuntimeError(f"reading a {width} x {height} float picture back from OpenGL failed")
