@@ -227,7 +227,7 @@ def isosurface_projection_errors(transform: Callable[[Camera], Camera] = lambda 
     """Offsets (V, 2) in pixels, over 48 pictures at 256², of a ball's centroid from its ellipse's centre.
 
     A sphere of radius r at (x, y, z) in camera axes has an ellipse centred at (x z, y z) / (z² - r²) for outline.
-    The outline is sampled 16 times per pixel, which alone scatters the centroid a little.
+    The outline is sampled 16 times per pixel.
     """
     offsets, radius = [], 0.3
     for position in BLOBS:
