@@ -1,5 +1,5 @@
 """C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values,
-opacities along rays.
+opacities along rays, steps of Adam.
 
 No torch or logic.  The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are
 copied); the same input gives bitwise the same output for any number of threads.
@@ -46,12 +46,14 @@ copied); the same input gives bitwise the same output for any number of threads.
             gaussians: means, log_scales, quats, logits (N,); quaternions not longer than the shortest are no rotation
     ray_opacities_gradient(gaussians, position, shortest_quaternion, by_opacities, threads, instruction_set="")
             -> gradients by means, log_scales, quats, logits
+    step_rows(tensor, gradient, first, second, steps, rate, instruction_set="")
+            changes tensor, both moments, of one shape (N, ...), and steps (N,) in place, where a row of the gradient is not zero
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
             GS_SURROGATE_INSTRUCTION_SET names, else for the best
 
-Arguments mean what `surrogate.splatting.render`, `surrogate.training.losses.image_loss`, the modules of `surrogate.deformation`
-and `surrogate.appearance`, and `surrogate.training.value_loss.blended_values` say.  A drawing and a blend read the Gaussians'
-arrays again in the backward pass: they must not have changed in between.
+Arguments mean what `surrogate.splatting.render`, `surrogate.training.losses.image_loss`, the modules of `surrogate.deformation` and
+`surrogate.appearance`, `surrogate.training.value_loss.blended_values` and `surrogate.training.optimizer` say.  A drawing and a
+blend read the Gaussians' arrays again in the backward pass: they must not have changed in between.
 """
 
 from __future__ import annotations
@@ -74,6 +76,7 @@ __all__ = [
     "instruction_sets",
     "ray_opacities",
     "ray_opacities_gradient",
+    "step_rows",
     "transfer",
     "transfer_gradient",
 ]

@@ -61,7 +61,7 @@ def whole_step(kept: Training, seconds: float) -> Measured:
 def step_parts(kept: Training, seconds: float) -> list[Measured]:
     """The same calls one by one: a measurement per entry of `PARTS`, and the sum."""
     stage, example = kept.stage, kept.example
-    adam, rasterizer = Adam(stage.tensors, stage.rates), Rasterizer.of(SETTINGS)
+    adam, rasterizer = Adam(stage.tensors, stage.rates, shared=stage.shared), Rasterizer.of(SETTINGS)
     state: dict[str, Any] = {}
 
     def deform() -> None:

@@ -25,6 +25,7 @@ namespace {
 #include "averages.inc"
 #include "blending.inc"
 #include "rays.inc"
+#include "row_steps.inc"
 
 }  // namespace
 
@@ -50,6 +51,7 @@ extern const Kernels GS_KERNELS = {
     blend_pairs,
     ray_opacities,
     ray_opacities_backward,
+    step_rows,
 };
 
 }  // namespace gs

@@ -224,6 +224,23 @@ struct Pair {
     float density;  // of the Gaussian there, 1 at its mean
 };
 
+constexpr int kCorrections = 40'000;  // steps, after which both corrections are 1 in single precision
+
+// What Adam's bias corrections multiply the rate by, and the root of the second moment, after so many steps.
+struct RowCorrections {
+    float first[kCorrections], second[kCorrections];
+};
+
+// A tensor [rows, width] that Adam moves, its moments, and how many steps each row has seen [rows].
+struct RowStep {
+    float* tensor;
+    const float* gradient;
+    float *first, *second, *steps;
+    int64_t rows, width;
+    float rate;
+    const RowCorrections* corrections;
+};
+
 struct Kernels {
     const char* name;
     int tile_width, tile_height;
@@ -263,6 +280,8 @@ struct Kernels {
     // The opacities of Gaussians [first, last) along rays, and the derivatives of a loss with this gradient by them, see rays.inc.
     void (*ray_opacities)(const Media&, int64_t first, int64_t last, float* opacities);
     void (*ray_opacities_backward)(const Media&, int64_t first, int64_t last, const float* by_opacities, const MediaGradients&);
+    // A step of Adam for the rows that have a gradient, see row_steps.inc.
+    void (*step_rows)(const RowStep&);
 };
 
 extern const Kernels kernels_baseline;

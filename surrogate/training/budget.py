@@ -2,8 +2,8 @@
 
 The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  Both rules are
 those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side: where members look much alike,
-more Gaussians were worth more than more steps; where a hundred members differ strongly, steps were
-(`python -m benchmarks.budgets`).
+more Gaussians were worth more than more steps; where a hundred members differ strongly, steps were; where little of a picture
+shows anything, few Gaussians were (`python -m benchmarks.budgets`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.catalog import Catalog
 from surrogate.evaluation.metrics import WHITE
@@ -35,6 +38,8 @@ STEP_KEYS = ("canonical_steps", "deformation_steps", "visualization_steps")
 
 # How many Gaussians and steps
 LARGEST, SMALLEST = 60_000, 1_000
+PER_PIXEL = 44_000.0  # Gaussians squared: one for each pixel where 44,000 show something, two where 11,000 do
+VISIBLE = 0.01  # of a pixel that shows something: its opacity, or how far any channel is from the background
 FEWEST_STEPS = 20  # of a stage
 ENOUGH_STEPS = 2_000, 20_000  # and within these two for each image: with fewer there are fewer Gaussians as well
 FEWEST_GAUSSIANS = 0.25  # of those that the pictures are worth
@@ -101,14 +106,15 @@ def budgeted(
     if decided:
         raise ValueError(f"a budget decides on the steps of training: leave out {', '.join(decided)}, or the budget")
     if budget.steps is not None:
-        chosen = _sized(given, source, len(_rows(source)[0]), budget.steps)
+        rows = _rows(source)[0]
+        chosen = _sized(given, source, visible_pixels(source, rows), len(rows), budget.steps)
         return chosen, {"gaussians": chosen.gaussians, "steps": budget.steps}
     return _in_time(given, source, 60.0 * float(budget.minutes or 0.0), elapsed)
 
 
-def gaussians_for(pixels: int, images: int, steps: int) -> int:
-    """How many Gaussians are worth having for so many images of so many pixels, in so many steps of stages 1 and 2."""
-    worth = min((128 * 128 * pixels) ** 0.5, LARGEST)  # two a pixel at 64 x 64, one at 128 x 128, a half at 256 x 256
+def gaussians_for(visible: float, images: int, steps: int) -> int:
+    """How many Gaussians are worth having for images with so many `visible_pixels`, in so many steps of stages 1 and 2."""
+    worth = min((PER_PIXEL * visible) ** 0.5, LARGEST)
     low, high = ENOUGH_STEPS
     part = steps / min(max(2 * images, low), high)
     wanted = worth * min(1.0, max(FEWEST_GAUSSIANS, part))
@@ -116,10 +122,23 @@ def gaussians_for(pixels: int, images: int, steps: int) -> int:
     return max(SMALLEST, round(wanted / digits) * digits)
 
 
-def _sized(given: Mapping[str, Any], source: Source, images: int, steps: int) -> TrainingSettings:
+def visible_pixels(source: Source, rows: Sequence[ImageRow]) -> float:
+    """How many pixels of a picture show something: the mean over some of the `rows`."""
+    examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
+    return statistics.fmean(float(_shows(example.pixels, source).sum()) for example in examples)
+
+
+def _shows(pixels: NDArray[np.uint8], source: Source) -> NDArray[np.bool_]:  # [H, W]
+    if pixels.shape[2] == 4:
+        return pixels[..., 3] > 255.0 * VISIBLE
+    background = np.asarray(source.catalog.plan.background or WHITE)
+    return (np.abs(pixels / 255.0 - background) > VISIBLE).any(axis=2)
+
+
+def _sized(given: Mapping[str, Any], source: Source, visible: float, images: int, steps: int) -> TrainingSettings:
     """The given settings with so many steps over all stages, and with what follows from them where it is not given.
 
-    `images` are those of the base appearance that are learnt.
+    `visible` pixels has a picture of the base appearance, of which so many `images` are learnt.
     """
     stages = 1 + len(source.variations)
     each = max(1, steps // stages)
@@ -127,7 +146,7 @@ def _sized(given: Mapping[str, Any], source: Source, images: int, steps: int) ->
     canonical = 0 if joint else min(MOST_CANONICAL, round(CANONICAL_SHARE * each))
     follows = {
         **_design(source),
-        "gaussians": gaussians_for(_pixels(source), images, each),
+        "gaussians": gaussians_for(visible, images, each),
         "validation_interval": min(MOST_BETWEEN, max(1, steps // VALIDATIONS)),
         **_calm_rates(each),
     }
@@ -141,7 +160,8 @@ def _in_time(
     rows = _rows(source)
     images = sum(map(len, rows))
     choosing = source.settings.compression.enabled and bool(validation_rows(source.catalog, [source.appearance], 1))
-    most = gaussians_for(_pixels(source), 0, ENOUGH_STEPS[0])
+    visible = visible_pixels(source, rows[0])
+    most = gaussians_for(visible, 0, ENOUGH_STEPS[0])
     tried = TrainingSettings(**{"gaussians": most, **_design(source), **given})
     while True:
         pace = measure_pace(Source(tried, source.catalog), rows)
@@ -154,9 +174,8 @@ def _in_time(
                 f"{seconds / 60.0:g} minutes are too short here: to load {images:,} images takes {pace.load * images:.0f} s, "
                 f"and a step {1e3 * pace.mean_step:.0f} ms"
             )
-        chosen = _sized(
-            given if compressing or not choosing else {"fit_to_need": False, **given}, source, len(rows[0]), steps
-        )
+        choices = given if compressing or not choosing else {"fit_to_need": False, **given}
+        chosen = _sized(choices, source, visible, len(rows[0]), steps)
         if chosen.gaussians >= tried.gaussians:
             break
         tried = chosen  # fewer Gaussians for few steps, which are then faster
@@ -188,12 +207,6 @@ def _rows(source: Source) -> list[list[ImageRow]]:
     """The training images of the base appearance, and of each variation."""
     shown = [[source.appearance], *([s.appearance for s in v.settings] for v in source.variations)]
     return [training_rows(source.catalog, names) for names in shown]
-
-
-def _pixels(source: Source) -> int:
-    """Of a picture: the median over the shared cameras, or over the members' first ones."""
-    cameras = source.catalog.plan.cameras or [member.cameras[0] for member in source.catalog.members]
-    return int(statistics.median(camera.width * camera.height for camera in cameras))
 
 
 @one_torch_thread()

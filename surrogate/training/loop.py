@@ -70,7 +70,10 @@ class StageRun:
         self._background = WHITE if data.background is None else data.background
         if memory is not None:
             for name, own in self.memory().tensors.items():
-                own.copy_(memory.tensors[name])
+                if name.startswith("moments.steps.") and name not in memory.tensors:
+                    own.fill_(self.step)  # an earlier version's rows all counted every step
+                else:
+                    own.copy_(memory.tensors[name])
 
     def advance(self) -> float:
         """One step: draw, compare, move, and relocate where it is due.  Returns the loss.
@@ -145,8 +148,8 @@ class StageRun:
     def memory(self) -> LoopMemory:
         """What a run with the same stage, its tensors as they are now, settings and data goes on with."""
         tensors = {"peaks": self._peaks}
-        for name, (first, second) in self._adam.moments().items():
-            tensors |= {f"moments.first.{name}": first, f"moments.second.{name}": second}
+        for name, moments in self._adam.moments().items():
+            tensors |= {f"moments.{which}.{name}": tensor for which, tensor in moments.tensors().items()}
         for part in (self._screen_gradients, self._hard):
             tensors |= {} if part is None else part.tensors()
         return LoopMemory(self.step, tensors)

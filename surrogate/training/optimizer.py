@@ -1,4 +1,10 @@
-"""Adam with one rate per named tensor, whose whole state can be saved and edited row by row."""
+"""Adam with one rate per named tensor, whose whole state can be saved and edited row by row.
+
+Tensors with a row per Gaussian are moved where their Gaussian has a gradient, and each row counts its own steps.  In an ensemble
+most Gaussians show nothing of most members.  With Adam as it is for whole tensors their second moments decay meanwhile, and the
+next gradient throws a row up to 31 times as far as it would have moved, into members that do not show it: where 5 % of the pixels
+show anything, training diverged.  `torch.optim.SparseAdam` leaves unseen rows as they are too, but has one count for all.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +12,12 @@ import math
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
+
+import native
 
 DECAY_FIRST, DECAY_SECOND = 0.9, 0.999
 EPSILON = 1e-15  # as in 3D Gaussian Splatting: gradients of single Gaussians are far below the usual 1e-8
@@ -67,23 +76,67 @@ def surprise(gradient: Tensor, second: Tensor, steps: float) -> float:
     return max(1.0, math.sqrt(float(squares.div_(lately).mean()) * (1.0 - DECAY_SECOND**steps)))
 
 
+class Moments(NamedTuple):
+    """What Adam remembers of a tensor: both moments, of its shape, and how many steps each row has seen (N,) where rows count."""
+
+    first: Tensor
+    second: Tensor
+    steps: Tensor | None = None
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Those that there are, by name."""
+        return {name: tensor for name, tensor in self._asdict().items() if tensor is not None}
+
+
+def step_rows(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float) -> None:
+    """Move the rows of `tensor` (N, ...) whose `gradient` is not zero, with their moments and `steps` (N,), in place.
+
+    In main memory and float32 the C++ kernel does it, else the twin.
+    """
+    tensors = (tensor, gradient, first, second, steps)
+    if all(t.is_cpu and t.dtype == torch.float32 and t.is_contiguous() for t in tensors):
+        native.step_rows(*(t.detach().numpy() for t in tensors), rate)
+    else:
+        step_rows_reference(*tensors, rate)
+
+
+def step_rows_reference(
+    tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float
+) -> None:
+    """The same in plain torch: the definition that the kernel is tested against."""
+    by_row = (-1, *[1] * (tensor.ndim - 1))
+    seen = (gradient != 0.0).reshape(len(tensor), math.prod(tensor.shape[1:])).any(dim=1)  # [N]
+    steps.add_(seen)
+    shown, count = seen.view(by_row), steps.double().clamp(min=1.0).view(by_row)
+    first.copy_(torch.where(shown, first.lerp(gradient, 1.0 - DECAY_FIRST), first))
+    second.copy_(torch.where(shown, second.lerp(gradient**2, 1.0 - DECAY_SECOND), second))
+    spread = (second / (1.0 - DECAY_SECOND**count)).sqrt().add(EPSILON)
+    change = rate / (1.0 - DECAY_FIRST**count) * first / spread
+    tensor.sub_(torch.where(shown, change, 0.0).to(tensor.dtype))
+
+
 class Adam:
     """Adam (Kingma & Ba 2015, algorithm 1) over named leaf tensors.
 
-    `torch.optim.Adam` would do the same: but it loads torch's compiler at its first use, which takes seconds, and spends as long
-    around the kernel as in it.
+    `torch.optim.Adam` would do the same for whole tensors: but it loads torch's compiler at its first use, which takes seconds, and
+    spends as long around the kernel as in it.
     """
 
     def __init__(
-        self, tensors: Mapping[str, Tensor], rates: Mapping[str, float], steps: int = 0, calmed: Collection[str] = ()
+        self, tensors: Mapping[str, Tensor], rates: Mapping[str, float], steps: int = 0, shared: Collection[str] = ()
     ) -> None:
-        """Go on after so many `steps`, with zero moments until `moments` is written to; the rates of some are `calmed`."""
-        self._tensors, self._rates, self._calmed = dict(tensors), dict(rates), frozenset(calmed)
+        """Go on after so many `steps`, with moments of zero until `moments` is written to.
+
+        The `shared` tensors move as a whole, calmed by `surprise`; all others have a row per Gaussian.
+        """
+        self._tensors, self._rates, self._shared = dict(tensors), dict(rates), frozenset(shared)
         self._steps = torch.tensor(float(steps), device=next(iter(tensors.values())).device)
-        self._moments = {
-            name: (torch.zeros_like(t, requires_grad=False), torch.zeros_like(t, requires_grad=False))
-            for name, t in tensors.items()
-        }
+        self._moments = {name: self._none(name) for name in tensors}
+
+    def _none(self, name: str) -> Moments:
+        tensor = self._tensors[name].detach()
+        rows = None if name in self._shared else tensor.new_zeros(len(tensor))
+        return Moments(torch.zeros_like(tensor), torch.zeros_like(tensor), rows)
 
     @torch.no_grad()
     @without_subnormals()
@@ -93,13 +146,15 @@ class Adam:
         for name, tensor in self._tensors.items():
             if tensor.grad is None:
                 continue
-            first, second = self._moments[name]
+            first, second, rows = self._moments[name]
             rate = self._rates[name] * factor
-            if name in self._calmed:
+            if rows is None:
                 rate /= surprise(tensor.grad, second, float(self._steps))
-            update(tensor, tensor.grad, first, second, self._steps, rate)
+                update(tensor, tensor.grad, first, second, self._steps, rate)
+            else:
+                step_rows(tensor, tensor.grad, first, second, rows, rate)
             tensor.grad = None
 
-    def moments(self) -> dict[str, tuple[Tensor, Tensor]]:
-        """First and second moment of each tensor; writing to them changes the optimizer."""
+    def moments(self) -> dict[str, Moments]:
+        """What is remembered of each tensor; writing to it changes the optimizer."""
         return dict(self._moments)

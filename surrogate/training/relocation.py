@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.cameras import Camera
+from surrogate.training.optimizer import Moments
 
 MOST_SHARING = 16  # Gaussians that may come to share one place at once
 LEAST_DEPTH = 1e-300  # so that its logarithm is finite
@@ -71,12 +72,12 @@ def _place_in_group(values: NDArray[np.int64]) -> NDArray[np.int64]:
     return places
 
 
-def relocate(relocation: Relocation, rows: Mapping[str, Tensor], moments: Mapping[str, tuple[Tensor, Tensor]]) -> None:
-    """Move Gaussians in place: `rows` are all tensors with a row per Gaussian, `moments` Adam's first and second for them.
+def relocate(relocation: Relocation, rows: Mapping[str, Tensor], moments: Mapping[str, Moments]) -> None:
+    """Move Gaussians in place: `rows` are all tensors with a row per Gaussian, `moments` what Adam remembers of them.
 
     `rows` holds at least `opacity_logits` (N,) and `log_scales` (N, 3).  The first moments of all concerned start anew; second
-    ones are those of the source.  Zero would leave Adam, whose bias correction counts the steps of the whole stage, without a
-    measure of the gradients: steps of up to 6.6 times the rate for some fifty steps, from which training drifted away.
+    ones, and the steps that a row has seen, are those of the source.  Second moments of zero after so many steps would leave Adam
+    without a measure of the gradients: steps of up to 6.6 times the rate for some fifty steps, from which training drifted away.
     """
     moved, sources = relocation.moved, relocation.sources
     logits, log_scales = share(rows["opacity_logits"][sources], rows["log_scales"][sources], relocation.sharing)
@@ -85,10 +86,12 @@ def relocate(relocation: Relocation, rows: Mapping[str, Tensor], moments: Mappin
     for name, tensor in rows.items():
         tensor[moved] = tensor[sources]
         if name in moments:
-            first, second = moments[name]
+            first, second, steps = moments[name]
             first[moved] = 0.0
             first[sources] = 0.0
             second[moved] = second[sources]
+            if steps is not None:
+                steps[moved] = steps[sources]
 
 
 def share(opacity_logits: Tensor, log_scales: Tensor, sharing: Tensor) -> tuple[Tensor, Tensor]:

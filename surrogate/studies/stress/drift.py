@@ -111,7 +111,7 @@ def _run(
     gaussians = Gaussians(*(change(t.double()).to(dtype) for t in gaussians.tensors().values()))
     tensors: dict[str, Any] = {name: change(t.double()).to(dtype) for name, t in deformation.tensors().items()}
     stage = simulation_stage(gaussians, BilinearDeformation(**tensors, units=deformation.units.to(dtype)), settings)
-    adam, rasterizer = Adam(stage.tensors, stage.rates), Rasterizer(backend=backend)
+    adam, rasterizer = Adam(stage.tensors, stage.rates, shared=stage.shared), Rasterizer(backend=backend)
     loss_of = image_loss_reference if dtype == torch.float64 else image_loss
     order, snapshots, losses = np.random.default_rng(0).permutation(steps) % len(learn), [], []
 

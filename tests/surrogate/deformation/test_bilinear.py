@@ -269,7 +269,7 @@ def test_the_first_steps_move_offsets_equally_far_whatever_the_widths(size: int,
     )
     deformation = BilinearDeformation.create(gaussians, 2, settings)
     tensors = {name: tensor.requires_grad_() for name, tensor in deformation.tensors().items()}
-    adam = Adam(tensors, deformation.rates(settings))
+    adam = Adam(tensors, deformation.rates(settings), shared=set(tensors) - deformation.per_gaussian)
     for _ in range(5):
         moved = deformation.deformed(gaussians, torch.tensor([0.5, -0.3]))
         moved.log_scales.sum().backward()

@@ -238,7 +238,7 @@ def test_it_learns_offsets_that_depend_on_position_and_parameters() -> None:
     architecture = Architecture(1, feature_width=32, backbone_width=32, head_width=32, position_frequencies=3)
     field = FieldDeformation(architecture.initial(generator(0, "latents")), architecture, UNITS)
     stage = simulation_stage(gaussians, field, SETTINGS.changed(canonical_rate_factor=1e-12))
-    adam = Adam(stage.tensors, stage.rates)
+    adam = Adam(stage.tensors, stage.rates, shared=stage.shared)
 
     def error(p: float) -> Tensor:
         wanted = 0.1 * p * gaussians.means.detach()[:, [1, 2, 0]]  # [N, 3]

@@ -1,28 +1,52 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from catalogs.appearance import ImportedImages
+from catalogs.catalog import Catalog, CatalogPlan
 from surrogate.settings import TrainingSettings
 from surrogate.training import budget
 from surrogate.training.budget import Budget, Pace, budgeted, gaussians_for
-from tests.support.results import make_catalog
+from tests.support.results import BLOBS, make_catalog
 
 
 @pytest.mark.parametrize(
-    ("pixels", "images", "steps", "count"),
+    ("visible", "images", "steps", "count"),
     [
-        (64 * 64, 448, 5_000, 8_200),
-        (128 * 128, 10_000, 100_000, 16_000),
-        (256 * 256, 1_260, 5_000, 33_000),
+        (1_500, 448, 5_000, 8_100),
+        (6_000, 10_000, 100_000, 16_000),
+        (25_000, 1_260, 5_000, 33_000),
+        (3_400, 3_920, 8_055, 12_000),  # a twentieth of a picture of 256 x 256
         (2048 * 2048, 1_260, 5_000, 60_000),
-        (16 * 16, 100, 5_000, 2_000),
-        (128 * 128, 10_000, 10_000, 8_200),  # half of the steps that so many images need
-        (128 * 128, 10_000, 1, 4_100),
+        (6_000, 10_000, 10_000, 8_100),  # half of the steps that so many images need
+        (6_000, 10_000, 1, 4_100),
         (1, 1, 1, 1_000),
+        (0, 10_000, 100_000, 1_000),  # nothing is seen
     ],
 )
-def test_gaussians_follow_from_pictures_and_steps(pixels: int, images: int, steps: int, count: int) -> None:
-    assert gaussians_for(pixels, images, steps) == count
+def test_gaussians_follow_from_what_is_seen_and_steps(visible: float, images: int, steps: int, count: int) -> None:
+    assert gaussians_for(visible, images, steps) == count
+
+
+@pytest.mark.parametrize("background", [None, (0.2, 0.4, 0.6)])
+def test_pixels_are_visible_that_differ_from_the_background(
+    tmp_path: Path, background: tuple[float, float, float] | None
+) -> None:
+    picture = np.zeros((16, 16, 4), np.uint8)
+    picture[2:4, 3:6] = [10, 0, 0, 40]
+    picture[5, 5] = [1, 1, 1, 2]  # less than a hundredth
+    if background:
+        picture[..., :3] += np.round(255.0 * np.array(background)).astype(np.uint8)
+        picture[..., 3] = 255
+    plan = CatalogPlan(
+        BLOBS.space, (ImportedImages("drawn"),), BLOBS.cameras()[:1], ("train",), BLOBS.bounds, background
+    )
+    catalog = Catalog.create(tmp_path / "catalog.cdb", plan)
+    with catalog.begin_member("only", {"p": 0.0}, split="train") as writer:
+        writer.write_image("drawn", 0, picture)
+    source = budget.Source(TrainingSettings(), Catalog.open(catalog.path))
+    assert budget.visible_pixels(source, budget._rows(source)[0]) == 6.0
 
 
 def test_steps_lead_to_the_same_settings_everywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

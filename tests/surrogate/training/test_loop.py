@@ -10,7 +10,9 @@ import torch
 from surrogate import TrainingSettings, train
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.training.loop import Diverged, StageRun, as_drawn, first_huge, first_infinite, seen
+from surrogate.training.loop import Diverged, LoopMemory, StageRun, as_drawn, first_huge, first_infinite, seen
+from surrogate.training.source import Source
+from surrogate.training.stages import canonical_stage
 from tests.support.blobs import Blobs
 
 SMALL = Blobs(count=4, size=16)
@@ -140,3 +142,20 @@ def test_an_error_of_another_kind_is_told_as_it_is(make_catalog, tmp_path: Path)
     catalog = make_catalog(SMALL, view_splits=("train",) * 3)
     with pytest.raises(ValueError, match="backend must be one of"):
         train(QUICK.changed(backend="nonsense"), catalog, tmp_path / "surrogate")
+
+
+def test_a_stage_that_an_earlier_version_began_goes_on_with_its_steps_counted_for_every_row(make_catalog) -> None:
+    source = Source(QUICK, make_catalog(SMALL, view_splits=("train",) * 3))
+    data = source.data()
+    begun = StageRun(canonical_stage(source.initial_gaussians(data), QUICK), QUICK, data)
+    for _ in range(4):
+        begun.advance()
+    memory = begun.memory()
+    earlier = {name: tensor for name, tensor in memory.tensors.items() if not name.startswith("moments.steps.")}
+    assert len(earlier) < len(memory.tensors)
+    run = StageRun(begun.stage, QUICK, data, LoopMemory(4, earlier))
+    for name, tensor in run.memory().tensors.items():
+        kept = torch.full_like(tensor, 4.0) if name.startswith("moments.steps.") else memory.tensors[name]
+        assert torch.equal(tensor, kept)
+    with pytest.raises(KeyError):
+        StageRun(begun.stage, QUICK, data, LoopMemory(4, {}))

@@ -8,7 +8,7 @@ from catalogs.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.training.loop import LoopMemory, StageRun
-from surrogate.training.optimizer import Adam
+from surrogate.training.optimizer import Adam, Moments
 from surrogate.training.relocation import ScreenGradients, plan_relocation, relocate, share
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage, simulation_stage
@@ -87,7 +87,7 @@ def test_nothing_moves_without_dead_or_without_living(peaks: torch.Tensor) -> No
     assert plan_relocation(peaks, 0.01, np.random.default_rng(0)) is None
 
 
-def test_relocation_copies_rows_and_second_moments_and_forgets_first_ones() -> None:
+def test_relocation_copies_rows_and_second_moments_and_steps_and_forgets_first_ones() -> None:
     count = 6
     rows = {
         "opacity_logits": torch.linspace(-1.0, 1.0, count),
@@ -95,21 +95,26 @@ def test_relocation_copies_rows_and_second_moments_and_forgets_first_ones() -> N
         "latents": torch.arange(2.0 * count).view(count, 2),
     }
     before = {name: tensor.clone() for name, tensor in rows.items()}
-    moments = {name: (torch.ones_like(tensor), 1.0 + torch.rand_like(tensor)) for name, tensor in rows.items()}
-    squares = {name: second.clone() for name, (_, second) in moments.items()}
+    moments = {
+        name: Moments(torch.ones_like(tensor), 1.0 + torch.rand_like(tensor), torch.arange(1.0, 1.0 + count))
+        for name, tensor in rows.items()
+    }
+    squares = {name: kept.second.clone() for name, kept in moments.items()}
     relocation = plan_relocation(torch.tensor([0.0, 0.9, 0.9, 0.0, 0.9, 0.9]), 0.01, np.random.default_rng(2))
     assert relocation is not None
     relocate(relocation, rows, moments)
     touched = set(relocation.moved.tolist()) | set(relocation.sources.tolist())
     for row in range(count):
         for name, tensor in rows.items():
-            assert (moments[name][0][row] == (0.0 if row in touched else 1.0)).all()
-            assert row in relocation.moved or torch.equal(moments[name][1][row], squares[name][row])
+            assert (moments[name].first[row] == (0.0 if row in touched else 1.0)).all()
+            assert row in relocation.moved or torch.equal(moments[name].second[row], squares[name][row])
+            assert row in relocation.moved or moments[name].steps[row] == 1.0 + row
             assert row in touched or torch.equal(tensor[row], before[name][row])
     for moved, source in zip(relocation.moved.tolist(), relocation.sources.tolist(), strict=True):
         assert all(torch.equal(tensor[moved], tensor[source]) for tensor in rows.values())
         assert torch.equal(rows["latents"][moved], before["latents"][source])
-        assert all(torch.equal(moments[name][1][moved], squares[name][source]) for name in rows)
+        assert all(torch.equal(moments[name].second[moved], squares[name][source]) for name in rows)
+        assert all(moments[name].steps[moved] == 1.0 + source for name in rows)
         assert rows["opacity_logits"][moved] < before["opacity_logits"][source]
 
 
