@@ -2,6 +2,7 @@
 
 import importlib.util
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,20 +11,39 @@ from catalogs import Catalog
 from catalogs.scene import ViewPlan
 
 PROJECT = Path(__file__).resolve().parent.parent
+FEW = ViewPlan(frequency=1, width=8, height=8)
 
 
-def test_gray_scott(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = importlib.util.spec_from_file_location("gray_scott", PROJECT / "examples/gray_scott.py")
+def example_named(name: str) -> Any:
+    spec = importlib.util.spec_from_file_location(name, PROJECT / f"examples/{name}.py")
     assert spec is not None
     assert spec.loader is not None
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
+    return example
+
+
+def test_gray_scott(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    example = example_named("gray_scott")
     patterns = {time: v.copy() for time, v in example.gray_scott(0.03, 0.056, (0, 40), 16)}
     assert float(patterns[0].max()) == 0.25
     assert np.isfinite(patterns[40]).all()
     # A short run in place of each: the times are those that a member says.
     monkeypatch.setattr(example, "gray_scott", lambda feed, kill, dumps, _: ((time, patterns[0]) for time in dumps))
-    example.main(tmp_path / "gray_scott.cdb", views=ViewPlan(frequency=1, width=8, height=8))
+    example.main(tmp_path / "gray_scott.cdb", views=FEW)
     made = Catalog.open(tmp_path / "gray_scott.cdb")
     assert len(made.members) == 24
     assert {member.parameters["time"] for member in made.members} >= {500.0, 1530.0}
+
+
+def test_stirred_dye(tmp_path: Path) -> None:
+    example = example_named("stirred_dye")
+    still, moved = (dict(example.stirred(strength, (0.3, 0.9), 16)) for strength in (0.0, 2.0))
+    assert list(still) == [0.3, 0.9]
+    np.testing.assert_allclose(still[0.9], still[0.3], atol=1e-3)
+    assert float(np.abs(moved[0.9] - still[0.9]).max()) > 0.3
+    assert float(moved[0.9].sum()) == pytest.approx(float(still[0.9].sum()), rel=0.3)  # the flow has no sources
+    example.main(tmp_path / "stirred_dye.cdb", size=8, views=FEW)
+    made = Catalog.open(tmp_path / "stirred_dye.cdb")
+    assert len(made.members) == 35
+    assert {member.parameters["time"] for member in made.members} == {0.3, 0.4, 0.5, 0.9, 1.5, 1.6, 2.1, 2.8}
