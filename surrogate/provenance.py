@@ -9,8 +9,9 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from catalogs.version import commit
 
@@ -55,6 +56,12 @@ def machine() -> dict[str, str | int]:
     """Processor, cores that this process may use, and system."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return {"processor": _processor(), "cores": cores, "system": f"{platform.system()} {platform.machine()}"}
+
+
+def in_words(machine: Mapping[str, Any]) -> str:
+    """A `machine` such as "AMD EPYC, 2 cores", "?" for what it does not say."""
+    cores = machine.get("cores", "?")
+    return f"{machine.get('processor', 'an unknown processor')}, {cores} core{'' if cores == 1 else 's'}"
 
 
 def _processor() -> str:

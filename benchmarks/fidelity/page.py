@@ -13,6 +13,7 @@ from benchmarks.fidelity.variants import BASE, Variant
 from benchmarks.page import fill, page_in, table
 from benchmarks.splatting.figures import COLORS, MARKERS, panels
 from benchmarks.splatting.workloads import thousands
+from surrogate.provenance import in_words
 
 PAGE, FIGURE = "volume_fidelity.md", "volume_fidelity.png"
 NONE = 1e-3  # where a dilation of zero stands on a logarithmic axis
@@ -33,8 +34,8 @@ def write(output: Path, results: Results, ensembles: list[dict[str, Any]], say: 
     page = page_in(output, PAGE)
     first = next(iter(next(iter(results.values())).values()))
     made = (
-        f"\n<sub>`python -m benchmarks.fidelity`, commit {first['commit']}, {first['machine']['processor']}, "
-        f"{first['machine']['cores']} cores, seed 0 where none is named.</sub>"
+        f"\n<sub>`python -m benchmarks.fidelity`, commit {first['commit']}, "
+        f"{in_words(first['machine'])}, seed 0 where none is named.</sub>"
     )
     fill(page, "variants", variants_table(results) + made)
     fill(page, "rules", rules_table(results) + made)

@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.studies import StudyResults
 from surrogate.evaluation.tables import table
+from surrogate.provenance import in_words
 
 
 def report_sources(scenes: Iterable[SceneResults]) -> str:
@@ -46,10 +47,5 @@ def _of_scene(scene: SceneResults) -> list[tuple[str, str]]:
 def made_from(records: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> str:
     """From which commits, on which machines and with which seeds; a record has a "commit" and a "machine"."""
     commits = ", ".join(dict.fromkeys(f"`{record['commit']}`" for record in records))
-    machines = "; ".join(dict.fromkeys(_machine(record["machine"] or {}) for record in records))
+    machines = "; ".join(dict.fromkeys(in_words(record["machine"] or {}) for record in records))
     return f"commit {commits}, {machines}, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}"
-
-
-def _machine(machine: Mapping[str, Any]) -> str:
-    cores = machine.get("cores", "?")
-    return f"{machine.get('processor', 'an unknown processor')}, {cores} core{'' if cores == 1 else 's'}"

@@ -26,7 +26,7 @@ from benchmarks.splatting.scaling import scaling
 from benchmarks.splatting.setup import Setup
 from benchmarks.splatting.step import step
 from benchmarks.splatting.trained import Trained, training_time
-from surrogate.provenance import machine
+from surrogate.provenance import in_words, machine
 from surrogate.splatting.threads import one_torch_thread
 
 PAGE = "splatting.md"
@@ -72,7 +72,7 @@ def main() -> None:
 def provenance(quick: bool) -> str:
     """The line under every table."""
     about = machine()
-    on = f"{about['processor']}, {about['cores']} cores, {about['system']}, torch {torch.__version__}"
+    on = f"{in_words(about)}, {about['system']}, torch {torch.__version__}"
     return f"{made_by('splatting' + ' --quick' * quick, on=on)}. Times: median (fastest to slowest), wall clock."
 
 

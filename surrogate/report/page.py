@@ -21,16 +21,16 @@ from surrogate.evaluation.tables import (
     timing_row,
     validation_line,
 )
+from surrogate.provenance import in_words
 from surrogate.report.variations import variation_section
 from surrogate.studies.repeats.table import repeats_section
 
 
 def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
     """The page of a report; `pictures` are file names by title."""
-    machine = f"{record['machine']['processor']}, {record['machine']['cores']} cores"
     return document(
         f"# {record['scene']}",
-        f"Commit `{record['commit']}`, {machine}, seed {record['seed']}, {record['made']}.",
+        f"Commit `{record['commit']}`, {in_words(record['machine'])}, seed {record['seed']}, {record['made']}.",
         _ensemble(record.get("ensemble")),
         "## How good",
         cell_table(record, ("views", "parameters")),

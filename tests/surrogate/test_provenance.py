@@ -1,11 +1,12 @@
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from catalogs import version
 from surrogate import provenance
-from surrogate.provenance import code, commit, machine
+from surrogate.provenance import code, commit, in_words, machine
 
 
 @pytest.fixture
@@ -81,3 +82,15 @@ def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
 
 def test_a_machine_has_cores() -> None:
     assert int(machine()["cores"]) >= 1
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ({"processor": "abacus", "cores": 2}, "abacus, 2 cores"),
+        ({"processor": "abacus", "cores": 1}, "abacus, 1 core"),
+        ({}, "an unknown processor, ? cores"),
+    ],
+)
+def test_a_machine_in_words(known: dict[str, Any], words: str) -> None:
+    assert in_words(known) == words

@@ -19,6 +19,7 @@ from surrogate.evaluation.tables import (
     spread_number,
     table_of,
 )
+from surrogate.provenance import in_words
 from surrogate.studies.repeats.records import FOLDER, Scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
@@ -45,7 +46,7 @@ def repeats_section(record: Mapping[str, Any] | None, source: str) -> list[str]:
 
 def made_by(record: Mapping[str, Any], source: str) -> str:
     """What made the numbers, where, and from which code."""
-    machines = [f"{machine['processor']}, {machine['cores']} cores" for machine in record["machines"]]
+    machines = [in_words(machine) for machine in record["machines"]]
     count = len(record["seeds"])
     return f"`surrogate repeat {source} --seeds {count}`; {'; '.join(machines)}; commit {', '.join(record['commits'])}"
 

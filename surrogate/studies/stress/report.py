@@ -12,7 +12,7 @@ import numpy as np
 from catalogs import durable
 from surrogate.appearance.averages import LEAST_SPREAD, NEGLIGIBLE, TOLERANCE
 from surrogate.evaluation.tables import document, table_of
-from surrogate.provenance import commit, machine
+from surrogate.provenance import commit, in_words, machine
 from surrogate.studies.stress.cases import Agreement, Case, Refusal
 from surrogate.studies.stress.check import MARGIN, Outcome
 from surrogate.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
@@ -27,7 +27,7 @@ May the splatting engine be trusted where scenes are not ordinary? Each row belo
 its own; `surrogate stress` ends with an error if one is missed. Nothing is repaired before it is compared: a NaN anywhere is
 a miss.
 
-**{verdict}** `surrogate stress`, commit {commit}, {processor}, {cores} cores, {system}. Scenes are drawn by fixed seeds."""
+**{verdict}** `surrogate stress`, commit {commit}, {where}, {system}. Scenes are drawn by fixed seeds."""
 DRAWN = """![The hard cases as they are drawn]({picture})
 
 ## What is drawn
@@ -88,10 +88,12 @@ def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None, function
     drawn = [row for row in rows if isinstance(row[0].case, Case)]
     every: list[tuple[str, Outcome | FunctionOutcome]] = [(name, o) for name, of in tables.items() for o in of]
     every += [("values", o) for o in functions]
-    missed = [(name, o) for name, o in every if not o.passed]
+    missed, on = [(name, o) for name, o in every if not o.passed], machine()
     verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
     return document(
-        INTRODUCTION.format(backends=", ".join(tables), verdict=verdict, commit=commit(), **machine()),
+        INTRODUCTION.format(
+            backends=", ".join(tables), verdict=verdict, commit=commit(), where=in_words(on), system=on["system"]
+        ),
         "\n".join(f"- missed: {o.case.name} ({name}): {'; '.join(o.complaints)}" for name, o in missed),
         DRAWN.format(picture=PICTURE, margin=MARGIN),
         table_of(
