@@ -224,12 +224,7 @@ struct Pair {
     float density;  // of the Gaussian there, 1 at its mean
 };
 
-constexpr int kCorrections = 40'000;  // steps, after which both corrections are 1 in single precision
-
-// What Adam's bias corrections multiply the rate by, and the root of the second moment, after so many steps.
-struct RowCorrections {
-    float first[kCorrections], second[kCorrections];
-};
+constexpr int kCorrections = 40'000;  // steps, after which Adam's bias corrections are 1 in single precision
 
 // A tensor [rows, width] that Adam moves, its moments, and how many steps each row has seen [rows].
 struct RowStep {
@@ -238,7 +233,7 @@ struct RowStep {
     float *first, *second, *steps;
     int64_t rows, width;
     float rate;
-    const RowCorrections* corrections;
+    const float* corrections;  // [kCorrections], what the rate is multiplied by after so many steps
 };
 
 struct Kernels {

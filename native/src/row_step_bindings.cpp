@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "arrays.hpp"
 #include "instruction_sets.hpp"
@@ -15,19 +16,16 @@ namespace {
 
 using InPlace = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
 
-RowCorrections corrections_of(double decay_first, double decay_second) {
-    RowCorrections made{};
-    made.first[0] = made.second[0] = 1.0f;
-    for (int steps = 1; steps < kCorrections; ++steps) {
-        made.first[steps] = float(1.0 / (1.0 - std::pow(decay_first, steps)));
-        made.second[steps] = float(1.0 / std::sqrt(1.0 - std::pow(decay_second, steps)));
-    }
+std::vector<float> corrections_of(double decay_first, double decay_second) {
+    std::vector<float> made(kCorrections, 1.0f);
+    for (int steps = 1; steps < kCorrections; ++steps)
+        made[size_t(steps)] = float(std::sqrt(1.0 - std::pow(decay_second, steps)) / (1.0 - std::pow(decay_first, steps)));
     return made;
 }
 
 void bound_step_rows(InPlace tensor, Input gradient, InPlace first, InPlace second, InPlace steps, float rate,
                      const std::string& instruction_set) {
-    static const RowCorrections corrections = corrections_of(0.9, 0.999);
+    static const std::vector<float> corrections = corrections_of(0.9, 0.999);
     require(tensor.ndim() >= 1, "tensor must have rows, got a single number");
     std::vector<size_t> shape;
     for (size_t k = 0; k < tensor.ndim(); ++k) shape.push_back(tensor.shape(k));
@@ -36,7 +34,7 @@ void bound_step_rows(InPlace tensor, Input gradient, InPlace first, InPlace seco
     require_shape(Input(second), "second", shape);
     require_shape(Input(steps), "steps", {shape[0]});
     const int64_t rows = int64_t(shape[0]), width = rows ? int64_t(tensor.size()) / rows : 1;
-    const RowStep step{tensor.data(), gradient.data(), first.data(), second.data(), steps.data(), rows, width, rate, &corrections};
+    const RowStep step{tensor.data(), gradient.data(), first.data(), second.data(), steps.data(), rows, width, rate, corrections.data()};
     const Kernels& kernels = kernels_named(instruction_set);
     nb::gil_scoped_release released;
     kernels.step_rows(step);

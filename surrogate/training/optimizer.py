@@ -103,15 +103,18 @@ def step_rows(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, s
 def step_rows_reference(
     tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, steps: Tensor, rate: float
 ) -> None:
-    """The same in plain torch: the definition that the kernel is tested against."""
+    """The same in plain torch: the definition that the kernel is tested against.
+
+    Corrections multiply the rate (Kingma & Ba 2015, end of section 2).
+    """
     by_row = (-1, *[1] * (tensor.ndim - 1))
     seen = (gradient != 0.0).reshape(len(tensor), math.prod(tensor.shape[1:])).any(dim=1)  # [N]
     steps.add_(seen)
     shown, count = seen.view(by_row), steps.double().clamp(min=1.0).view(by_row)
     first.copy_(torch.where(shown, first.lerp(gradient, 1.0 - DECAY_FIRST), first))
     second.copy_(torch.where(shown, second.lerp(gradient**2, 1.0 - DECAY_SECOND), second))
-    spread = (second / (1.0 - DECAY_SECOND**count)).sqrt().add(EPSILON)
-    change = rate / (1.0 - DECAY_FIRST**count) * first / spread
+    corrected = rate * (1.0 - DECAY_SECOND**count).sqrt() / (1.0 - DECAY_FIRST**count)
+    change = corrected * first / (second.sqrt() + EPSILON)
     tensor.sub_(torch.where(shown, change, 0.0).to(tensor.dtype))
 
 
