@@ -140,7 +140,6 @@ class OffsetUnits:
     log_scales: float = _setting(0.2, POSITIVE, "log_scale_offset")
     quats: float = _setting(0.1, POSITIVE, "quat_offset")
     opacity_logits: float = _setting(1.0, POSITIVE, "opacity_offset")
-    thickness: float = _setting(0.2, POSITIVE, "thickness_offset", optional=True)  # in place of it, of carried values
     colors: float = _setting(0.5, POSITIVE, "color_offset")
     values: float = _setting(0.1, POSITIVE, "field_value_offset", optional=True)
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import torch
@@ -21,7 +21,7 @@ from torch import Tensor
 
 from catalogs.numbers import row
 from catalogs.words import one_line
-from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
+from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import Deformation, Offsets
 from surrogate.gaussians import GEOMETRY
@@ -282,16 +282,9 @@ def compose(gaussians: AnyGaussians, first: At, second: At) -> AnyGaussians:
 
 
 def _units(gaussians: AnyGaussians, settings: TrainingSettings, color_columns: int) -> Tensor:
-    """The size of one unit of each of a Gaussian's C parameters that may move, (C,), `color_columns` of them of its colour.
-
-    Where Gaussians carry values these say how opaque members are, and thickness moves less: at the unit of opacities all became
-    transparent where 5 % of the pixels show anything, and no gradient brought them back.
-    """
+    """The size of one unit of each of a Gaussian's C parameters that may move, (C,), `color_columns` of them of its colour."""
     widths = GEOMETRY | {"colors": color_columns, "values": 2}
-    units = asdict(settings.units)
-    if isinstance(gaussians, FieldGaussians):
-        units["opacity_logits"] = settings.units.thickness
-    return torch.tensor([units[name] for name in gaussians.tensors() for _ in range(widths[name])])
+    return torch.tensor([getattr(settings.units, name) for name in gaussians.tensors() for _ in range(widths[name])])
 
 
 def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:

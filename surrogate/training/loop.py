@@ -98,7 +98,8 @@ class StageRun:
         loss.backward()
         if self._screen_gradients is not None:
             self._screen_gradients.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)
-        self._adam.step(settings.rates.final_factor ** (self.step / self.stage.steps))
+        decay, warmth = settings.rates.final_factor ** (self.step / self.stage.steps), self.stage.warmth(self.step)
+        self._adam.step(decay, dict.fromkeys(self.stage.warming, warmth))
         self.step += 1
         if self.stage.per_gaussian:
             self._relocate(gaussians)

@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import NamedTuple
 
 import torch
@@ -143,14 +144,14 @@ class Adam:
 
     @torch.no_grad()
     @without_subnormals()
-    def step(self, factor: float) -> None:
-        """Move every tensor by its gradient with `factor` times its rate, and forget the gradients."""
+    def step(self, factor: float, factors: Mapping[str, float] = MappingProxyType({})) -> None:
+        """Move every tensor by its gradient with `factor` times its rate, times its own of `factors`, and forget the gradients."""
         self._steps += 1.0
         for name, tensor in self._tensors.items():
             if tensor.grad is None:
                 continue
             first, second, rows = self._moments[name]
-            rate = self._rates[name] * factor
+            rate = self._rates[name] * factor * factors.get(name, 1.0)
             if rows is None:
                 rate /= surprise(tensor.grad, second, float(self._steps))
                 update(tensor, tensor.grad, first, second, self._steps, rate)

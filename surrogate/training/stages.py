@@ -18,6 +18,7 @@ from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
 PREFIX = "deformation."
+WARM_UP, WARM_UP_SHARE = 500, 0.125  # steps, at most so many of a stage's
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Stage:
     rates : Adam's rate per tensor at the stage's start.
     per_gaussian : which of them have a row per Gaussian that moves when a dead Gaussian is relocated; none: nothing is relocated.
     shared : which of them move all Gaussians at once.
+    warming : which of them begin slowly, see `warmth`.
     carried_at : the Gaussians at normalized parameters (P,) with the colours or values they carry, differentiable in `tensors`.
     function_at : the transfer function that is shown there of the values that they carry; None for the base.
     rest_at : what the stage's deformation acts on, there; None where it has none.
@@ -44,12 +46,21 @@ class Stage:
     per_gaussian: frozenset[str]
     carried_at: Callable[[Tensor], AnyGaussians]
     shared: frozenset[str] = frozenset()
+    warming: frozenset[str] = frozenset()
     function_at: Callable[[Tensor], TransferFunction | None] = lambda _: None
     rest_at: Callable[[Tensor], Gaussians] | None = None
 
     def gaussians_at(self, parameters: Tensor) -> Gaussians:
         """The Gaussians that are drawn at normalized parameters (P,)."""
         return self.carried_at(parameters).drawn(self.function_at(parameters))
+
+    def warmth(self, step: int) -> float:
+        """What the rates of `warming` tensors are multiplied by in a step: they rise linearly at first.
+
+        Where 5 % of the pixels show anything, most of what the first steps say is that Gaussians shall not be seen.  At full rates
+        F_sim learnt that within a hundred steps for all members, and no gradient brought the Gaussians back.
+        """
+        return min(1.0, (step + 1) / min(WARM_UP, max(1.0, WARM_UP_SHARE * self.steps)))
 
 
 def canonical_rates(gaussians: AnyGaussians, settings: TrainingSettings) -> dict[str, float]:
@@ -96,5 +107,6 @@ def simulation_stage(gaussians: AnyGaussians, deformation: Deformation, settings
         per_gaussian=frozenset(gaussians.tensors()) | {PREFIX + name for name in deformation.per_gaussian},
         carried_at=lambda parameters: deformation.deformed(gaussians, parameters),
         shared=shared_of(deformation, PREFIX),
+        warming=frozenset(PREFIX + name for name in deformation.tensors()),
         rest_at=lambda parameters: gaussians.drawn(),
     )

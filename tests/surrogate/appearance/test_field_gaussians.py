@@ -178,11 +178,3 @@ def test_few_tables_are_kept() -> None:
     tables = [field.table(function) for function in functions]
     assert field.table(functions[-1]) is tables[-1]
     assert field.table(functions[0]) is not tables[0]
-
-
-def test_thickness_has_an_offset_of_its_own() -> None:
-    settings = TrainingSettings(opacity_offset=0.7, thickness_offset=0.4, field_value_offset=0.05)
-    carrying = BilinearDeformation.create(carried(), 1, settings)
-    colored = BilinearDeformation.create(carried().drawn(), 1, settings)
-    assert carrying.units[10:].tolist() == pytest.approx([0.4, 0.05, 0.05])
-    assert float(colored.units[10]) == pytest.approx(0.7)
