@@ -18,7 +18,7 @@ from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
 PREFIX = "deformation."
-WARM_UP, WARM_UP_SHARE = 500, 0.125  # steps, at most so many of a stage's
+WARM_UP, WARM_UP_SHARE = 500, 0.05  # steps, at most so many of a stage's
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,13 +22,13 @@ from tests.support.blobs import Blobs
         (11_000, 249, 0.5),
         (11_000, 499, 1.0),
         (11_000, 10_999, 1.0),
-        (800, 49, 0.5),
-        (800, 100, 1.0),
+        (800, 19, 0.5),
+        (800, 40, 1.0),
         (1, 0, 1.0),
     ],
 )
-def test_rates_of_the_deformation_rise_over_500_steps_or_an_eighth_of_the_stage(
-    make_catalog, steps: int, step: int, warmth: float
+def test_rates_of_the_deformation_rise_over_500_steps_or_a_twentieth_of_the_stage(
+    steps: int, step: int, warmth: float
 ) -> None:
     settings = TrainingSettings(gaussians=5, deformation_steps=steps)
     gaussians = Gaussians(torch.zeros(5, 3), torch.zeros(5, 3), torch.ones(5, 4), torch.zeros(5), torch.zeros(5, 3))
@@ -41,7 +41,7 @@ def test_rates_of_the_deformation_rise_over_500_steps_or_an_eighth_of_the_stage(
 def test_the_first_step_moves_the_deformation_by_a_part_of_its_rate_and_the_gaussians_by_all_of_it(
     make_catalog,
 ) -> None:
-    settings = TrainingSettings(gaussians=30, deformation_steps=80, color_degree=0)
+    settings = TrainingSettings(gaussians=30, deformation_steps=200, color_degree=0)
     source = Source(settings, make_catalog(Blobs(count=4, size=16), view_splits=("train",) * 3))
     data = source.data()
     gaussians = source.initial_gaussians(data)
