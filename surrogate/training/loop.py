@@ -32,7 +32,8 @@ FARTHEST = 10.0  # half boxes from the centre
 class LoopMemory:
     """What the loop remembers after `step` steps of a stage, beside what it trains.
 
-    `tensors` are Adam's moments, the recent largest opacities, screen gradients and the images' errors, as far as there are any.
+    `tensors` are Adam's moments and the steps of rows, the recent largest opacities, screen gradients and the images' errors, as
+    far as there are any.
     """
 
     step: int

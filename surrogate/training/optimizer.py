@@ -2,7 +2,7 @@
 
 Tensors with a row per Gaussian are moved where their Gaussian has a gradient, and each row counts its own steps.  In an ensemble
 most Gaussians show nothing of most members.  With Adam as it is for whole tensors their second moments decay meanwhile, and the
-next gradient throws a row up to 31 times as far as it would have moved, into members that do not show it: where 5 % of the pixels
+next gradient throws a row thirty times as far as it would have moved, into members that do not show it: where 5 % of the pixels
 show anything, training diverged.  `torch.optim.SparseAdam` leaves unseen rows as they are too, but has one count for all.
 """
 
@@ -28,8 +28,9 @@ EPSILON = 1e-15  # as in 3D Gaussian Splatting: gradients of single Gaussians ar
 def without_subnormals() -> Iterator[None]:
     """Take subnormal numbers for zero, in this thread (training runs torch on one: `surrogate.splatting.threads`).
 
-    Processors are slow with them, and decay ends there, not at zero: 0.9 times the smallest is rounded to itself.  Of a training
-    on isosurfaces half of the first moments were such, of Gaussians that no picture shows any more (52 % of 520,000).
+    Processors are slow with them, and decay ends there, not at zero: 0.9 times the smallest is rounded to itself.  When every row
+    decayed, half of the first moments of a training on isosurfaces were such, of Gaussians that no picture showed any more (52 % of
+    520,000); in shared tensors they still arise.
     """
     before = sys.float_info.min / 2.0 == 0.0
     torch.set_flush_denormal(True)

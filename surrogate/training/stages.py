@@ -58,7 +58,7 @@ class Stage:
         """What the rates of `warming` tensors are multiplied by in a step: they rise linearly at first.
 
         Where 5 % of the pixels show anything, most of what the first steps say is that Gaussians shall not be seen.  At full rates
-        F_sim learnt that within a hundred steps for all members, and no gradient brought the Gaussians back.
+        F_sim learnt that within a few hundred steps for all members, and no gradient brought the Gaussians back.
         """
         return min(1.0, (step + 1) / min(WARM_UP, max(1.0, WARM_UP_SHARE * self.steps)))
 

@@ -199,7 +199,7 @@ def _surface_stage(
     assert visualization.deformation is not None
     return replace(
         simulation_stage(visualization.gaussians, visualization.deformation, settings),
-        warming=frozenset(),  # in the tutorial surfaces that began slowly were 3.6 dB worse
+        warming=frozenset(),  # in the tutorial (one seed) surfaces that began slowly were 3.6 dB worse
         name=visualization.variation.kind,
         steps=settings.steps.visualization,
         carried_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 import torch
 
+from surrogate.splatting.threads import one_torch_thread
 from surrogate.training import optimizer
 from surrogate.training.optimizer import Adam, surprise, without_subnormals
 
@@ -85,6 +86,22 @@ def test_a_restored_optimizer_goes_on_bit_for_bit() -> None:
             tensor.copy_(saved[name][which])
     steps(adam, resumed, 13, 30)
     assert all(torch.equal(resumed[name], whole[name]) for name in whole)
+
+
+@one_torch_thread()  # as in training: the processor's mode is one thread's
+def test_moments_of_what_no_picture_shows_end_at_zero_and_not_below_normal_numbers() -> None:
+    """Rounding keeps them at a few of the smallest number for ever: a step of 20,000 latents took 3.5 ms and not 0.35."""
+    seen, unseen = torch.ones(4, 3), torch.zeros(4, 3)
+    tensor = torch.zeros(8, 3, requires_grad=True)
+    adam = Adam({"latents": tensor}, {"latents": 0.1}, shared=("latents",))
+    for step in range(1200):
+        tensor.grad = torch.cat([seen, unseen if step else seen])
+        adam.step(1.0)
+    first, second, _ = adam.moments()["latents"]
+    assert not first[4:].any()
+    assert bool((first[:4] > 0.9).all())
+    assert bool((second > 0).all())
+    assert bool(tensor.isfinite().all())
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, and its twin
