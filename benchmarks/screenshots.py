@@ -20,7 +20,7 @@ from benchmarks.page import DOCS
 from tests.support.browsers import FLAGS, find_browser
 
 SIZE = {"width": 1280, "height": 800}
-STILL = "() => window.explorer?.stream?.resting && document.getElementById('expected').textContent.includes('training member')"
+STILL = "() => window.explorer?.resting && /^(?!Measuring)./.test(document.getElementById('expected').textContent)"
 
 
 def taken(browser: Browser, address: str, state: dict[str, object], wait: str, target: Path) -> None:

@@ -7,6 +7,9 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from benchmarks.results.ablations import study_section
+from benchmarks.results.curves import PICTURE as CURVES
+from benchmarks.results.curves import curves_section
+from benchmarks.results.curves import plot as plot_curves
 from benchmarks.results.functions import functions_section
 from benchmarks.results.gaps import Gap, gaps_of
 from benchmarks.results.parts import parts_of
@@ -70,6 +73,7 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
         "## How large, how fast",
         "Times are medians, one picture at a time.",
         table_of(known, *COST_COLUMNS) if known else "No scene has a report yet.",
+        *curves_section(scenes, CURVES in pictures),
         *([f"## {SOURCES}", report_sources(scenes)] if known else []),
         *_pictures(scenes, pictures),
         "## What each choice of training is worth",
@@ -79,7 +83,8 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
 
 
 def pictures_of(scenes: Sequence[SceneResults], output: Path) -> dict[str, bytes]:
-    """The pictures that belong on the page, by name: of a scene's variations, or else its comparison, and of its ablations.
+    """The pictures that belong on the page, by name: of a scene's variations, or else its comparison, of its ablations, and
+    of all curves.
 
     Those of reports come from runs/, where these are the reports that are shown; else what lies in `output` stays.
     """
@@ -90,6 +95,7 @@ def pictures_of(scenes: Sequence[SceneResults], output: Path) -> dict[str, bytes
         new = {_picture(scene, sheet): _content(folder / sheet) if same else None for sheet in _sheets(scene)}
         new |= {_picture(scene, f"{study.kind.folder}.png"): plot(study.rows) for study in scene.studies}
         found |= {name: content or _content(output / name) for name, content in new.items()}
+    found[CURVES] = plot_curves(scenes)
     return {name: content for name, content in found.items() if content is not None}
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.curves.measured import Point
+from benchmarks.curves.measured import load as load_curve
 from benchmarks.functions.measured import Shown, load
 from benchmarks.results.studies import StudyResults, published_study, read_studies
 from catalogs.appearance import ImportedImages, appearance_to_json
@@ -38,6 +40,7 @@ class SceneResults:
     repeats : `summarize_repeats` of the seeds of the same settings; None for fewer than two.
     studies : its ablations.
     functions : how functions that were never trained are shown, a record and its rows for each seed.
+    curve : how good it is after some minutes of training.
     earlier : whether any of it was measured by other code than the present, or is known from an earlier page alone.
     """
 
@@ -51,6 +54,7 @@ class SceneResults:
     repeats: Mapping[str, Any] | None = None
     studies: Sequence[StudyResults] = ()
     functions: Sequence[tuple[Record, Sequence[Shown]]] = ()
+    curve: Sequence[Point] = ()
     earlier: bool = False
 
 
@@ -73,7 +77,7 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     scores = load_scores(folder, **asked)
     known = load_report(folder, settings.seed)
     report = known if known is not None and known.agrees(asked) else None
-    studies, functions = read_studies(folder, settings), load(folder, settings.to_json())
+    studies, functions, curve = read_studies(folder, settings), load(folder, settings.to_json()), load_curve(folder)
     published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
     if published is not None:
         measured = {study.kind for study in studies}
@@ -81,12 +85,12 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         studies = [*studies, *(study for study in old if study.kind not in measured)]
     if report is None and not scores and published is not None:
         figures = {name: published.values[name] for name in ("report", "ceilings", "repeats")}
-        return SceneResults(*of_scene, **figures, studies=studies, functions=functions, earlier=True)
+        return SceneResults(*of_scene, **figures, studies=studies, functions=functions, curve=curve, earlier=True)
     [(base_of_most, _)] = Counter(one.base for one in scores).most_common(1) or [("", 0)]
     mark = base_of_most if report is None else report.key["mark"]
     seeds = [one for one in scores if one.base == mark]
     ceilings = [entry for entry in load_ceilings(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark]
-    made_by = {one.provenance.code for one in seeds} | ({report.provenance.code} if report else set())
+    made_by = {one.provenance.code for one in (*seeds, *curve)} | ({report.provenance.code} if report else set())
     return SceneResults(
         *of_scene,
         None if report is None else report.values,
@@ -94,5 +98,6 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         summarize_repeats(seeds),
         studies,
         functions,
+        curve,
         earlier=not made_by <= {code()} or any(study.earlier for study in studies),
     )
