@@ -8,19 +8,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.curves.__main__ import main
-from benchmarks.curves.measured import KIND, Point, load, save
-from surrogate.storage.records import Provenance, Record
+from benchmarks.curves.measured import KIND, load, save
+from surrogate.storage.records import Record
 from tests.support.again import rendered, scene_file
-
-MADE = Provenance("bead", "", {"processor": "abacus", "cores": 1})
-
-
-def point(minutes: float, psnr: float | None, **kinds: float) -> Point:
-    def cells(psnr: float | None, row: str) -> dict[str, object]:
-        return {"psnr": {row: {"unseen_parameters": psnr}}}
-
-    varied = [{"kind": kind, **cells(found, "unseen_settings")} for kind, found in kinds.items()]
-    return Point(minutes, 0, 100, 10, 1.0, 60.0 * minutes, 59.0 * minutes, cells(psnr, "unseen_views"), varied, MADE)
+from tests.support.curves import MADE, point
 
 
 def test_what_is_kept_is_read_again_by_minutes(tmp_path: Path) -> None:
