@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.page import DOCS, command_line, fill, made_by, stopwatch, table
 from catalogs.cameras import Camera
 from catalogs.catalog import MEMBERS, Catalog
+from catalogs.farthest import farthest_points
 from catalogs.members import RECORD, ROWS, write_record
 from catalogs.scene import Scene
 from surrogate.evaluation.tables import number
@@ -34,15 +35,11 @@ HEADER = ("scene", "views", "learnt from", "unseen views, dB", "unseen views and
 
 
 def spread_views(cameras: Sequence[Camera], among: Sequence[int], count: int) -> list[int]:
-    """`count` of the views `among`, in order: each next one the farthest in direction from those taken (all where fewer are)."""
+    """`count` of the views `among`, in order, whose directions lie far apart; all where there are no more."""
     places = np.array([cameras[view].position for view in among])  # [V, 3]
     directions = places - places.mean(axis=0)  # [V, 3]
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    taken, nearest = [0], directions @ directions[0]  # nearest: [V], cosines
-    while len(taken) < min(count, len(among)):
-        taken.append(int(np.argmin(nearest)))
-        nearest = np.maximum(nearest, directions @ directions[taken[-1]])
-    return sorted(among[i] for i in taken)
+    return sorted(among[i] for i in farthest_points(directions, count))
 
 
 def thinned(catalog: Catalog, path: Path, count: int) -> Catalog:
@@ -68,12 +65,6 @@ def _without(splits: Sequence[str], left: set[int]) -> tuple[str, ...]:
     return tuple("test" if view in left else split for view, split in enumerate(splits))
 
 
-def trained(settings: TrainingSettings, catalog: Catalog, count: int, folder: Path) -> Surrogate:
-    """A surrogate of a catalog thinned to `count` training views, which is only there meanwhile."""
-    with tempfile.TemporaryDirectory(dir=catalog.path.parent) as beside:
-        return train(settings, thinned(catalog, Path(beside) / "catalog.cdb", count), folder)
-
-
 def row(scene: str, views: int, learnt: str, surrogate: Surrogate, catalog: Catalog) -> list[str]:
     """Of the table."""
     psnr = score_model(surrogate, catalog)["cells"]["psnr"]["unseen_views"]
@@ -96,12 +87,14 @@ def main() -> None:
         catalog, base = Catalog.open(run / "catalog.cdb"), TrainingSettings(**scene.training)
         rows = []
         for views in given.views:
-            for learnt, weight in (("pictures and values", base.loss.values), ("pictures alone", 0.0)):
-                say(f"{scene.name}, {views} views, {learnt}")
-                settings = base.changed(field_value_weight=weight)
-                surrogate = trained(settings, catalog, views, run / FOLDER / f"{views}-{weight:g}")
-                rows.append(row(scene.name, views, learnt, surrogate, catalog))
-                print(" | ".join(rows[-1]), flush=True)
+            with tempfile.TemporaryDirectory(dir=run) as beside:
+                few = thinned(catalog, Path(beside) / "catalog.cdb", views)
+                for learnt, weight in (("pictures and values", base.loss.values), ("pictures alone", 0.0)):
+                    say(f"{scene.name}, {views} views, {learnt}")
+                    settings = base.changed(field_value_weight=weight)
+                    surrogate = train(settings, few, run / FOLDER / f"{views}-{weight:g}")
+                    rows.append(row(scene.name, views, learnt, surrogate, catalog))
+                    print(" | ".join(rows[-1]), flush=True)
     except (ValueError, OSError) as error:
         parser.error(str(error))
     made = made_by(f"few_views {given.scene} --views {' '.join(map(str, given.views))}")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.catalog import Catalog
+from catalogs.farthest import farthest_points
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
 from catalogs.words import shortened
@@ -143,15 +144,11 @@ def run_ensemble(
 def pilot_members(members: Sequence[PlannedMember], space: ParameterSpace, count: int = PILOTS) -> list[PlannedMember]:
     """Up to `count` training members that lie far apart: the lowest corner's, then always the farthest from those taken.
 
-    Farthest-point sampling (Gonzalez 1985) in parameters normalized to their bounds.
+    Distances are those of parameters normalized to their bounds.
     """
     training = [m for m in members if m.split == "train"] or list(members)
     points = space.normalize([[m.parameters[n] for n in space.names] for m in training])  # [M, P]
-    taken = [int(np.argmin(points.sum(axis=1)))]
-    distances = np.linalg.norm(points - points[taken[0]], axis=1)  # [M]
-    while len(taken) < min(count, len(training)):
-        taken.append(int(np.argmax(distances)))
-        distances = np.minimum(distances, np.linalg.norm(points - points[taken[-1]], axis=1))
+    taken = farthest_points(points, count, int(np.argmin(points.sum(axis=1))))
     return [training[i] for i in taken]
 
 

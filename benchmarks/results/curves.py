@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from io import BytesIO
 
+from benchmarks.results.parts import BASE
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import made_from
+from catalogs.variations import KINDS
 from surrogate.evaluation.tables import NOTHING, table
 
 PICTURE = "results_curves.png"
@@ -16,7 +18,6 @@ TEXT = (
     "one core, so a minute is one of processor time, with loading and all choices.  PSNR in dB at unseen views of unseen members, "
     "under unseen isovalues or transfer functions where the row says so; in brackets how many Gaussians the model has."
 )
-WORDS = {"base": "", "isovalue": "isovalues", "transfer_function": "transfer functions", "field": "fields"}
 
 
 def curves_section(scenes: Sequence[SceneResults], is_drawn: bool) -> list[str]:
@@ -64,7 +65,11 @@ def _whats(scene: SceneResults) -> list[str]:
 
 
 def _name(scene: SceneResults, what: str) -> str:
-    return f"{scene.name}, {WORDS[what]}" if WORDS[what] else scene.name
+    return scene.name + _words(what)
+
+
+def _words(what: str) -> str:
+    return "" if what == BASE else f", {KINDS[what].plural}"
 
 
 def _rows(scene: SceneResults, minutes: Sequence[float]) -> list[list[str]]:
@@ -76,7 +81,7 @@ def _rows(scene: SceneResults, minutes: Sequence[float]) -> list[list[str]]:
             f"{point.unseen[what]:.2f} ({point.gaussians:,})" if point and what in point.unseen else NOTHING
             for point in points
         ]
-        found.append([f"`{scene.name}`{', ' * bool(WORDS[what])}{WORDS[what]}", *cells])
+        found.append([f"`{scene.name}`{_words(what)}", *cells])
     return found
 
 
