@@ -1,10 +1,10 @@
 """What fewer views cost, and what the fields' own values are worth then.
 
-    python -m benchmarks.few_views SCENE [--views 42 92] [--runs runs] [--write]
+    python -m benchmarks.few_views SCENE... [--views 42 92] [--runs runs] [--write]
 
-Trains a scene by its own settings on the pictures of some of its training views, spread over the sphere, once as it is and once
-from pictures alone, and scores each on the test images of the whole catalog.  The scene's data set must be there; models are kept
-in RUNS/<scene>/few_views, and what is finished is not trained again.  Prints Markdown; `--write` puts it into docs/values.md.
+Trains scenes by their own settings on the pictures of some of their training views, spread over the sphere, once as they are and
+once from pictures alone, and scores each on the test images of the whole catalog.  The scenes' data sets must be there; models are
+kept in RUNS/<scene>/few_views, and what is finished is not trained again.  Prints Markdown; `--write` puts it into docs/values.md.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,32 +73,35 @@ def row(scene: str, views: int, learnt: str, surrogate: Surrogate, catalog: Cata
     return [f"`{scene}`", str(views), learnt, *scores, f"{seconds:.0f}"]
 
 
+def measured(scene: Scene, run: Path, counts: Sequence[int], say: Callable[[str], None]) -> Iterator[list[str]]:
+    """Train a scene's data set in the folder `run` on so many views each, and give the rows of the table as they come."""
+    catalog, base = Catalog.open(run / "catalog.cdb"), TrainingSettings(**scene.training)
+    for count in counts:
+        with tempfile.TemporaryDirectory(dir=run) as beside:
+            few = thinned(catalog, Path(beside) / "catalog.cdb", count)
+            for learnt, weight in (("pictures and values", base.loss.values), ("pictures alone", 0.0)):
+                say(f"{scene.name}, {count} views, {learnt}")
+                surrogate = train(base.changed(field_value_weight=weight), few, run / FOLDER / f"{count}-{weight:g}")
+                yield row(scene.name, count, learnt, surrogate, catalog)
+
+
 def main() -> None:
     """Train, score, print."""
     parser, say = command_line("few_views", __doc__), stopwatch()
-    parser.add_argument("scene", type=Path)
+    parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE")
     parser.add_argument("--views", type=int, nargs="+", default=[42, 92])
     parser.add_argument("--runs", type=Path, default=Path("runs"))
     parser.add_argument("--write", action="store_true", help="into docs/values.md")
-    given = parser.parse_args()
+    given, rows = parser.parse_args(), list[list[str]]()
     try:
-        scene = Scene.load(given.scene)
-        run = scene.run_directory(given.runs)
-        catalog, base = Catalog.open(run / "catalog.cdb"), TrainingSettings(**scene.training)
-        rows = []
-        for views in given.views:
-            with tempfile.TemporaryDirectory(dir=run) as beside:
-                few = thinned(catalog, Path(beside) / "catalog.cdb", views)
-                for learnt, weight in (("pictures and values", base.loss.values), ("pictures alone", 0.0)):
-                    say(f"{scene.name}, {views} views, {learnt}")
-                    settings = base.changed(field_value_weight=weight)
-                    surrogate = train(settings, few, run / FOLDER / f"{views}-{weight:g}")
-                    rows.append(row(scene.name, views, learnt, surrogate, catalog))
-                    print(" | ".join(rows[-1]), flush=True)
+        for scene in map(Scene.load, given.scenes):
+            for found in measured(scene, scene.run_directory(given.runs), given.views, say):
+                print(" | ".join(found), flush=True)
+                rows.append(found)
     except (ValueError, OSError) as error:
         parser.error(str(error))
-    made = made_by(f"few_views {given.scene} --views {' '.join(map(str, given.views))}")
-    text = f"{table(HEADER, rows)}\n<sub>{made}, seed {base.seed}</sub>"
+    words = " ".join(map(str, (*given.scenes, "--views", *given.views)))
+    text = f"{table(HEADER, rows)}\n<sub>{made_by(f'few_views {words}')}, the scenes' own seeds</sub>"
     print(text)
     if given.write:
         fill(PAGE, PART, text)
