@@ -149,9 +149,9 @@ class Loss:
     """Weights beside the mean absolute error, and how the images are drawn."""
 
     ssim_weight: float = _setting(0.2, FRACTION)  # of 1 - SSIM
-    deformation_penalty: float = _setting(0.0, NOT_NEGATIVE)  # of L_deform, a learnt deformation's mean squared offsets
+    deformation_penalty: float = _setting(0.0, NOT_NEGATIVE)  # of GS-Surrogate's L_deform: mean squared offsets
     values: float = _setting(0.005, NOT_NEGATIVE, "field_value_weight", optional=True)  # of `training.value_loss`
-    hard_example_power: float = _setting(0.0, NOT_NEGATIVE)  # of an image's error, which it is drawn in proportion to
+    hard_example_power: float = _setting(0.0, NOT_NEGATIVE)  # of errors, which images are drawn by; GS-Surrogate: 1.5
 
 
 @dataclass(frozen=True)

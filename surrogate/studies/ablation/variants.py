@@ -84,7 +84,7 @@ FIELD, FIELD_OF_F_VIS = {"deformation": PAPER}, {"visualization_deformation": PA
 FAST = {"field_precision": "bfloat16"}
 AS_GIVEN = "what the scene's settings give; all others are compared with it"
 FASTEST = "the same in the precision that processors with matrix units are fastest in"
-MORE_OFTEN = "images that are badly reproduced are shown more often"
+MORE_OFTEN = "images that are badly reproduced are shown more often, as in GS-Surrogate, whose power is 1.5"
 SMALL_OFFSETS = "small offsets are preferred, as L_deform of GS-Surrogate does"
 DECAY = "what the exponential decay of all rates is worth"
 
