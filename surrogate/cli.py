@@ -8,7 +8,7 @@ from catalogs.version import version_option
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.report.commands import evaluate
-from surrogate.studies.commands import ablate, ceiling, repeat, stress
+from surrogate.studies.commands import ablate, ceiling, compare, repeat, stress
 from surrogate.training.commands import show, train
 
 
@@ -18,5 +18,5 @@ def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
 
 
-for command in (export, sweep, train, evaluate, show, explore, repeat, ablate, ceiling, stress):
+for command in (export, sweep, train, evaluate, show, explore, repeat, ablate, compare, ceiling, stress):
     main.add_command(command)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
-
-import numpy as np
 
 from catalogs.catalog import Catalog
 from catalogs.variations import Variation
@@ -26,17 +23,17 @@ from surrogate.evaluation.cases import (
 )
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
-from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, mean, score_cases, spread
+from surrogate.evaluation.scoring import Cells, Report, Scored, by_cell, score_cases, spread
 from surrogate.evaluation.timing import Milliseconds, measure
-from surrogate.evaluation.trivial.interpolation import fixed_rules, joint_rules, setting_rules, tuned_rules
-from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures
+from surrogate.evaluation.trivial.interpolation import joint_rules, setting_rules
+from surrogate.evaluation.trivial.members import member_mixtures
+from surrogate.evaluation.trivial.mixtures import Mixtures
 from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread
 
 VERSION = 3
 MOST_PERCEPTUAL = 40  # images of a cell: six cells at 110 ms an image (256 x 256) take 26 s
-TUNING_IMAGES = 60  # validation images that choose a rule's constants
 APPLIED = "applied"
 AT_NEAREST = "the surrogate at the nearest trained setting"
 AT_CENTER = "the surrogate at the centre of the parameters"
@@ -193,19 +190,11 @@ class _Engine:
 
     def member_baselines(self, appearance: str, groups: CaseGroups, watched: Sequence[Case]) -> list[Baseline]:
         """Mixtures of training members; their constants are chosen on `watched` validation images."""
-        members = [m for m in self.catalog.members if m.split == "train" and appearance in m.appearances]
         cases = [case for group in groups.values() for case in group]
-        if not members or not cases:
+        if not cases or not any(m.split == "train" and appearance in m.appearances for m in self.catalog.members):
             return []
-        space = self.surrogate.space
-        pictures, rules = MemberPictures(space, appearance, members), fixed_rules(len(space))
-        tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)
-        for family in tuned_rules() if tuning else ():
-            scores = score_cases(Mixtures(self.catalog, pictures, family), self.catalog, tuning)
-            psnr = [mean(found.values(), "psnr") for found in scores]
-            best = int(np.argmax([-math.inf if value is None else value for value in psnr]))
-            rules |= [list(family.items())[best]]
-        mixtures, degrees = Mixtures(self.catalog, pictures, rules), pictures.borrowed_degrees(cases)
+        pictures, mixtures = member_mixtures(self.catalog, self.surrogate.space, appearance, watched)
+        degrees = pictures.borrowed_degrees(cases)
         return self.baselines("trivial predictors", mixtures, groups, degrees=degrees)
 
     def setting_baselines(self, variation: Variation, groups: CaseGroups) -> list[Baseline]:

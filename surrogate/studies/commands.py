@@ -1,4 +1,4 @@
-"""`surrogate repeat`, `ablate`, `ceiling` and `stress`."""
+"""`surrogate repeat`, `ablate`, `compare`, `ceiling` and `stress`."""
 
 from __future__ import annotations
 
@@ -90,6 +90,63 @@ def ablate(
             rows = run(opened.name, experiment, folder, only=names, progress=line, tell=tell, **options)
     click.echo(verdict(rows))
     click.echo(folder / PAGE)
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+@click.option("--methods", multiple=True, metavar="NAME[,NAME...]", help="Who is compared; all by default.")
+@click.option("--minutes", default="5", show_default=True, metavar="M[,M...]", help="Processor time of each training.")
+@click.option("--seeds", default=1, show_default=True, help="Trainings of each method in each time.")
+@click.option(
+    "--size",
+    type=click.Choice(["small", "official"]),
+    default="small",
+    show_default=True,
+    help="Of published methods: as published, or as a processor can train in minutes.",
+)
+@click.option(
+    "--precision", type=click.Choice(["float32", "bfloat16"]), default="float32", show_default=True, help="Of networks."
+)
+@click.option("--tune", is_flag=True, help="Instead choose each method's rates on this scene, for all scenes.")
+def compare(
+    scene: Path,
+    runs: Path,
+    records: Path | None,
+    methods: tuple[str, ...],
+    minutes: str,
+    seeds: int,
+    tune: bool,
+    **form: Any,
+) -> None:
+    """Train published methods and ours on a SCENE's or a RUN's pictures, for the same time each, and compare them on test images.
+
+    Started several times it shares the trainings out: with `taskset` one for each core.  An interrupted training begins anew, what
+    is finished is kept.
+    """
+    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    from surrogate.studies.comparison import run as comparing
+    from surrogate.studies.comparison.result import Result
+
+    def tell(result: Result) -> None:
+        line.close()
+        click.echo(comparing.line(result))
+
+    def tell_rate(method: str, rate: float, psnr: float | None) -> None:
+        line.close()
+        click.echo(f"{method}, {rate:g} times its rates: {'diverged' if psnr is None else f'{psnr:.2f} dB'}")
+
+    kept = "finished trainings are kept, and the same command goes on with the others"
+    names = [name.strip() for given in methods for name in given.split(",")]
+    with one_line_errors(RuntimeError, interrupted=kept), line:
+        asked = comparing.Asked(names, comparing.times_of(minutes), seeds, **form)
+        study = comparing.study_of(opened.name, opened.catalog, opened.folder, opened.records, asked, line)
+        if tune:
+            comparing.tune_all(opened.name, study, line, tell_rate)
+            return
+        study.run(line, tell)
+        click.echo(comparing.write_page(opened.name, study))
 
 
 @click.command()

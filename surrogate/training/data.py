@@ -140,7 +140,7 @@ def load_examples(
     """
     names = {(row.member.name, row.appearance): row for row in wanted}
     scales = space or catalog.plan.space
-    parameters = {name: _parameters(scales, row, variation) for name, row in names.items()}
+    parameters = {name: normalized_parameters(scales, row, variation) for name, row in names.items()}
     camera = functools.cache(normalization.camera)  # most are shared
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         pixels = pool.map(lambda row: _pixels(catalog, row), wanted)
@@ -173,7 +173,8 @@ def _pixels(catalog: Catalog, row: ImageRow) -> NDArray[np.uint8]:
     return image if catalog.plan.background is None else np.ascontiguousarray(image[..., :3])
 
 
-def _parameters(space: ParameterSpace, row: ImageRow, variation: Variation | None) -> Tensor:
+def normalized_parameters(space: ParameterSpace, row: ImageRow, variation: Variation | None) -> Tensor:
+    """Those of one image, (P + V,): the simulation's on the scales of `space`, and the visualization's of `variation`, if any."""
     simulation = space.normalize([row.member.parameters[name] for name in space.names])  # [P]
     if variation is None:
         return torch.from_numpy(simulation).to(torch.float32)

@@ -1,0 +1,121 @@
+"""The tables of a comparison, one for each time, in Markdown."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
+from surrogate.studies.comparison.methods import CONTESTANTS
+from surrogate.studies.comparison.result import TRIVIAL, Result
+from surrogate.studies.comparison.trivial import best_of
+
+DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell
+
+
+def tables(results: Sequence[Result]) -> str:
+    """A table for each time that contestants were given, with the mixtures of stored pictures in each."""
+    times = sorted({r.minutes for r in results if r.method != TRIVIAL})
+    return document(*(_table(results, minutes) for minutes in times)).strip()
+
+
+def cell_names(results: Sequence[Result]) -> list[str]:
+    """Of the cells that methods were judged by."""
+    named = [list(r.cells) for r in results if r.method != TRIVIAL and r.cells]
+    return named[0] if named else []
+
+
+def leaders(results: Sequence[Result], minutes: float) -> dict[str, str]:
+    """Who has the highest mean PSNR in each cell after so many minutes: a contestant's name, or the mixtures'."""
+    found = {}
+    for cell in cell_names(results):
+        scores = _means(results, minutes, cell)
+        trivial = _trivial(results, cell)
+        if trivial is not None:
+            scores[TRIVIAL] = trivial[1]
+        if scores:
+            found[cell] = max(scores, key=lambda name: scores[name])
+    return found
+
+
+def _table(results: Sequence[Result], minutes: float) -> str:
+    cells, first = cell_names(results), leaders(results, minutes)
+    header = (
+        f"{minutes:g} min",
+        *(f"{cell}, PSNR (dB)" for cell in cells),
+        *(f"{cells[-1]}, {HEADINGS[metric]}" for metric in DETAILS),
+        "steps",
+        "of the published",
+        "size (MB)",
+        "processor seconds",
+        "a picture (ms)",
+        "at other parameters (ms)",
+        "seeds",
+    )
+    rows = [
+        _row(name, [r for r in results if (r.method, r.minutes) == (name, minutes)], cells, first)
+        for name in CONTESTANTS
+    ]
+    return table(header, [*filter(None, rows), _trivial_row(results, cells, first, len(header))])
+
+
+def _row(name: str, of: Sequence[Result], cells: Sequence[str], first: Mapping[str, str]) -> list[str]:
+    """Of one contestant after one time; empty without a training."""
+    if not of:
+        return []
+    whole, contestant = [r for r in of if not r.error], CONTESTANTS[name]
+    if not whole:
+        return [contestant.title, of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(DETAILS) + 6)]
+    official = contestant.official_steps
+    return [
+        contestant.title,
+        *(_bold(_spread("psnr", [r.cells[cell]["psnr"] for r in whole]), first.get(cell) == name) for cell in cells),
+        *(_spread(metric, [r.cells[cells[-1]][metric] for r in whole]) for metric in DETAILS),
+        f"{statistics.fmean(r.steps for r in whole):,.0f}",
+        f"{100.0 * statistics.fmean(r.steps for r in whole) / official:.2g} %" if official else NOTHING,
+        f"{statistics.fmean(r.megabytes for r in whole):.2f}",
+        f"{statistics.fmean(r.seconds for r in whole):,.0f}",
+        _median([r.picture_milliseconds for r in whole]),
+        _median([r.change_milliseconds for r in whole]),
+        str(len(whole)),
+    ]
+
+
+def _trivial_row(results: Sequence[Result], cells: Sequence[str], first: Mapping[str, str], width: int) -> list[str]:
+    found = [_trivial(results, cell) for cell in cells]
+    texts = [
+        NOTHING if best is None else _bold(f"{best[1]:.2f} ({best[0]})", first.get(cell) == TRIVIAL)
+        for cell, best in zip(cells, found, strict=True)
+    ]
+    return ["stored pictures, mixed", *texts, *[NOTHING] * (width - 1 - len(texts))]
+
+
+def _trivial(results: Sequence[Result], cell: str) -> tuple[str, float] | None:
+    mixtures = [r.cells for r in results if r.method == TRIVIAL]
+    return best_of(mixtures[0], cell) if mixtures else None
+
+
+def _means(results: Sequence[Result], minutes: float, cell: str) -> dict[str, float]:
+    found = dict[str, list[float]]()
+    for r in results:
+        if r.minutes == minutes and not r.error and cell in r.cells and r.method != TRIVIAL:
+            found.setdefault(r.method, []).append(r.cells[cell]["psnr"])
+    return {name: statistics.fmean(values) for name, values in found.items()}
+
+
+def _spread(metric: str, values: Sequence[Any]) -> str:
+    known = [float(value) for value in values if value is not None]
+    if not known:
+        return NOTHING
+    mean = metric_number(metric, statistics.fmean(known))
+    return mean if len(known) < 2 else f"{mean} ± {metric_number(metric, statistics.stdev(known))}"
+
+
+def _median(values: Sequence[float | None]) -> str:
+    known = [value for value in values if value is not None]
+    return f"{statistics.median(known):,.3g}" if known else NOTHING
+
+
+def _bold(text: str, bold: bool) -> str:
+    return f"**{text}**" if bold else text

@@ -1,0 +1,110 @@
+"""Curves of accuracy over processor time, and the same test images as every method shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.images import read_image
+from surrogate.studies.comparison.methods import CONTESTANTS, OURS
+from surrogate.studies.comparison.result import TRIVIAL, Result
+from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
+
+RESOLUTION, PANEL_INCHES = 110, 1.75
+ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what differences are multiplied by
+
+
+def curves(results: Sequence[Result]) -> bytes | None:
+    """A PNG file: PSNR of the validation images over processor seconds, a line for each training; None without any."""
+    from matplotlib.figure import Figure
+
+    shown = [r for r in results if r.curve and not r.error]
+    if not shown:
+        return None
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    axes, named = figure.add_subplot(), set[str]()
+    for result in shown:
+        place = list(CONTESTANTS).index(result.method)
+        seconds, decibels = zip(*result.curve, strict=True)
+        ours = result.method == OURS
+        label = None if result.method in named else CONTESTANTS[result.method].title.strip("*")
+        named.add(result.method)
+        axes.plot(
+            seconds,
+            decibels,
+            color=f"C{place}",
+            label=label,
+            linewidth=2.2 if ours else 1.0,
+            marker="o",
+            markersize=2.5,
+        )
+    axes.set_xscale("log")
+    axes.set_xlabel("seconds of processor time")
+    axes.set_ylabel("PSNR of validation images, dB")
+    axes.grid(linewidth=0.4, alpha=0.5)
+    axes.legend(fontsize=8)
+    return _png(figure)
+
+
+def sheet(folder: Path, results: Sequence[Result], minutes: float) -> bytes | None:
+    """A PNG file: some test images, the truth first and then every method after so many minutes; None without pictures.
+
+    Below each picture stand the square around its worst place of the first method, enlarged, and the difference from the truth.
+    """
+    from matplotlib.figure import Figure
+
+    known = {
+        r.method: r for r in results if (r.minutes, r.seed) == (minutes, 0) and not r.error and r.method != TRIVIAL
+    }
+    names = [name for name in CONTESTANTS if name in known]
+    rows = [_row(folder, number, {name: known[name] for name in names}) for number in range(len(SHOWN))]
+    rows = [row for row in rows if row]
+    if not names or not rows:
+        return None
+    columns = len(names) + 1
+    figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.3), layout="constrained")
+    grid = figure.subplots(3 * len(rows), columns, squeeze=False)
+    titles = ["truth", *(CONTESTANTS[name].title.strip("*") for name in names)]
+    for number, pictures in enumerate(rows):
+        truth, part = pictures[0], _worst(pictures)
+        for column, picture in enumerate(pictures):
+            difference = np.abs(picture - truth) * FACTOR
+            for kind, image in enumerate((picture, picture[part], difference)):
+                axes = grid[3 * number + kind, column]
+                axes.set_axis_off()
+                if not (kind == 2 and column == 0):
+                    axes.imshow(image.clip(0.0, 1.0), interpolation="nearest")
+            if number == 0:
+                grid[0, column].set_title(titles[column], fontsize=8)
+        grid[3 * number + 2, 0].text(0.5, 0.5, f"difference × {FACTOR:g}", ha="center", fontsize=8)
+    return _png(figure)
+
+
+def _row(folder: Path, number: int, results: Mapping[str, Result]) -> list[NDArray[np.float32]]:
+    """The truth and each method's picture (H, W, 3) of one test image; empty where one is missing."""
+    paths = [folder / PICTURES / f"{name}.{number}.png" for name in (TRUTH, *(r.name for r in results.values()))]
+    if not all(path.is_file() for path in paths):
+        return []
+    return [read_image(path, dtype="float32")[..., :3] for path in paths]
+
+
+def _worst(pictures: Sequence[NDArray[np.float32]]) -> tuple[slice, slice]:
+    """The square where the first method differs most from the truth."""
+    error = ((pictures[1] - pictures[0]) ** 2).sum(axis=2)  # [H, W]
+    side = min(ZOOM, *error.shape)
+    sums = np.zeros((error.shape[0] + 1, error.shape[1] + 1))
+    sums[1:, 1:] = error.cumsum(axis=0).cumsum(axis=1)
+    boxes = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    row, column = np.unravel_index(int(boxes.argmax()), boxes.shape)
+    return slice(int(row), int(row) + side), slice(int(column), int(column) + side)
+
+
+def _png(figure: Any) -> bytes:
+    content = BytesIO()
+    figure.savefig(content, format="png", dpi=RESOLUTION, facecolor="white")
+    return content.getvalue()

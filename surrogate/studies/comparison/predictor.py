@@ -1,0 +1,56 @@
+"""A method under comparison, asked for test images as everything else that is scored."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.predictor import Draw
+from surrogate.evaluation.timing import Milliseconds
+from surrogate.studies.baselines.method import Fit
+from surrogate.studies.comparison.task import Task
+
+LONGEST, FEWEST, MOST = 10.0, 2, 30  # seconds and repetitions of a measurement
+
+
+@dataclass(frozen=True, eq=False)
+class FitPredictor:
+    """A trained method as a `surrogate.evaluation.predictor.Predictor`; pictures are drawn by one thread."""
+
+    fit: Fit
+    task: Task
+    names: Sequence[str] = ("the method",)
+
+    def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
+        """See `Predictor`; the cases of a batch have the same parameters."""
+        batches: dict[tuple[str, str], list[Case]] = {}
+        for case in cases:
+            batches.setdefault((case.member.name, case.appearance), []).append(case)
+        for batch in batches.values():
+            drawn = {case: [self.picture(case)] for case in batch}
+            yield batch, drawn.__getitem__
+
+    def picture(self, case: Case) -> NDArray[Any]:
+        """Of one case, (H, W, 4)."""
+        return self.fit.picture(self.task.parameters(case), self.task.camera(case))
+
+
+def measure(predictor: FitPredictor, cases: Sequence[Case]) -> tuple[Milliseconds, Milliseconds]:
+    """Times of a picture at new parameters, and of another view at the same ones; members and settings take turns."""
+    each = list({(case.member.name, case.appearance): case for case in cases}.values())
+    changes, views, begun = list[float](), list[float](), time.perf_counter()
+    while len(changes) < MOST and (len(changes) < FEWEST or time.perf_counter() - begun < LONGEST):
+        case, other = each[len(changes) % len(each)], cases[len(changes) % len(cases)]
+        parameters = predictor.task.parameters(case)
+        started = time.perf_counter()
+        predictor.fit.picture(parameters, predictor.task.camera(case))
+        between = time.perf_counter()
+        predictor.fit.picture(parameters, predictor.task.camera(other))
+        views.append(time.perf_counter() - between)
+        changes.append(between - started)
+    return Milliseconds.of(changes), Milliseconds.of(views)

@@ -1,0 +1,120 @@
+"""A comparison from start to end: what is asked for, the study of a scene, tuning, and its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from catalogs import durable
+from catalogs.catalog import Catalog
+from surrogate.storage.checkpoints import locked
+from surrogate.studies.baselines.method import Plan, Precision, Size
+from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.methods import chosen
+from surrogate.studies.comparison.page import tables
+from surrogate.studies.comparison.plots import curves, sheet
+from surrogate.studies.comparison.reduced import reduced
+from surrogate.studies.comparison.result import FOLDER, TRIVIAL, Result, load
+from surrogate.studies.comparison.study import SHARED, Study
+from surrogate.studies.comparison.task import Task
+
+PAGE, CURVES = "comparison.md", "curves.png"
+LOCK = ".page.lock"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a command asks for; raises ValueError for what can't be."""
+
+    methods: Sequence[str] = ()
+    minutes: Sequence[float] = (5.0,)
+    seeds: int = 1
+    size: Size = "small"
+    precision: Precision = "float32"
+
+    def __post_init__(self) -> None:
+        chosen(self.methods)
+        if self.seeds < 1:
+            raise ValueError(f"seeds must be at least 1, got {self.seeds}")
+        if not self.minutes or not all(0.0 < minutes < math.inf for minutes in self.minutes):
+            raise ValueError(f"minutes must be positive times, got {list(self.minutes)}")
+
+
+def times_of(words: str) -> list[float]:
+    """Minutes such as "5,30"; raises ValueError naming what is no number."""
+    try:
+        return [float(word) for word in words.split(",")]
+    except ValueError:
+        raise ValueError(f"--minutes must be numbers such as 5,30, got {words!r}") from None
+
+
+def study_of(
+    name: str,
+    catalog: Catalog,
+    folder: Path,
+    records: Path,
+    asked: Asked,
+    progress: Callable[[Any], None] = lambda _: None,
+) -> Study:
+    """The study of a scene's `catalog` in its `folder` of results; smaller pictures are made where they are needed."""
+    own = folder / FOLDER
+    durable.make_folder(own)
+    with durable.locked(own / f".{name}.lock"):  # or two processes would make the same pictures
+        task = Task.of(reduced(catalog, own / "catalog.cdb", progress))
+    plan = Plan(1, size=asked.size, precision=asked.precision)
+    return Study(task, own, records, records.parent, chosen(asked.methods), asked.minutes, asked.seeds, plan)
+
+
+def tune_all(
+    name: str, study: Study, progress: Callable[[Any], None], tell: Callable[[str, float, float | None], None]
+) -> None:
+    """Choose the rates of the study's contestants on its scene, where they are not chosen yet."""
+    for contestant in study.contestants:
+        if not contestant.is_tuned or tuning.find(study.all_records, contestant.name, study.plan) is not None:
+            continue
+        work = study.folder / "tuning" / contestant.name
+        durable.make_folder(work)
+        try:
+            with locked(work):
+                found = tuning.tune(
+                    contestant,
+                    study.task,
+                    name,
+                    study.plan,
+                    work,
+                    study.folder / SHARED,
+                    tell=partial(tell, contestant.name),
+                )
+                tuning.save(study.all_records, found)
+        except RuntimeError as error:
+            progress(str(error))  # another process tunes it
+
+
+def write_page(name: str, study: Study) -> Path:
+    """Write what is known of a scene into its folder, as a page with plots; returns where."""
+    results = [r for r in load(study.records) if r.mark == study.mark]
+    pictures = {CURVES: curves(results)}
+    for minutes in sorted({r.minutes for r in results if r.method != TRIVIAL}):
+        pictures[f"pictures_{minutes:g}.png"] = sheet(study.folder, results, minutes)
+    drawn = {file: content for file, content in pictures.items() if content is not None}
+    with durable.locked(study.folder / LOCK):
+        for file, content in drawn.items():
+            durable.replace(study.folder / file, content)
+        shown = "\n\n".join(f"![{file.partition('.')[0]}]({file})" for file in drawn)
+        durable.replace(study.folder / PAGE, f"# {name}\n\n{tables(results)}\n\n{shown}\n".encode())
+    return study.folder / PAGE
+
+
+def line(result: Result) -> str:
+    """What a terminal says of a result."""
+    if result.method == TRIVIAL:
+        return f"stored pictures, mixed: {len(result.cells)} rules and cells"
+    who = f"{result.method}, {result.minutes:g} min, seed {result.seed}"
+    if result.error:
+        return f"{who}: {result.error}"
+    cells = ", ".join(f"{cell} {of['psnr']:.2f} dB" for cell, of in result.cells.items())
+    return f"{who}: {cells} after {result.steps:,} steps in {result.seconds:.0f} s"

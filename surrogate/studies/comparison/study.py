@@ -1,0 +1,190 @@
+"""Every method in every time with every seed on one scene: what is missing, each kept at once, shared out between processes."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs import durable
+from catalogs.images import write_image
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.metrics import WHITE, composite
+from surrogate.evaluation.perceptual import PerceptualMetrics
+from surrogate.evaluation.predictor import Predictor
+from surrogate.evaluation.scoring import score_cases
+from surrogate.evaluation.tables import ALL_METRICS, means
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.checkpoints import fingerprint, locked
+from surrogate.storage.records import Provenance
+from surrogate.studies.baselines.method import Plan
+from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.contestants import Contestant, Trained, emptied
+from surrogate.studies.comparison.result import TRIVIAL, Result, find, save
+from surrogate.studies.comparison.task import IMAGES, WATCHED, Task
+from surrogate.studies.comparison.trivial import trivial_cells
+from surrogate.studies.progress import StudyProgress, StudyWatch
+
+JUDGED = f"{IMAGES} test images a cell, {WATCHED} validation images"
+FITS, SHARED, PICTURES, TRUTH = "fits", "shared", "pictures", "truth"  # in the folder of a comparison
+SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that all methods' pictures are kept of
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What is to be compared on one scene.
+
+    Attributes
+    ----------
+    task : the scene's pictures.
+    folder : of what is made.
+    records, all_records : of the scene's results, and the one above it, of tuning.
+    contestants, minutes, seeds : every one of these in every time, with so many seeds from 0 on.
+    plan : size and precision of all.
+    """
+
+    task: Task
+    folder: Path
+    records: Path
+    all_records: Path
+    contestants: Sequence[Contestant]
+    minutes: Sequence[float]
+    seeds: int
+    plan: Plan
+
+    def run(
+        self,
+        progress: Callable[[StudyProgress], None] = lambda _: None,
+        tell: Callable[[Result], None] = lambda _: None,
+    ) -> None:
+        """Train and score what has no result yet; `tell` is given each once it is kept, failures included.
+
+        An interruption loses the current training only; what another process does is left to it.
+        """
+        self._keep_trivial(tell)
+        watch = StudyWatch(progress)
+        order = list(product(sorted(self.minutes), range(self.seeds), self.contestants))
+        failed = set[str]()
+        for number, (minutes, seed, contestant) in enumerate(order, start=1):
+            wanted = self.wanted(contestant.name, minutes, seed)
+            with self._claimed(wanted) as work:
+                if work is None or wanted.name in failed:
+                    continue
+                watch.begin(f"{contestant.name}, {minutes:g} min, seed {seed}", len(order) - number)
+                result = self._attempted(contestant, wanted, work, watch)
+                watch.end()
+                failed |= {wanted.name} if result.error else set()
+                save(self.records, result)
+                tell(result)
+
+    def wanted(self, method: str, minutes: float, seed: int) -> Result:
+        """What a result has that is not made yet."""
+        return Result(method, minutes, seed, self.plan.size, self.plan.precision, self.mark)
+
+    @property
+    def mark(self) -> str:
+        """Of the catalog and how pictures are judged."""
+        return f"{fingerprint(TrainingSettings(), self.task.catalog)}, {JUDGED}"
+
+    def _keep_trivial(self, tell: Callable[[Result], None]) -> None:
+        wanted = self.wanted(TRIVIAL, 0.0, 0)
+        if find(self.records, wanted) is None:
+            begun = time.process_time()
+            cells = trivial_cells(self.task, ALL_METRICS)
+            seconds = time.process_time() - begun
+            result = replace(wanted, cells=cells, seconds=seconds, provenance=Provenance.now(seconds))
+            save(self.records, result)
+            self._keep_truth()
+            tell(result)
+
+    def _keep_truth(self) -> None:
+        catalog = self.task.catalog
+        for number, case in enumerate(shown_cases(self.task)):
+            picture = catalog.image(case.member, case.appearance, case.view)
+            write_picture(self.folder / PICTURES / f"{TRUTH}.{number}.png", picture, catalog.plan.background)
+
+    @contextlib.contextmanager
+    def _claimed(self, wanted: Result) -> Iterator[Path | None]:
+        """Where to train, while no other process does; None where one does, or there is a result without an error."""
+        folder = self.folder / FITS / wanted.name
+        durable.make_folder(folder)
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(locked(folder))
+                known = find(self.records, wanted)
+                free = known is None or bool(known.error)
+            except RuntimeError:
+                free = False
+            yield folder / "fit" if free else None
+
+    def _attempted(self, contestant: Contestant, wanted: Result, work: Path, watch: StudyWatch) -> Result:
+        begun, found = time.process_time(), dict[str, Any]()
+        try:
+            found = self._made(contestant, wanted, emptied(work), watch)
+        except (ValueError, RuntimeError, MemoryError, FloatingPointError) as error:  # the others may do without
+            found = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+        return replace(wanted, **found, provenance=Provenance.now(time.process_time() - begun))
+
+    def _made(self, contestant: Contestant, wanted: Result, work: Path, watch: StudyWatch) -> dict[str, Any]:
+        tuned = tuning.find(self.all_records, contestant.name, self.plan) if contestant.is_tuned else None
+        plan = replace(self.plan, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
+        count = watch.counter("steps")
+        trained = contestant.trained(self.task, plan, 60.0 * wanted.minutes, work, self.folder / SHARED, count)
+        cells = scored(trained.predictor, self.task)
+        if not all(math.isfinite(cell["psnr"]) for cell in cells.values()):
+            raise ValueError("training diverged: its pictures are no numbers")
+        if wanted.seed == 0:
+            self._keep_pictures(trained, wanted)
+        change, view = trained.measured()
+        return {
+            "rate": trained.plan.rate,
+            "steps": trained.plan.steps,
+            "seconds": trained.seconds,
+            "megabytes": trained.megabytes,
+            "cells": cells,
+            "curve": [list(point) for point in trained.curve],
+            "change_milliseconds": change.median,
+            "picture_milliseconds": view.median,
+        }
+
+    def _keep_pictures(self, trained: Trained, wanted: Result) -> None:
+        for number, case in enumerate(shown_cases(self.task)):
+            [(_, draw)] = trained.predictor.batches([case])
+            path = self.folder / PICTURES / f"{wanted.name}.{number}.png"
+            write_picture(path, next(iter(draw(case))), self.task.catalog.plan.background)
+
+
+@one_torch_thread()
+def scored(predictor: Predictor, task: Task) -> dict[str, dict[str, Any]]:
+    """Means by cell and metric, and the number of images."""
+    cases = [case for cell in task.cells.values() for case in cell]
+    [found] = score_cases(predictor, task.catalog, cases, perceptual=PerceptualMetrics.load(), looked_at=set(cases))
+    return {
+        name: {**means([found[case] for case in cell], ALL_METRICS), "images": len(cell)}
+        for name, cell in task.cells.items()
+    }
+
+
+def shown_cases(task: Task) -> list[Case]:
+    """The test images that every method's pictures are kept of: fixed places in the last cell, at unseen views and parameters."""
+    cell = list(task.cells.values())[-1]
+    return [cell[int(part * len(cell))] for part in SHOWN]
+
+
+def write_picture(path: Path, rgba: Any, background: Sequence[float] | None) -> None:
+    """Keep a premultiplied picture (H, W, 4), uint8 or float32, over its background, as a PNG file."""
+    durable.make_folder(path.parent)
+    over = composite(rgba, background or WHITE)  # [H, W, 3]
+    opaque = np.concatenate([over, np.ones_like(over[..., :1])], axis=2)  # [H, W, 4]
+    write_image(path, (255.0 * opaque).round().astype(np.uint8))

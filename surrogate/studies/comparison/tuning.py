@@ -1,0 +1,90 @@
+"""Which factor on its rates a method does best with: short trainings on one scene, judged by validation images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from surrogate.storage.records import Provenance, Record
+from surrogate.studies.baselines.method import Plan
+from surrogate.studies.comparison.contestants import Contestant, Report, emptied, validation
+from surrogate.studies.comparison.task import Task
+
+KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # of the records of all scenes
+KEY = ("method", "size", "precision")
+RATES = (0.1, 0.3, 1.0, 3.0, 10.0)
+SECONDS = 60.0
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What short trainings of a method found.
+
+    Attributes
+    ----------
+    scene : that it was tuned on.
+    seconds : of processor time that each training was given.
+    decibels : at validation images by the factor on its rates, as text; None where it diverged.
+    """
+
+    method: str
+    size: str
+    precision: str
+    scene: str
+    seconds: float
+    decibels: Mapping[str, float | None]
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @property
+    def rate(self) -> float:
+        """The best factor."""
+        found = {float(rate): psnr for rate, psnr in self.decibels.items() if psnr is not None}
+        return max(found, key=lambda rate: found[rate]) if found else 1.0
+
+
+def tune(
+    contestant: Contestant,
+    task: Task,
+    scene: str,
+    plan: Plan,
+    folder: Path,
+    shared: Path,
+    *,
+    report: Report = lambda *_: None,
+    tell: Callable[[float, float | None], None] = lambda *_: None,
+) -> Tuning:
+    """Train a contestant once for each of `RATES` in `folder`, for a minute each; `shared` holds what trainings start from."""
+    decibels = dict[str, float | None]()
+    for rate in RATES:
+        try:
+            form = replace(plan, rate=rate)
+            trained = contestant.trained(task, form, SECONDS, emptied(folder / "fit"), shared, report)
+            psnr: float | None = validation(task, trained.predictor)
+        except ValueError:
+            psnr = None
+        decibels[f"{rate:g}"] = psnr
+        tell(rate, psnr)
+    made = Provenance.now()
+    return Tuning(contestant.name, plan.size, plan.precision, scene, SECONDS, decibels, made)
+
+
+def save(records: Path, tuning: Tuning) -> None:
+    """Keep it in the folder of all records."""
+    Record.of(KIND, VERSION, tuning, KEY).save(
+        records / FOLDER / f"{tuning.method}.{tuning.size}.{tuning.precision}.json"
+    )
+
+
+def find(records: Path, method: str, plan: Plan) -> Tuning | None:
+    """What is kept of a method in this size and precision; None where nobody tuned it."""
+    key = {"method": method, "size": plan.size, "precision": plan.precision}
+    path = records / FOLDER / f"{method}.{plan.size}.{plan.precision}.json"
+    record = Record.load(path, KIND, VERSION, key)
+    return None if record is None else record.to(Tuning)
+
+
+def load(records: Path) -> list[Tuning]:
+    """All that is kept, by method."""
+    found = (record.to(Tuning) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
+    return [tuning for tuning in found if tuning is not None]

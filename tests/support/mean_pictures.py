@@ -1,0 +1,51 @@
+"""A method that learns the mean of all pictures: what comparisons are tested with, in no time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.cameras import Camera
+from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
+
+
+class MeanPicture:
+    """The running mean of the pictures that were drawn so far; `loss` says what each step returns."""
+
+    def __init__(self, pictures: Pictures, plan: Plan, prepared: Prepared, loss: Callable[[int], float]) -> None:
+        self.pictures, self.plan, self.prepared, self._loss = pictures, plan, prepared, loss
+        self.mean, self.steps = np.zeros(pictures.pixels.shape[1:], dtype=np.float32), 0
+
+    def advance(self) -> float:
+        """One more picture."""
+        assert self.steps < self.plan.steps, "more steps than are planned"
+        shown = self.pictures.pixels[self.steps % len(self.pictures)] / np.float32(255.0)
+        self.steps += 1
+        self.mean += self.plan.rate * (shown - self.mean) / self.steps
+        return self._loss(self.steps)
+
+    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
+        """The mean, whatever is asked for."""
+        assert parameters.shape == self.pictures.parameters.shape[1:]
+        return self.mean
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The mean."""
+        return {"mean": torch.from_numpy(self.mean)}
+
+
+def mean_method(
+    name: str = "mean",
+    loss: Callable[[int], float] = lambda _: 0.5,
+    prepare: Callable[[Pictures, int], Prepared] | None = None,
+) -> Method:
+    """The method."""
+
+    def begin(pictures: Pictures, plan: Plan, prepared: Prepared) -> Fit:
+        return MeanPicture(pictures, plan, prepared, loss)
+
+    return Method(name, "The mean", "nobody", 1000, begin, prepare)

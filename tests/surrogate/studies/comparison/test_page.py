@@ -1,0 +1,133 @@
+"""Tables say who leads a cell, and plots show what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.images import write_image
+from surrogate.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
+from surrogate.studies.comparison.page import cell_names, leaders, tables
+from surrogate.studies.comparison.plots import curves, sheet
+from surrogate.studies.comparison.result import TRIVIAL, Result, load, save
+from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
+from surrogate.studies.comparison.trivial import best_of
+
+CELLS = ("novel views", "both")
+
+
+def result(method: str, seed: int, psnr: float, minutes: float = 5.0, **also) -> Result:
+    cells = {c: {"psnr": psnr, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24} for c in CELLS}
+    form = {"steps": 300, "seconds": 301.0, "megabytes": 1.5, "cells": cells, "curve": [[10.0, 20.0], [301.0, psnr]]}
+    return Result(method, minutes, seed, "small", "float32", "mark", **{**form, **also})
+
+
+def trivial(psnr: float) -> Result:
+    cells = {"mean image: both": {"psnr": psnr - 5.0}, "linear interpolation: both": {"psnr": psnr}}
+    return Result(TRIVIAL, 0.0, 0, "small", "float32", "mark", cells=cells)
+
+
+def rows(text: str) -> dict[str, list[str]]:
+    """The cells of each line of a table by its first."""
+    lines = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")
+    ]
+    return {cells[0]: cells[1:] for cells in lines}
+
+
+def test_the_best_of_a_cell_is_bold() -> None:
+    found = [result(OURS, 0, 30.0), result(OURS, 1, 32.0), result("k-planes", 0, 31.5), trivial(28.0)]
+    table = rows(tables(found))
+    assert table["**this surrogate**"][:2] == ["30.00 ± 1.41".replace("30.00", "31.00")] * 2
+    assert table["K-Planes (hybrid)"][:2] == ["**31.50**", "**31.50**"]
+    assert table["stored pictures, mixed"][:2] == ["–", "28.00 (linear interpolation)"]
+    assert leaders(found, 5.0) == {"novel views": "k-planes", "both": "k-planes"}
+
+
+def test_stored_pictures_may_lead() -> None:
+    found = [result(OURS, 0, 30.0), trivial(45.0)]
+    assert leaders(found, 5.0) == {"novel views": OURS, "both": TRIVIAL}
+    assert "**45.00 (linear interpolation)**" in tables(found)
+
+
+def test_there_is_a_table_for_each_time() -> None:
+    found = [result(OURS, 0, 30.0), result(OURS, 0, 35.0, minutes=30.0)]
+    text = tables(found)
+    assert "| 5 min |" in text
+    assert "| 30 min |" in text
+    assert text.index("30.00") < text.index("35.00")
+
+
+def test_steps_stand_beside_the_published_ones() -> None:
+    table = rows(tables([result("visnerf", 0, 20.0, steps=900), result(OURS, 0, 30.0)]))
+    assert "1 %" in table[CONTESTANTS["visnerf"].title]
+    assert table["**this surrogate**"][6] == "–"
+
+
+def test_a_failure_stands_in_its_row() -> None:
+    broken = Result("k-planes", 5.0, 0, "small", "float32", "mark", error="Diverged: its loss is nan | inf")
+    text = tables([result(OURS, 0, 30.0), broken])
+    assert rows(text)["K-Planes (hybrid)"][0] == "Diverged: its loss is nan / inf"
+    widths = {line.count("|") for line in text.splitlines() if line.startswith("|")}
+    assert len(widths) == 1
+
+
+def test_what_is_missing_leaves_no_row_and_nothing_makes_no_table() -> None:
+    assert "K-Planes" not in tables([result(OURS, 0, 30.0)])
+    assert tables([]) == ""
+    assert cell_names([]) == []
+
+
+def test_results_are_kept_as_they_are(tmp_path: Path) -> None:
+    found = [result(OURS, seed, 30.0 + seed) for seed in (0, 1)]
+    for one in found:
+        save(tmp_path, one)
+    assert [(r.method, r.seed, r.cells, [list(p) for p in r.curve]) for r in load(tmp_path)] == [
+        (r.method, r.seed, r.cells, [list(p) for p in r.curve]) for r in found
+    ]
+
+
+def test_names_of_results_tell_them_apart() -> None:
+    forms = [("small", "float32"), ("official", "float32"), ("small", "bfloat16"), ("official", "bfloat16")]
+    names = {
+        Result("one", m, s, size, precision, "").name for m in (0.5, 5) for s in (0, 1) for size, precision in forms
+    }
+    assert len(names) == 16
+
+
+def test_curves_are_drawn(tmp_path: Path) -> None:
+    assert curves([trivial(20.0)]) is None
+    drawn = curves([result(OURS, 0, 30.0), result("visnerf", 0, 20.0), trivial(25.0)])
+    assert drawn is not None
+    assert drawn.startswith(b"\x89PNG")
+
+
+def test_a_sheet_needs_every_picture(tmp_path: Path) -> None:
+    found = [result(OURS, 0, 30.0), result("visnerf", 0, 20.0)]
+    folder = tmp_path / PICTURES
+    folder.mkdir()
+    random = np.random.default_rng(0)
+    for name in (TRUTH, *(r.name for r in found)):
+        assert sheet(tmp_path, found, 5.0) is None
+        for number in range(len(SHOWN)):
+            pixels = random.integers(0, 256, (20, 20, 4), dtype=np.uint8)
+            pixels[..., 3] = 255
+            write_image(folder / f"{name}.{number}.png", pixels)
+    assert sheet(tmp_path, found, 5.0) is not None
+    assert sheet(tmp_path, found, 30.0) is None
+
+
+def test_the_best_rule_is_that_of_its_cell() -> None:
+    cells = {"one: both": {"psnr": 3.0}, "two: both": {"psnr": 4.0}, "two: not both": {"psnr": 9.0}}
+    assert best_of(cells, "both") == ("two", 4.0)
+    assert best_of(cells, "neither") is None
+
+
+def test_contestants_are_chosen_by_name() -> None:
+    assert [c.name for c in chosen(["visnerf", OURS])] == [OURS, "visnerf"]
+    assert len(chosen([])) == len(CONTESTANTS) == 7
+    assert {OURS, LIGHT, "gs-surrogate", "4dgs-hd", "k-planes", "visnerf", "insitunet"} == set(CONTESTANTS)
+    with pytest.raises(ValueError, match=r"unknown methods \['nerf'\]; known are"):
+        chosen(["nerf"])

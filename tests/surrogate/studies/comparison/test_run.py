@@ -1,0 +1,103 @@
+"""`surrogate compare`, from a run's folder to its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from surrogate.cli import main
+from surrogate.studies.baselines.method import Plan
+from surrogate.studies.comparison import methods
+from surrogate.studies.comparison.contestants import Published
+from surrogate.studies.comparison.methods import OURS
+from surrogate.studies.comparison.result import load
+from surrogate.studies.comparison.run import Asked, times_of
+from surrogate.studies.comparison.tuning import find
+from surrogate.training.begin import Asked as AskedOfTraining
+from surrogate.training.begin import begin
+from surrogate.training.budget import Budget
+from tests.support.blobs import Blobs
+from tests.support.mean_pictures import mean_method
+
+MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"seeds": 0}, "seeds must be at least 1, got 0"),
+        ({"minutes": ()}, "minutes must be positive times"),
+        ({"minutes": (5.0, -1.0)}, r"minutes must be positive times, got \[5.0, -1.0\]"),
+        ({"minutes": (float("nan"),)}, "minutes must be positive times"),
+        ({"methods": ["k-plane"]}, r"unknown methods \['k-plane'\]"),
+    ],
+)
+def test_what_cannot_be_asked_for(given: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Asked(**given)
+
+
+def test_minutes_are_numbers_between_commas() -> None:
+    assert times_of("5,30") == [5.0, 30.0]
+    with pytest.raises(ValueError, match="--minutes must be numbers such as 5,30, got '5;30'"):
+        times_of("5;30")
+
+
+@pytest.fixture
+def run(make_catalog, tmp_path: Path) -> Path:
+    """A run's folder, with nothing trained."""
+    catalog = make_catalog(Blobs(count=3, size=16), members=MEMBERS)
+    return begin(catalog.path, tmp_path / "run", AskedOfTraining(Budget(steps=40))).folder
+
+
+def test_a_command_makes_a_page(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(methods.CONTESTANTS, "visnerf", Published(mean_method("visnerf")))
+    words = ["compare", str(run), "--methods", "visnerf", "--minutes", "0.003"]
+    first = CliRunner().invoke(main, words)
+    assert first.exit_code == 0, first.output
+    assert "visnerf, 0.003 min, seed 0: novel views" in first.output
+    page = (run / "comparison" / "comparison.md").read_text()
+    assert "| The mean |" in page
+    for picture in ("curves.png", "pictures_0.003.png"):
+        assert f"({picture})" in page
+        assert (run / "comparison" / picture).stat().st_size > 1000
+    second = CliRunner().invoke(main, words)
+    assert "seed 0" not in second.output
+    assert (run / "comparison" / "comparison.md").read_text() == page
+
+
+def test_rates_are_tuned_once_for_all_scenes(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(methods.CONTESTANTS, "visnerf", Published(mean_method("visnerf")))
+    monkeypatch.setattr("surrogate.studies.comparison.tuning.SECONDS", 0.1)
+    words = ["compare", str(run), "--methods", f"visnerf,{OURS}", "--tune"]
+    first = CliRunner().invoke(main, words)
+    assert first.exit_code == 0, first.output
+    assert [line.partition(",")[0] for line in first.output.splitlines() if "times its rates" in line] == [
+        "visnerf"
+    ] * 5
+    assert find(run.parent, "visnerf", Plan(1, size="small")) is not None
+    assert "times its rates" not in CliRunner().invoke(main, words).output
+
+
+def test_errors_are_one_line(run: Path) -> None:
+    found = CliRunner().invoke(main, ["compare", str(run), "--methods", "nerf"])
+    assert found.exit_code == 1
+    assert "Error: unknown methods ['nerf']" in found.output
+
+
+@pytest.mark.slow
+def test_ours_and_the_light_field_are_trained_in_their_time(run: Path) -> None:
+    """The least that a budget may be, for both: their own pilots are on the clock."""
+    found = CliRunner().invoke(
+        main, ["compare", str(run), "--methods", f"{OURS},gs-surrogate-light", "--minutes", "0.25"]
+    )
+    assert found.exit_code == 0, found.output
+    results = {r.method: r for r in load(run)}
+    for name in (OURS, "gs-surrogate-light"):
+        assert not results[name].error
+        assert results[name].steps > 1
+        assert results[name].cells["both"]["psnr"] > 15.0
+        assert results[name].curve
+    assert results[OURS].picture_milliseconds < 1000.0

@@ -1,0 +1,170 @@
+"""Every method in every time with every seed: what is missing is made, kept at once, and shared out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from catalogs import durable
+from catalogs.images import read_image
+from surrogate.provenance import commit
+from surrogate.storage.checkpoints import locked
+from surrogate.studies.baselines.method import Plan
+from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.contestants import Published, emptied
+from surrogate.studies.comparison.result import TRIVIAL, Result, find, load
+from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
+from surrogate.studies.comparison.task import Task
+from tests.support.blobs import Blobs
+from tests.support.mean_pictures import mean_method
+
+MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
+SECOND = 0.2 / 60.0  # minutes
+
+
+@pytest.fixture
+def task(make_catalog) -> Task:
+    return Task.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
+
+
+def study(task: Task, tmp_path: Path, *contestants: Published, **asked) -> Study:
+    made = contestants or (Published(mean_method()),)
+    form = {"minutes": (SECOND,), "seeds": 1, "plan": Plan(1), **asked}
+    return Study(task, tmp_path / "comparison", tmp_path / "records" / "blobs", tmp_path / "records", made, **form)
+
+
+def test_what_is_missing_is_made_once(task: Task, tmp_path: Path) -> None:
+    told: list[Result] = []
+    both = Published(mean_method("one")), Published(mean_method("two"))
+    study(task, tmp_path, *both, seeds=2).run(tell=told.append)
+    assert [(r.method, r.seed) for r in told] == [(TRIVIAL, 0), ("one", 0), ("two", 0), ("one", 1), ("two", 1)]
+    for result in told[1:]:
+        assert not result.error
+        assert result.steps >= 1
+        assert set(result.cells) == set(task.cells)
+        assert result.cells["both"]["images"] == len(task.cells["both"])
+        assert 0.0 < result.cells["both"]["psnr"] < 60.0
+        assert result.curve[-1][0] == pytest.approx(result.seconds, abs=0.05)
+        assert result.megabytes == pytest.approx(16 * 16 * 4 * 4 / 1e6)
+        assert result.provenance.commit == commit()
+    told.clear()
+    study(task, tmp_path, *both, seeds=2).run(tell=told.append)
+    assert told == []
+    assert len(load(tmp_path / "records" / "blobs")) == 5
+
+
+def test_scores_are_those_of_the_pictures(task: Task, tmp_path: Path) -> None:
+    """The mean of all pictures, scored by hand."""
+    from surrogate.evaluation.metrics import score
+
+    made = study(task, tmp_path)
+    made.run()
+    [result] = [r for r in load(made.records) if r.method == "mean"]
+    pixels = task.pictures().pixels
+    order = [i % len(pixels) for i in range(result.steps)]
+    mean = (pixels[order] / 255.0).mean(axis=0).astype("float32")
+    catalog = task.catalog
+    expected = [
+        score(catalog.image(c.member, c.appearance, c.view), mean, catalog.plan.background).psnr
+        for c in task.cells["both"]
+    ]
+    assert result.cells["both"]["psnr"] == pytest.approx(sum(expected) / len(expected), abs=1e-3)
+
+
+def test_a_failure_is_kept_and_leaves_the_others(task: Task, tmp_path: Path) -> None:
+    told: list[Result] = []
+    broken = Published(mean_method("broken", loss=lambda _: math.nan))
+    study(task, tmp_path, broken, Published(mean_method())).run(tell=told.append)
+    assert [(r.method, bool(r.error)) for r in told[1:]] == [("broken", True), ("mean", False)]
+    assert "The mean diverged" in told[1].error
+    mended = study(task, tmp_path, Published(mean_method("broken")))
+    mended.run()
+    found = find(mended.records, mended.wanted("broken", SECOND, 0))
+    assert found is not None
+    assert not found.error
+
+
+def test_what_another_process_trains_is_left_to_it(task: Task, tmp_path: Path) -> None:
+    made, told = study(task, tmp_path), list[Result]()
+    folder = made.folder / FITS / made.wanted("mean", SECOND, 0).name
+    durable.make_folder(folder)
+    with locked(folder):
+        made.run(tell=told.append)
+    assert [r.method for r in told] == [TRIVIAL]
+    made.run(tell=told.append)
+    assert [r.method for r in told] == [TRIVIAL, "mean"]
+
+
+def test_another_size_or_catalog_is_another_result(task: Task, tmp_path: Path) -> None:
+    made = study(task, tmp_path)
+    made.run()
+    wanted = made.wanted("mean", SECOND, 0)
+    assert find(made.records, wanted) is not None
+    for other in (
+        replace(wanted, mark="of another catalog"),
+        replace(wanted, size="small"),
+        replace(wanted, precision="bfloat16"),
+        replace(wanted, seed=1),
+        replace(wanted, minutes=2.0),
+    ):
+        assert find(made.records, other) is None
+
+
+def test_pictures_of_the_same_images_are_kept(task: Task, tmp_path: Path) -> None:
+    made = study(task, tmp_path)
+    made.run()
+    for number, case in enumerate(shown_cases(task)):
+        assert case.member.split == "test"
+        truth = read_image(made.folder / PICTURES / f"truth.{number}.png")
+        rgba = task.catalog.image(case.member, case.appearance, case.view).astype(float)
+        expected = rgba[..., :3] + (255.0 - rgba[..., 3:])
+        assert abs(truth[..., :3] - expected).max() <= 1.0
+        name = made.wanted("mean", SECOND, 0).name
+        assert read_image(made.folder / PICTURES / f"{name}.{number}.png").shape == truth.shape
+
+
+def test_tuning_is_used_by_all_scenes(task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = study(task, tmp_path)
+    contestant = made.contestants[0]
+    monkeypatch.setattr(tuning, "SECONDS", 0.2)
+    found = tuning.tune(contestant, task, "blobs", made.plan, emptied(tmp_path / "work"), tmp_path / "shared")
+    assert set(found.decibels) == {"0.1", "0.3", "1", "3", "10"}
+    assert found.decibels[f"{found.rate:g}"] == max(psnr for psnr in found.decibels.values() if psnr is not None)
+    tuning.save(made.all_records, replace(found, decibels={**found.decibels, "0.3": 99.0}))
+    made.run()
+    [result] = [r for r in load(made.records) if r.method == "mean"]
+    assert result.rate == 0.3
+
+
+def test_a_method_that_diverged_everywhere_keeps_its_own_rate() -> None:
+    nothing = tuning.Tuning("mean", "small", "float32", "blobs", 60.0, {"0.1": None, "1": None})
+    assert nothing.rate == 1.0
+
+
+def test_what_trainings_start_from_is_made_once_a_seed(task: Task, tmp_path: Path) -> None:
+    made: list[int] = []
+
+    def prepared(pictures, seed: int):
+        made.append(seed)
+        return {"start": pictures.parameters[:2].clone() + seed}
+
+    both = [Published(mean_method(name, prepare=prepared)) for name in ("one", "two")]
+    study(task, tmp_path, *both, seeds=2).run()
+    assert made == [0, 1]
+
+
+def test_scores_name_every_metric(task: Task, tmp_path: Path) -> None:
+    class Truth:
+        names = ("the truth",)
+
+        def batches(self, cases):
+            for case in cases:
+                yield [case], lambda c: [task.catalog.image(c.member, c.appearance, c.view)]
+
+    cells = scored(Truth(), task)
+    for cell in cells.values():
+        assert cell["psnr"] == 60.0
+        assert cell["ssim"] == pytest.approx(1.0)
