@@ -5,18 +5,21 @@ RUNS    ?= runs
 RECORDS ?= $(if $(filter runs,$(RUNS)),docs/records,$(RUNS))
 WORKERS ?=
 SEEDS   ?= 3
+MINUTES ?= 5
+COMPARED_SEEDS ?= 1
 SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $(RUNS)/%/dataset.json,%,$(wildcard $(RUNS)/*/dataset.json)))
 BIN     := .venv/bin
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
 
-.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization browse test test-fast lint clients bench explore clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast lint clients bench explore clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
 	@echo "make results [SCENES=\"a b\"]         $(SEEDS) seeds, ceiling and report of each scene that has a data set -> docs/results.md"
 	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RECORDS)/<scene>/seeds/"
 	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS), $(RECORDS)/<scene>/ablation/"
+	@echo "make compare [SCENE=$(SCENE)]         published systems and ours, $(MINUTES) minutes each -> docs/comparison.md"
 	@echo "make test                        every test (make test-fast: the quick ones)"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
@@ -58,6 +61,11 @@ results: $(SETUP)
 	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS); } || failed="$$failed $$scene"; \
 	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) --records $(RECORDS) || failed="$$failed page"; \
 	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
+
+# An hour on one core for every five minutes; interrupted, it goes on, and processes share it out, as `make ablate` does.
+compare: dataset
+	$(BIN)/surrogate compare scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --minutes $(MINUTES) --seeds $(COMPARED_SEEDS)
+	$(BIN)/python -m benchmarks.comparison --runs $(RUNS) --records $(RECORDS)
 
 # About five hours on two cores; an interrupted study goes on with what is missing, and processes share it out:
 # `taskset -c 0 make ablate`, `taskset -c 1 make ablate`, ...

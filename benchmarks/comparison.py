@@ -1,0 +1,139 @@
+"""The page of the comparison with published systems, from the records of `surrogate compare`.
+
+    python -m benchmarks.comparison [SCENE...] [--runs runs] [--records docs/records]
+
+Writes docs/comparison.md and its plots: all scenes that have records, or those that are named.  Pictures side by side need the
+folders of results; without them those that are there stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from benchmarks.page import DOCS, command_line
+from catalogs import durable
+from surrogate.evaluation.tables import NOTHING, document, number, table
+from surrogate.provenance import in_words
+from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.methods import CONTESTANTS
+from surrogate.studies.comparison.page import tables
+from surrogate.studies.comparison.plots import curves, sheet
+from surrogate.studies.comparison.result import FOLDER, TRIVIAL, Result, load
+
+PAGE = "comparison.md"
+TEXT = """\
+Every method learns from the same pictures, members and views, over the same background, is judged by the same test images (24
+in each cell, drawn once) and the same metrics, and has the same **processor time on one core**: from the loading of the
+pictures to its last step. What is off the clock: looks at the eight validation images of the curves; how long a step takes,
+which decides how many are planned, for published methods (ours finds out on the clock); and the Gaussians that hold still,
+which GS-Surrogate and 4DGS-HD start from. Pictures with more than 128 pixels a side are averaged down to that, for all. Every
+schedule of a method is stretched or pressed to the steps that fit; *of the published* says how many of its published steps
+these are: a method with a few per cent of them is **starved**, and its row says what it is after so long on a processor, not
+what it can do on a GPU. The rates of published methods are multiplied by what did best in five trainings of a minute, on one
+scene, at validation images; ours are as they are. Bold is the best of a cell. Stored pictures that are mixed need to exist at
+the very view, which ours and the others do not."""
+SIZES = """Published sizes would take minutes for a step on a processor: InSituNet, K-Planes and ViSNeRF are smaller here (`--size
+small`), the others as published. What was written anew from which code, and where it differs, stands at the head of each file
+in [`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
+
+
+def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
+    """The page in Markdown, with the plots that are `drawn`."""
+    names = set(drawn)
+    return document(
+        "# Beside published systems",
+        TEXT.replace("\n", " "),
+        SIZES.replace("\n", " "),
+        table(("method", "published in", "steps there"), _who()),
+        *(part for scene in scenes for part in _section(scene, load(records / scene), names)),
+        *_tuned(tuning.load(records)),
+    )
+
+
+def plots(records: Path, scene: str, run: Path) -> dict[str, bytes]:
+    """PNG files of a scene by name, of what is known of it."""
+    results = load(records / scene)
+    found = {f"comparison_{scene}_curves.png": curves(results)}
+    for minutes in _times(results):
+        found[f"comparison_{scene}_{minutes:g}.png"] = sheet(run / FOLDER, results, minutes)
+    return {name: content for name, content in found.items() if content is not None}
+
+
+def main() -> None:
+    """Write the page and its plots."""
+    parser = command_line("comparison", __doc__)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE")
+    parser.add_argument("--runs", type=Path, default=Path("runs"))
+    parser.add_argument("--records", type=Path, default=DOCS / "records")
+    parser.add_argument("-o", "--output", type=Path, default=DOCS)
+    given = parser.parse_args()
+    known = sorted(path.parent.name for path in given.records.glob(f"*/{FOLDER}") if load(path.parent))
+    missing = sorted(set(given.scenes) - set(known))
+    if missing or not known:
+        parser.error(
+            f"no records of {', '.join(missing) or 'any scene'} in {given.records}: `surrogate compare` makes them"
+        )
+    scenes = given.scenes or known
+    for scene in scenes:
+        for name, content in plots(given.records, scene, given.runs / scene).items():
+            durable.replace(given.output / name, content)
+    there = [path.name for path in given.output.glob("comparison_*.png")]
+    durable.replace(given.output / PAGE, page(given.records, scenes, there).encode())
+    print(given.output / PAGE)
+
+
+def _who() -> list[list[str]]:
+    rows = []
+    for contestant in CONTESTANTS.values():
+        steps = f"{contestant.official_steps:,}" if contestant.official_steps else NOTHING
+        rows.append([contestant.title, contestant.source, steps])
+    return rows
+
+
+def _section(scene: str, results: Sequence[Result], drawn: set[str]) -> list[str]:
+    pictures = [f"comparison_{scene}_{minutes:g}.png" for minutes in _times(results)]
+    plot = f"comparison_{scene}_curves.png"
+    return [
+        f"## `{scene}`",
+        tables(results),
+        f"![PSNR of validation images over processor seconds]({plot})" if plot in drawn else "",
+        *(f"![The same test images by every method]({name})" for name in pictures if name in drawn),
+        f"<sub>`surrogate compare scenes/{scene}.toml`; {_made(results)}.</sub>",
+    ]
+
+
+def _made(results: Sequence[Result]) -> str:
+    machines = dict.fromkeys(in_words(r.provenance.machine) for r in results)
+    commits = dict.fromkeys(f"`{r.provenance.commit}`" for r in results)
+    return f"{', '.join(machines)}; commit {', '.join(commits)}"
+
+
+def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:
+    if not found:
+        return []
+    header = ("method", "size", "precision", *(f"{rate:g}" for rate in tuning.RATES))
+    rows = [
+        [
+            CONTESTANTS[t.method].title,
+            t.size,
+            t.precision,
+            *(number(t.decibels.get(f"{rate:g}")) for rate in tuning.RATES),
+        ]
+        for t in found
+        if t.method in CONTESTANTS
+    ]
+    scenes = ", ".join(f"`{scene}`" for scene in dict.fromkeys(t.scene for t in found))
+    told = (
+        f"PSNR (dB) of validation images of {scenes} after a minute, by what the published rates are multiplied by; "
+        f"{NOTHING} where it diverged."
+    )
+    return ["## Rates", told, table(header, rows)]
+
+
+def _times(results: Sequence[Result]) -> list[float]:
+    return sorted({r.minutes for r in results if r.method != TRIVIAL})
+
+
+if __name__ == "__main__":
+    main()

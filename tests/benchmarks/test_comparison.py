@@ -1,0 +1,59 @@
+"""The page of the comparison, from records alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.comparison import main, page, plots
+from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.result import Result, save
+
+CELLS = {"both": {"psnr": 30.0, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24}}
+
+
+@pytest.fixture
+def records(tmp_path: Path) -> Path:
+    for scene, method in (("one", "ours"), ("one", "visnerf"), ("two", "k-planes")):
+        result = Result(
+            method, 5.0, 0, "small", "float32", "mark", cells=CELLS, curve=[[1.0, 9.0], [300.0, 30.0]], steps=9
+        )
+        save(tmp_path / scene, result)
+    found = tuning.Tuning("visnerf", "small", "float32", "one", 60.0, {"0.1": 12.25, "1": 14.5, "10": None})
+    tuning.save(tmp_path, found)
+    return tmp_path
+
+
+def test_every_scene_has_a_section_and_rates_stand_below(records: Path) -> None:
+    text = page(records, ["one", "two"], [])
+    assert text.index("## `one`") < text.index("| ViSNeRF | 30.00") < text.index("## `two`") < text.index("## Rates")
+    assert "| ViSNeRF | small | float32 | 12.25 | – | 14.50 | – | – |" in text
+    assert "![" not in text
+
+
+def test_plots_are_named_by_scene_and_shown_where_they_are_drawn(records: Path) -> None:
+    drawn = plots(records, "one", records / "nowhere")
+    assert set(drawn) == {"comparison_one_curves.png"}
+    text = page(records, ["one", "two"], drawn)
+    assert text.count("![") == 1
+    assert "(comparison_one_curves.png)" in text
+
+
+def test_a_command_writes_all_that_is_known(records: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    output = tmp_path / "docs"
+    output.mkdir()
+    words = ["comparison", "--records", str(records), "-o", str(output), "--runs", str(tmp_path)]
+    monkeypatch.setattr("sys.argv", words)
+    main()
+    assert "## `two`" in (output / "comparison.md").read_text()
+    assert (output / "comparison_two_curves.png").is_file()
+
+
+def test_a_scene_without_records_is_an_error(
+    records: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["comparison", "three", "--records", str(records)])
+    with pytest.raises(SystemExit):
+        main()
+    assert "no records of three" in capsys.readouterr().err
