@@ -106,9 +106,6 @@ def ablate(
     show_default=True,
     help="Of published methods: as published, or as a processor can train in minutes.",
 )
-@click.option(
-    "--precision", type=click.Choice(["float32", "bfloat16"]), default="float32", show_default=True, help="Of networks."
-)
 @click.option("--tune", is_flag=True, help="Instead choose each method's rates on this scene, for all scenes.")
 def compare(
     scene: Path,

@@ -19,7 +19,7 @@ from surrogate.evaluation.timing import Milliseconds
 from surrogate.evaluation.timing import measure as measure_surrogate
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.tensors import read_tensors, tensors_of
-from surrogate.studies.baselines.method import Fit, Method, Plan
+from surrogate.studies.baselines.method import Fit, Method, Plan, Precision
 from surrogate.studies.comparison.fitting import Clock, Point, fit_in_time
 from surrogate.studies.comparison.predictor import FitPredictor, measure
 from surrogate.studies.comparison.task import WATCHED, Task
@@ -74,6 +74,10 @@ class Contestant(Protocol):
         """How many were published; 0 where nobody published any."""
 
     @property
+    def precision(self) -> Precision:
+        """Of its networks: what a processor that multiplies in bfloat16 trains them faster in."""
+
+    @property
     def is_tuned(self) -> bool:
         """Whether its rates are chosen by trial."""
 
@@ -93,6 +97,7 @@ class OurSurrogate:
     source: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     official_steps: int = 0
+    precision: Precision = "float32"
     is_tuned: bool = False
 
     def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
@@ -127,6 +132,7 @@ class Published:
     """A published method."""
 
     method: Method
+    precision: Precision = "float32"
     clock: Clock = time.process_time
 
     @property

@@ -12,17 +12,18 @@ CONTESTANTS: dict[str, Contestant] = {
     contestant.name: contestant
     for contestant in (
         OurSurrogate(OURS, "**this surrogate**", "`surrogate train --minutes`, nothing else said"),
-        Published(gs_surrogate.METHOD),
+        Published(gs_surrogate.METHOD, "bfloat16"),
         OurSurrogate(
             LIGHT,
             "GS-Surrogate, light",
             "its field with fewer and narrower layers, trained as ours is: `deformation=paper`",
-            {"deformation": "paper"},
+            {"deformation": "paper", "field_precision": "bfloat16"},
+            precision="bfloat16",
         ),
         Published(hexplane_gaussians.METHOD),
         Published(kplanes.METHOD),
         Published(visnerf.METHOD),
-        Published(insitunet.METHOD),
+        Published(insitunet.METHOD, "bfloat16"),
     )
 }
 

@@ -12,7 +12,7 @@ from typing import Any
 from catalogs import durable
 from catalogs.catalog import Catalog
 from surrogate.storage.checkpoints import locked
-from surrogate.studies.baselines.method import Plan, Precision, Size
+from surrogate.studies.baselines.method import Plan, Size
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import chosen
 from surrogate.studies.comparison.page import tables
@@ -34,7 +34,6 @@ class Asked:
     minutes: Sequence[float] = (5.0,)
     seeds: int = 1
     size: Size = "small"
-    precision: Precision = "float32"
 
     def __post_init__(self) -> None:
         chosen(self.methods)
@@ -65,7 +64,7 @@ def study_of(
     durable.make_folder(own)
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same pictures
         task = Task.of(reduced(catalog, own / "catalog.cdb", progress))
-    plan = Plan(1, size=asked.size, precision=asked.precision)
+    plan = Plan(1, size=asked.size)
     return Study(task, own, records, records.parent, chosen(asked.methods), asked.minutes, asked.seeds, plan)
 
 
@@ -74,7 +73,8 @@ def tune_all(
 ) -> None:
     """Choose the rates of the study's contestants on its scene, where they are not chosen yet."""
     for contestant in study.contestants:
-        if not contestant.is_tuned or tuning.find(study.all_records, contestant.name, study.plan) is not None:
+        plan = study.plan_of(contestant.name)
+        if not contestant.is_tuned or tuning.find(study.all_records, contestant.name, plan) is not None:
             continue
         work = study.folder / "tuning" / contestant.name
         durable.make_folder(work)
@@ -84,7 +84,7 @@ def tune_all(
                     contestant,
                     study.task,
                     name,
-                    study.plan,
+                    plan,
                     work,
                     study.folder / SHARED,
                     tell=partial(tell, contestant.name),

@@ -49,7 +49,7 @@ class Study:
     folder : of what is made.
     records, all_records : of the scene's results, and the one above it, of tuning.
     contestants, minutes, seeds : every one of these in every time, with so many seeds from 0 on.
-    plan : size and precision of all.
+    plan : size of all.
     """
 
     task: Task
@@ -88,7 +88,13 @@ class Study:
 
     def wanted(self, method: str, minutes: float, seed: int) -> Result:
         """What a result has that is not made yet."""
-        return Result(method, minutes, seed, self.plan.size, self.plan.precision, self.mark)
+        plan = self.plan_of(method)
+        return Result(method, minutes, seed, plan.size, plan.precision, self.mark)
+
+    def plan_of(self, method: str) -> Plan:
+        """The size of all, in the method's own precision."""
+        precisions = {contestant.name: contestant.precision for contestant in self.contestants}
+        return replace(self.plan, precision=precisions.get(method, "float32"))
 
     @property
     def mark(self) -> str:
@@ -137,8 +143,9 @@ class Study:
         return replace(wanted, **found, provenance=Provenance.now(time.process_time() - begun))
 
     def _made(self, contestant: Contestant, wanted: Result, work: Path, watch: StudyWatch) -> dict[str, Any]:
-        tuned = tuning.find(self.all_records, contestant.name, self.plan) if contestant.is_tuned else None
-        plan = replace(self.plan, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
+        form = self.plan_of(contestant.name)
+        tuned = tuning.find(self.all_records, contestant.name, form) if contestant.is_tuned else None
+        plan = replace(form, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
         count = watch.counter("steps")
         trained = contestant.trained(self.task, plan, 60.0 * wanted.minutes, work, self.folder / SHARED, count)
         cells = scored(trained.predictor, self.task)
