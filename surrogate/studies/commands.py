@@ -96,7 +96,12 @@ def ablate(
 @SCENE
 @RUNS
 @RECORDS
-@click.option("--methods", multiple=True, metavar="NAME[,NAME...]", help="Who is compared; all by default.")
+@click.option(
+    "--methods",
+    multiple=True,
+    metavar="NAME[,NAME...]",
+    help="Who is compared.  [default: the usual ones]",
+)
 @click.option("--minutes", default="5", show_default=True, metavar="M[,M...]", help="Processor time of each training.")
 @click.option("--seeds", default=1, show_default=True, help="Trainings of each method in each time.")
 @click.option(

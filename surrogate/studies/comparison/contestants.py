@@ -81,6 +81,10 @@ class Contestant(Protocol):
     def is_tuned(self) -> bool:
         """Whether its rates are chosen by trial."""
 
+    @property
+    def steps_of(self) -> str:
+        """The contestant whose number of steps it takes, whatever time that needs; "" for as many as fit."""
+
     def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
         """Train for about `seconds` of processor time by `plan`, but for its steps, in the empty folder `work`.
 
@@ -90,7 +94,10 @@ class Contestant(Protocol):
 
 @dataclass(frozen=True)
 class OurSurrogate:
-    """The surrogate of this project under some settings of its `[training]` table; the pilot and all choices are on the clock."""
+    """The surrogate of this project under some settings of its `[training]` table; the pilot and all choices are on the clock.
+
+    With `steps_of` it makes as many steps as the plan says.
+    """
 
     name: str
     title: str
@@ -99,6 +106,7 @@ class OurSurrogate:
     official_steps: int = 0
     precision: Precision = "float32"
     is_tuned: bool = False
+    steps_of: str = ""
 
     def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
         """See `Contestant`."""
@@ -108,9 +116,8 @@ class OurSurrogate:
             return time.process_time() - begun
 
         settings = {"seed": plan.seed, "validation_images": WATCHED, **self.settings}
-        run = begin(
-            task.catalog.path, work / "run", Asked(Budget(minutes=seconds / 60.0), settings=settings), elapsed=elapsed
-        )
+        budget = Budget(steps=plan.steps) if self.steps_of else Budget(minutes=seconds / 60.0)
+        run = begin(task.catalog.path, work / "run", Asked(budget, settings=settings), elapsed=elapsed)
         surrogate = train(
             run.settings, run.catalog, run.model, progress=lambda now: report(now.stage, now.step, now.steps)
         )
@@ -155,7 +162,7 @@ class Published:
         """See `Contestant`."""
         return self.method.official_steps
 
-    is_tuned = True
+    is_tuned, steps_of = True, ""
 
     def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
         """See `Contestant`."""

@@ -1,4 +1,4 @@
-"""All contestants, by name, in the order of the tables."""
+"""All contestants, by name, in the order of the tables, and which of them are compared where nobody names any."""
 
 from __future__ import annotations
 
@@ -24,13 +24,24 @@ CONTESTANTS: dict[str, Contestant] = {
         Published(kplanes.METHOD),
         Published(visnerf.METHOD),
         Published(insitunet.METHOD, "bfloat16"),
+        OurSurrogate(
+            "ours-in-steps-of-gs-surrogate",
+            "this surrogate, in as many steps as GS-Surrogate",
+            "`surrogate train --steps`, as many as GS-Surrogate made in the time",
+            steps_of=gs_surrogate.METHOD.name,
+        ),
+        Published(kplanes.NAIVE),
+        Published(hexplane_gaussians.NAIVE),
     )
 }
 
+# The usual start of planes over many parameters, with which nothing is learnt, is shown where it is asked for.
+USUAL = tuple(name for name in CONTESTANTS if name not in (kplanes.NAIVE.name, hexplane_gaussians.NAIVE.name))
+
 
 def chosen(names: Iterable[str]) -> list[Contestant]:
-    """The contestants of these names, all for none; raises ValueError for an unknown one."""
-    wanted = set(names) or set(CONTESTANTS)
+    """The contestants of these names, the usual ones for none; raises ValueError for an unknown one."""
+    wanted = set(names) or set(USUAL)
     if unknown := sorted(wanted - set(CONTESTANTS)):
         raise ValueError(f"unknown methods {unknown}; known are {list(CONTESTANTS)}")
     return [contestant for name, contestant in CONTESTANTS.items() if name in wanted]

@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from surrogate.storage.records import Provenance
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Trained, emptied
+from surrogate.studies.comparison.methods import CONTESTANTS
 from surrogate.studies.comparison.result import TRIVIAL, Result, find, save
 from surrogate.studies.comparison.task import IMAGES, WATCHED, Task
 from surrogate.studies.comparison.trivial import trivial_cells
@@ -42,6 +44,8 @@ SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that 
 @dataclass(frozen=True, eq=False)
 class Study:
     """What is to be compared on one scene.
+
+    A contestant that takes another's steps is trained once these are known.
 
     Attributes
     ----------
@@ -76,11 +80,12 @@ class Study:
         failed = set[str]()
         for number, (minutes, seed, contestant) in enumerate(order, start=1):
             wanted = self.wanted(contestant.name, minutes, seed)
+            steps = self._steps_for(contestant, minutes, seed)
             with self._claimed(wanted) as work:
-                if work is None or wanted.name in failed:
+                if work is None or wanted.name in failed or not steps:
                     continue
                 watch.begin(f"{contestant.name}, {minutes:g} min, seed {seed}", len(order) - number)
-                result = self._attempted(contestant, wanted, work, watch)
+                result = self._attempted(contestant, wanted, steps, work, watch)
                 watch.end()
                 failed |= {wanted.name} if result.error else set()
                 save(self.records, result)
@@ -93,10 +98,10 @@ class Study:
 
     def plan_of(self, method: str) -> Plan:
         """The size of all, in the method's own precision."""
-        precisions = {contestant.name: contestant.precision for contestant in self.contestants}
-        return replace(self.plan, precision=precisions.get(method, "float32"))
+        known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
+        return replace(self.plan, precision=known[method].precision) if method in known else self.plan
 
-    @property
+    @cached_property
     def mark(self) -> str:
         """Of the catalog and how pictures are judged."""
         return f"{fingerprint(TrainingSettings(), self.task.catalog)}, {JUDGED}"
@@ -118,6 +123,13 @@ class Study:
             picture = catalog.image(case.member, case.appearance, case.view)
             write_picture(self.folder / PICTURES / f"{TRUTH}.{number}.png", picture, catalog.plan.background)
 
+    def _steps_for(self, contestant: Contestant, minutes: float, seed: int) -> int:
+        """At least one; as many as another contestant made whose steps this one takes, none before that is known."""
+        if not contestant.steps_of:
+            return 1
+        like = find(self.records, self.wanted(contestant.steps_of, minutes, seed))
+        return 0 if like is None or like.error else like.steps
+
     @contextlib.contextmanager
     def _claimed(self, wanted: Result) -> Iterator[Path | None]:
         """Where to train, while no other process does; None where one does, or there is a result without an error."""
@@ -132,20 +144,22 @@ class Study:
                 free = False
             yield folder / "fit" if free else None
 
-    def _attempted(self, contestant: Contestant, wanted: Result, work: Path, watch: StudyWatch) -> Result:
+    def _attempted(self, contestant: Contestant, wanted: Result, steps: int, work: Path, watch: StudyWatch) -> Result:
         begun, found = time.process_time(), dict[str, Any]()
         try:
-            found = self._made(contestant, wanted, emptied(work), watch)
+            found = self._made(contestant, wanted, steps, emptied(work), watch)
         except (ValueError, RuntimeError, MemoryError, FloatingPointError) as error:  # the others may do without
             found = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
         finally:
             shutil.rmtree(work, ignore_errors=True)
         return replace(wanted, **found, provenance=Provenance.now(time.process_time() - begun))
 
-    def _made(self, contestant: Contestant, wanted: Result, work: Path, watch: StudyWatch) -> dict[str, Any]:
+    def _made(
+        self, contestant: Contestant, wanted: Result, steps: int, work: Path, watch: StudyWatch
+    ) -> dict[str, Any]:
         form = self.plan_of(contestant.name)
         tuned = tuning.find(self.all_records, contestant.name, form) if contestant.is_tuned else None
-        plan = replace(form, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
+        plan = replace(form, steps=steps, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
         count = watch.counter("steps")
         trained = contestant.trained(self.task, plan, 60.0 * wanted.minutes, work, self.folder / SHARED, count)
         cells = scored(trained.predictor, self.task)

@@ -14,7 +14,7 @@ from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.contestants import Published, emptied
+from surrogate.studies.comparison.contestants import OurSurrogate, Published, emptied
 from surrogate.studies.comparison.result import TRIVIAL, Result, find, load
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
@@ -168,3 +168,23 @@ def test_scores_name_every_metric(task: Task, tmp_path: Path) -> None:
     for cell in cells.values():
         assert cell["psnr"] == 60.0
         assert cell["ssim"] == pytest.approx(1.0)
+
+
+def test_steps_are_taken_from_another_once_these_are_known(task: Task, tmp_path: Path) -> None:
+    ours = OurSurrogate("equal", "as many", "nobody", {"fit_to_need": False, "gaussians": 50}, steps_of="mean")
+    alone = study(task, tmp_path, ours)
+    alone.run()
+    assert [r.method for r in load(alone.records)] == [TRIVIAL]
+    turned = [0.0]
+
+    def slow(_: int) -> float:
+        turned[0] += 60.0 * SECOND / 9.0
+        return 0.5
+
+    method = Published(mean_method(loss=slow), clock=lambda: turned[0])
+    both = study(task, tmp_path, ours, method), study(task, tmp_path, method, ours)
+    for made in both:
+        made.run()
+    found = {r.method: r for r in load(both[0].records)}
+    assert not found["equal"].error
+    assert found["equal"].steps == found["mean"].steps == pytest.approx(9, abs=1)
