@@ -19,7 +19,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import CONTESTANTS
 from surrogate.studies.comparison.page import tables
 from surrogate.studies.comparison.plots import curves, sheet
-from surrogate.studies.comparison.result import FOLDER, TRIVIAL, Result, load
+from surrogate.studies.comparison.result import FOLDER, Result, load, times
 
 PAGE = "comparison.md"
 TEXT = """\
@@ -33,9 +33,9 @@ these are: a method with a few per cent of them is **starved**, and its row says
 what it can do on a GPU. The rates of published methods are multiplied by what did best in five trainings of a minute, on one
 scene, at validation images; ours are as they are. Bold is the best of a cell. Stored pictures that are mixed need to exist at
 the very view, which ours and the others do not."""
-SIZES = """Published sizes would take minutes for a step on a processor: InSituNet, K-Planes and ViSNeRF are smaller here (`--size
-small`), the others as published. What was written anew from which code, and where it differs, stands at the head of each file
-in [`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
+SIZES = """A step of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here (`--size
+small`), the others as published. What was written anew from which paper or code, and where it differs, stands at the head of each
+file in [`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
 
 
 def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
@@ -55,7 +55,7 @@ def plots(records: Path, scene: str, run: Path) -> dict[str, bytes]:
     """PNG files of a scene by name, of what is known of it."""
     results = load(records / scene)
     found = {f"comparison_{scene}_curves.png": curves(results)}
-    for minutes in _times(results):
+    for minutes in times(results):
         found[f"comparison_{scene}_{minutes:g}.png"] = sheet(run / FOLDER, results, minutes)
     return {name: content for name, content in found.items() if content is not None}
 
@@ -92,7 +92,7 @@ def _who() -> list[list[str]]:
 
 
 def _section(scene: str, results: Sequence[Result], drawn: set[str]) -> list[str]:
-    pictures = [f"comparison_{scene}_{minutes:g}.png" for minutes in _times(results)]
+    pictures = [f"comparison_{scene}_{minutes:g}.png" for minutes in times(results)]
     plot = f"comparison_{scene}_curves.png"
     return [
         f"## `{scene}`",
@@ -129,10 +129,6 @@ def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:
         f"{NOTHING} where it diverged."
     )
     return ["## Rates", told, table(header, rows)]
-
-
-def _times(results: Sequence[Result]) -> list[float]:
-    return sorted({r.minutes for r in results if r.method != TRIVIAL})
 
 
 if __name__ == "__main__":

@@ -33,10 +33,8 @@ CHANNELS = 4  # of a parameter's vector
 FEATURES = 27
 WIDTH = 128  # of both hidden layers of both networks
 FREQUENCIES = (1.0, 2.0)
-SHORTEST, LONGEST = (
-    3,
-    16,
-)  # of the parameters' vectors: as many entries as a parameter has values in the training pictures
+# A parameter's vector has as many entries as the parameter has values in the training pictures, but at least and at most:
+SHORTEST, LONGEST = 3, 16
 GRID_DEVIATION = 0.1  # of the planes' and lines' first values
 FIRST_VECTOR = 0.1  # all of a vector's first values
 DENSITY_SHIFT = -10.0  # so that the volume is almost empty at first

@@ -8,7 +8,7 @@ from typing import Any
 
 from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.result import TRIVIAL, Result
+from surrogate.studies.comparison.result import TRIVIAL, Result, times
 from surrogate.studies.comparison.trivial import best_of
 
 DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell
@@ -16,8 +16,7 @@ DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell
 
 def tables(results: Sequence[Result]) -> str:
     """A table for each time that contestants were given, with the mixtures of stored pictures in each."""
-    times = sorted({r.minutes for r in results if r.method != TRIVIAL})
-    return document(*(_table(results, minutes) for minutes in times)).strip()
+    return document(*(_table(results, minutes) for minutes in times(results))).strip()
 
 
 def cell_names(results: Sequence[Result]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -59,11 +59,6 @@ class Result:
         parts += [self.size] * (self.size == "official") + [self.precision] * (self.precision != "float32")
         return ".".join(parts)
 
-    def psnr(self, cell: str) -> float | None:
-        """Mean PSNR (dB) of a cell; None where there is none."""
-        found = self.cells.get(cell, {}).get("psnr")
-        return None if found is None else float(found)
-
 
 def save(records: Path, result: Result) -> Path:
     """Keep a result in the folder of a scene's records; returns where."""
@@ -83,3 +78,8 @@ def load(records: Path) -> list[Result]:
     """All that is kept of a scene, by method, time and seed."""
     found = (record.to(Result) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
     return sorted((r for r in found if r is not None), key=lambda r: (r.method, r.minutes, r.seed))
+
+
+def times(results: Iterable[Result]) -> list[float]:
+    """The minutes that methods were given, in order."""
+    return sorted({r.minutes for r in results if r.method != TRIVIAL})

@@ -18,7 +18,7 @@ from surrogate.studies.comparison.methods import chosen
 from surrogate.studies.comparison.page import tables
 from surrogate.studies.comparison.plots import curves, sheet
 from surrogate.studies.comparison.reduced import reduced
-from surrogate.studies.comparison.result import FOLDER, TRIVIAL, Result, load
+from surrogate.studies.comparison.result import FOLDER, TRIVIAL, Result, load, times
 from surrogate.studies.comparison.study import SHARED, Study
 from surrogate.studies.comparison.task import Task
 
@@ -98,7 +98,7 @@ def write_page(name: str, study: Study) -> Path:
     """Write what is known of a scene into its folder, as a page with plots; returns where."""
     results = [r for r in load(study.records) if r.mark == study.mark]
     pictures = {CURVES: curves(results)}
-    for minutes in sorted({r.minutes for r in results if r.method != TRIVIAL}):
+    for minutes in times(results):
         pictures[f"pictures_{minutes:g}.png"] = sheet(study.folder, results, minutes)
     drawn = {file: content for file, content in pictures.items() if content is not None}
     with durable.locked(study.folder / LOCK):

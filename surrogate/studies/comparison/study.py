@@ -13,10 +13,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from catalogs import durable
-from catalogs.images import write_image
+from catalogs.images import encode_png, to_bytes
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.perceptual import PerceptualMetrics
@@ -206,6 +204,4 @@ def shown_cases(task: Task) -> list[Case]:
 def write_picture(path: Path, rgba: Any, background: Sequence[float] | None) -> None:
     """Keep a premultiplied picture (H, W, 4), uint8 or float32, over its background, as a PNG file."""
     durable.make_folder(path.parent)
-    over = composite(rgba, background or WHITE)  # [H, W, 3]
-    opaque = np.concatenate([over, np.ones_like(over[..., :1])], axis=2)  # [H, W, 4]
-    write_image(path, (255.0 * opaque).round().astype(np.uint8))
+    durable.replace(path, encode_png(to_bytes(composite(rgba, background or WHITE))))
