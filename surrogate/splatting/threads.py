@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 import torch
 
@@ -22,18 +22,23 @@ def cores() -> int:
 
 
 @contextmanager
-def one_torch_thread() -> Iterator[None]:
-    """Run torch's own operations on one thread.
-
-    They are small here (20,000 rows), and OpenMP's threads spin while they wait: on a machine with anything else to do,
-    a step of 2 ms became one of 200.  The splatting kernels use all cores all the same.
-    """
+def torch_threads(count: int) -> Iterator[None]:
+    """Run torch's own operations on so many threads; the splatting kernels use all cores all the same."""
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    torch.set_num_threads(count)
     try:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def one_torch_thread() -> AbstractContextManager[None]:
+    """Run torch's own operations on one thread.
+
+    They are small here (20,000 rows), and OpenMP's threads spin while they wait: on a machine with anything else to do,
+    a step of 2 ms became one of 200.
+    """
+    return torch_threads(1)
 
 
 def _one_after_fork() -> None:

@@ -111,6 +111,12 @@ def ablate(
     show_default=True,
     help="Of published methods: as published, or as a processor can train in minutes.",
 )
+@click.option(
+    "--threads",
+    default=1,
+    show_default=True,
+    help="Of torch, in the training of published methods; what draws Gaussians takes all cores that the process may use.",
+)
 @click.option("--tune", is_flag=True, help="Instead choose each method's rates on this scene, for all scenes.")
 def compare(
     scene: Path,

@@ -6,11 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.cameras import Camera
-from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
+from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
 
 
 class MeanPicture:
@@ -28,10 +26,10 @@ class MeanPicture:
         self.mean += self.plan.rate * (shown - self.mean) / self.steps
         return self._loss(self.steps)
 
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
+    def at(self, parameters: Tensor) -> Renderer:
         """The mean, whatever is asked for."""
         assert parameters.shape == self.pictures.parameters.shape[1:]
-        return self.mean
+        return lambda camera: self.mean
 
     def tensors(self) -> dict[str, Tensor]:
         """The mean."""

@@ -25,21 +25,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
-from catalogs.cameras import Camera
 from surrogate.deformation.field import encode
 from surrogate.randomness import generator
 from surrogate.studies.baselines import canonical
 from surrogate.studies.baselines.canonical import HarmonicGaussians
-from surrogate.studies.baselines.method import Method, Pictures, Plan, Prepared
+from surrogate.studies.baselines.method import Method, Pictures, Plan, Prepared, Renderer
 from surrogate.training.losses import image_loss
 
 COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "harmonics": 48}  # that each head moves
@@ -187,7 +186,6 @@ class GSSurrogate:
         self._adam = torch.optim.Adam(groups)
         self._mining = HardMining(len(pictures), plan, self._recipe.mining_power)
         self._step = 0
-        self._shown: tuple[Tensor, HarmonicGaussians] | None = None  # the last parameters (P,), and the Gaussians there
 
     def advance(self) -> float:
         """One of the planned steps; returns its loss."""
@@ -204,18 +202,12 @@ class GSSurrogate:
         self._adam.step()
         self._mining.tell(self._step, picture, loss.item())
         self._step += 1
-        self._shown = None
         return loss.item()
 
     @torch.no_grad()
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
-        """The premultiplied RGBA picture (H, W, 4) at normalized `parameters` (P,); of opaque pictures over their background.
-
-        The network is evaluated where `parameters` are others than in the last call.
-        """
-        if self._shown is None or not torch.equal(self._shown[0], parameters):
-            self._shown = parameters.clone(), self._deformed(parameters)
-        return self._shown[1].picture(camera, self._pictures.background)
+    def at(self, parameters: Tensor) -> Renderer:
+        """See `Fit`; the network is evaluated here, once for all cameras."""
+        return partial(self._deformed(parameters).picture, background=self._pictures.background)
 
     def tensors(self) -> dict[str, Tensor]:
         """The canonical Gaussians' `harmonics` and so on, and the networks' tensors, such as `network.backbone.0.weights`."""

@@ -19,15 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from numpy.random import Generator
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import linear
 
-from catalogs.cameras import Camera
 from surrogate.randomness import generator
 from surrogate.studies.baselines import canonical
 from surrogate.studies.baselines.canonical import HarmonicGaussians
-from surrogate.studies.baselines.method import Method, Pictures, Plan, Precision, Prepared
+from surrogate.studies.baselines.method import Method, Pictures, Plan, Precision, Prepared, Renderer
 from surrogate.training.optimizer import EPSILON, without_subnormals
 from surrogate.training.sampling import ShuffledEpochs
 
@@ -264,7 +262,6 @@ class HexPlaneFit:
         self._deformation = replace(created, precision=plan.precision)
         self._leaves = canonical.leaves_of(start)
         self._adam = _optimizer(self._leaves, created, canonical.extent_of(pictures.cameras), plan.rate)
-        self._shown: tuple[Tensor, HarmonicGaussians] | None = None  # the last parameters (P,), and the Gaussians there
 
     def advance(self) -> float:
         """One step; returns its loss, the mean absolute difference (alpha too, where there is any) and the planes' penalty."""
@@ -277,15 +274,12 @@ class HexPlaneFit:
         loss.backward()
         self._move(canonical.decay(self._step / self._plan.steps))
         self._step += 1
-        self._shown = None
         return float(loss.detach())
 
     @torch.no_grad()
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
-        """The picture (H, W, 4) as `Fit.picture` says; Gaussians are deformed where `parameters` differ from the last call's."""
-        if self._shown is None or not torch.equal(self._shown[0], parameters):
-            self._shown = parameters.clone(), self._deformed(parameters)
-        return self._shown[1].picture(camera, self._pictures.background)
+    def at(self, parameters: Tensor) -> Renderer:
+        """See `Fit`; the Gaussians are deformed here, once for all cameras."""
+        return partial(self._deformed(parameters).picture, background=self._pictures.background)
 
     def tensors(self) -> dict[str, Tensor]:
         """The Gaussians, the planes, the networks and the planes' box."""

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -31,7 +32,7 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, interpolate, mse_loss, relu, softplus
 
 from catalogs.cameras import Camera, spherical_angles
-from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Size
+from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
 from surrogate.training.sampling import ShuffledEpochs
 
 VIEW = 3  # numbers that a viewpoint is encoded by
@@ -252,8 +253,17 @@ class Training:
         self._step += 1
         return self._improve(conditions, truths, drawn)
 
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
-        """The opaque picture (S, S, 4) over the background at normalized `parameters` (P,); raises ValueError at another size."""
+    def at(self, parameters: Tensor) -> Renderer:
+        """See `Fit`; pictures are opaque, over the background, and cameras of another size a ValueError."""
+        return partial(self._picture, parameters)
+
+    def tensors(self) -> Mapping[str, Tensor]:
+        """A copy of what the generator consists of, with the running means and variances that its maps are normalized by."""
+        state = self.generator.state_dict()
+        drawn_with = {name: tensor for name, tensor in state.items() if not name.endswith("num_batches_tracked")}
+        return {name: t.clone(memory_format=torch.contiguous_format) for name, t in drawn_with.items()}
+
+    def _picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
         size = self.architecture.resolution
         if (camera.height, camera.width) != (size, size):
             raise ValueError(f"pictures have {size} x {size} pixels, the camera {camera.height} x {camera.width}")
@@ -263,12 +273,6 @@ class Training:
             drawn = self.generator(conditions.unsqueeze(0))[0]  # [3, S, S]
         colors = (drawn.permute(1, 2, 0) + 1.0) / 2.0  # [S, S, 3]
         return torch.cat([colors, torch.ones_like(colors[..., :1])], dim=-1).cpu().numpy()
-
-    def tensors(self) -> Mapping[str, Tensor]:
-        """A copy of what the generator consists of, with the running means and variances that its maps are normalized by."""
-        state = self.generator.state_dict()
-        drawn_with = {name: tensor for name, tensor in state.items() if not name.endswith("num_batches_tracked")}
-        return {name: t.clone(memory_format=torch.contiguous_format) for name, t in drawn_with.items()}
 
     def _teach(self, conditions: Tensor, truths: Tensor, drawn: Tensor) -> None:
         with self._cast():

@@ -53,7 +53,7 @@ from surrogate.studies.baselines.kplanes_proposals import (
     sampled,
     sharpness_at,
 )
-from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
+from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
 from surrogate.studies.baselines.radiance import composite
 from surrogate.studies.baselines.rays import PixelSampler, Rays, all_rays, crossings
 
@@ -164,8 +164,15 @@ class Training:
         self._step, self._waited = self._step + 1, 1 if learn else self._waited + 1
         return float(loss.detach())
 
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
-        """The premultiplied RGBA picture (H, W, 4) at normalized `parameters` (P,)."""
+    def at(self, parameters: Tensor) -> Renderer:
+        """See `Fit`."""
+        return partial(self._picture, parameters)
+
+    def tensors(self) -> Mapping[str, Tensor]:
+        """All planes and weights, of the proposals too."""
+        return {name: tensor for name, tensor in self.model.state_dict().items() if tensor.numel()}
+
+    def _picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
         rays = Rays(*(tensor.to(self._box) for tensor in all_rays(camera)))
         sharpness = sharpness_at(self._step / self._plan.steps)
         with torch.no_grad():
@@ -174,10 +181,6 @@ class Training:
                 for chunk in zip(*(tensor.split(CHUNK) for tensor in rays), strict=True)
             ]
         return torch.cat(chunks).view(camera.height, camera.width, 4).cpu().numpy()
-
-    def tensors(self) -> Mapping[str, Tensor]:
-        """All planes and weights, of the proposals too."""
-        return {name: tensor for name, tensor in self.model.state_dict().items() if tensor.numel()}
 
     def _loss(self, sharpness: float, learn: bool) -> Tensor:
         batch = self._pixels.draw(self.architecture.rays, self._random)

@@ -82,6 +82,7 @@ class Plan:
     rate : factor on all of the method's rates, which tuning chooses.
     size : "official" as published; "small" where a step of that takes seconds on a processor.
     precision : of the networks; grids, colours and sums are float32.
+    threads : of torch, in training.
     """
 
     steps: int
@@ -89,10 +90,16 @@ class Plan:
     rate: float = 1.0
     size: Size = "official"
     precision: Precision = "float32"
+    threads: int = 1
 
     def __post_init__(self) -> None:
-        if self.steps < 1 or not self.rate > 0.0:
-            raise ValueError(f"a plan has at least one step and a positive rate, got {self.steps} and {self.rate}")
+        if self.steps < 1 or self.threads < 1 or not self.rate > 0.0:
+            given = f"{self.steps}, {self.threads} and {self.rate}"
+            raise ValueError(f"a plan has at least one step and one thread, and a positive rate, got {given}")
+
+
+Prepared = Mapping[str, Tensor]
+Renderer = Callable[[Camera], NDArray[np.float32]]
 
 
 class Fit(Protocol):
@@ -101,17 +108,14 @@ class Fit(Protocol):
     def advance(self) -> float:
         """One of the planned steps; returns its loss."""
 
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
-        """The premultiplied RGBA picture (H, W, 4) at normalized `parameters` (P,), as a camera in normalized coordinates sees it.
+    def at(self, parameters: Tensor) -> Renderer:
+        """What draws premultiplied RGBA pictures (H, W, 4) at normalized `parameters` (P,), for cameras in normalized coordinates.
 
         A method without alpha gives 1 there, and colours over the pictures' background.
         """
 
     def tensors(self) -> Mapping[str, Tensor]:
         """Everything that a model file would hold, by name."""
-
-
-Prepared = Mapping[str, Tensor]
 
 
 @dataclass(frozen=True, eq=False)

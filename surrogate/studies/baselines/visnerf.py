@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.randomness import generator
-from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Size
+from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
 from surrogate.studies.baselines.radiance import composite, weights_of
 from surrogate.studies.baselines.rays import Batch, PixelSampler, Rays, all_rays, crossings
 from surrogate.studies.baselines.visnerf_field import (
@@ -173,9 +174,16 @@ class Training:
         self._step += 1
         return float(loss.detach())
 
-    @torch.no_grad()
-    def picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
+    def at(self, parameters: Tensor) -> Renderer:
         """See `Fit`; a sample every `Sizes.stride` voxels."""
+        return partial(self._picture, parameters)
+
+    def tensors(self) -> Mapping[str, Tensor]:
+        """See `Fit`."""
+        return {name: tensor.detach() for name, tensor in self.field.tensors.items()}
+
+    @torch.no_grad()
+    def _picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
         grid = torch.tensor(self.field.architecture.grid)  # [3]
         sides = (self._box[1] - self._box[0]).cpu()  # [3]
         distance = float((sides / (grid - 1)).mean()) * self._sizes.stride
@@ -190,10 +198,6 @@ class Training:
             found.append(rendered(self.field, self._box, rays, asked, samples, self._skipped))
         picture: NDArray[np.float32] = torch.cat(found).view(camera.height, camera.width, 4).cpu().numpy()
         return picture
-
-    def tensors(self) -> Mapping[str, Tensor]:
-        """See `Fit`."""
-        return {name: tensor.detach() for name, tensor in self.field.tensors.items()}
 
     def _new_optimizer(self) -> torch.optim.Adam:
         tensors = self.field.tensors

@@ -17,7 +17,7 @@ from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.timing import Milliseconds
 from surrogate.evaluation.timing import measure as measure_surrogate
-from surrogate.splatting.threads import one_torch_thread
+from surrogate.splatting.threads import one_torch_thread, torch_threads
 from surrogate.storage.tensors import read_tensors, tensors_of
 from surrogate.studies.baselines.method import Fit, Method, Plan, Precision
 from surrogate.studies.comparison.fitting import Clock, Point, fit_in_time
@@ -171,16 +171,17 @@ class Published:
         def look(fit: Fit) -> float:
             return validation(task, FitPredictor(fit, task))
 
-        found = fit_in_time(
-            self.method,
-            task.pictures,
-            plan,
-            prepared,
-            seconds,
-            look,
-            clock=self.clock,
-            report=lambda step, steps: report(self.title, step, steps),
-        )
+        with torch_threads(plan.threads):
+            found = fit_in_time(
+                self.method,
+                task.pictures,
+                plan,
+                prepared,
+                seconds,
+                look,
+                clock=self.clock,
+                report=lambda step, steps: report(self.title, step, steps),
+            )
         predictor = FitPredictor(found.fit, task, (self.title,))
         cases = [case for cases in task.cells.values() for case in cases]
         megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6
@@ -197,7 +198,8 @@ class Published:
         with durable.locked(shared / f".{path.name}.lock"):
             if not path.exists():
                 report(f"what {self.title} starts from", 0, 1)
-                durable.replace(path, safetensors.torch.save(dict(self.method.prepare(task.pictures(), seed))))
+                with one_torch_thread():
+                    durable.replace(path, safetensors.torch.save(dict(self.method.prepare(task.pictures(), seed))))
         with path.open("rb") as file:
             return tensors_of(read_tensors(file, path.stat().st_size))
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
 
-PROBE = 0.05  # of the time, in which the speed is measured beforehand
+PROBE = 0.1  # of the time, in which the speed is measured beforehand
 ROUGH_STEPS, MOST_PROBED = 3, 400
 LOOKS = (1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)  # of the steps, after which validation images are looked at
 REPORT_SECONDS = 2.0

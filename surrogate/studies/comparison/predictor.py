@@ -5,9 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-from numpy.typing import NDArray
 
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Draw
@@ -32,12 +29,9 @@ class FitPredictor:
         for case in cases:
             batches.setdefault((case.member.name, case.appearance), []).append(case)
         for batch in batches.values():
-            drawn = {case: [self.picture(case)] for case in batch}
+            render = self.fit.at(self.task.parameters(batch[0]))
+            drawn = {case: [render(self.task.camera(case))] for case in batch}
             yield batch, drawn.__getitem__
-
-    def picture(self, case: Case) -> NDArray[Any]:
-        """Of one case, (H, W, 4)."""
-        return self.fit.picture(self.task.parameters(case), self.task.camera(case))
 
 
 def measure(predictor: FitPredictor, cases: Sequence[Case]) -> tuple[Milliseconds, Milliseconds]:
@@ -46,11 +40,12 @@ def measure(predictor: FitPredictor, cases: Sequence[Case]) -> tuple[Millisecond
     changes, views, begun = list[float](), list[float](), time.perf_counter()
     while len(changes) < MOST and (len(changes) < FEWEST or time.perf_counter() - begun < LONGEST):
         case, other = each[len(changes) % len(each)], cases[len(changes) % len(cases)]
-        parameters = predictor.task.parameters(case)
+        parameters, cameras = predictor.task.parameters(case), [predictor.task.camera(c) for c in (case, other)]
         started = time.perf_counter()
-        predictor.fit.picture(parameters, predictor.task.camera(case))
+        render = predictor.fit.at(parameters)
+        render(cameras[0])
         between = time.perf_counter()
-        predictor.fit.picture(parameters, predictor.task.camera(other))
+        render(cameras[1])
         views.append(time.perf_counter() - between)
         changes.append(between - started)
     return Milliseconds.of(changes), Milliseconds.of(views)

@@ -25,6 +25,7 @@ class Result:
     minutes : of processor time that it was given; 0 for mixtures.
     size, precision : as `surrogate.studies.baselines.method.Plan` has them.
     mark : of the catalog, the pictures and how they are judged.
+    threads : of torch, in the training of a published method.
     rate : the factor on the method's rates that tuning chose.
     steps : that it took.
     seconds : on the clock, of all cores together.
@@ -41,6 +42,7 @@ class Result:
     size: str
     precision: str
     mark: str
+    threads: int = 1
     rate: float = 1.0
     steps: int = 0
     seconds: float = 0.0

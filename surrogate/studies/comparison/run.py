@@ -34,11 +34,13 @@ class Asked:
     minutes: Sequence[float] = (5.0,)
     seeds: int = 1
     size: Size = "small"
+    threads: int = 1
 
     def __post_init__(self) -> None:
         chosen(self.methods)
-        if self.seeds < 1:
-            raise ValueError(f"seeds must be at least 1, got {self.seeds}")
+        for name in ("seeds", "threads"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         if not self.minutes or not all(0.0 < minutes < math.inf for minutes in self.minutes):
             raise ValueError(f"minutes must be positive times, got {list(self.minutes)}")
 
@@ -64,7 +66,7 @@ def study_of(
     durable.make_folder(own)
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same pictures
         task = Task.of(reduced(catalog, own / "catalog.cdb", progress))
-    plan = Plan(1, size=asked.size)
+    plan = Plan(1, size=asked.size, threads=asked.threads)
     return Study(task, own, records, records.parent, chosen(asked.methods), asked.minutes, asked.seeds, plan)
 
 

@@ -167,6 +167,7 @@ class Study:
             self._keep_pictures(trained, wanted)
         change, view = trained.measured()
         return {
+            "threads": trained.plan.threads,
             "rate": trained.plan.rate,
             "steps": trained.plan.steps,
             "seconds": trained.seconds,

@@ -189,7 +189,7 @@ def canonical_of(pictures: Pictures, steps: int = 150) -> Mapping[str, Tensor]:
 
 
 def mean_psnr(pictures: Pictures, fit: HexPlaneFit) -> float:
-    shown = [fit.picture(pictures.parameters[i], pictures.camera(i)) for i in range(len(pictures))]
+    shown = [fit.at(pictures.parameters[i])(pictures.camera(i)) for i in range(len(pictures))]
     return float(np.mean([psnr_over(pictures, i, picture) for i, picture in enumerate(shown)]))
 
 
@@ -283,7 +283,7 @@ def test_with_six_parameters_only_planes_of_ones_learn_to_move() -> None:
     start = canonical_of(pictures)
     usual, naive = (trained(HexPlaneFit(pictures, Plan(200), start, naive=naive), 200) for naive in (False, True))
     assert mean_psnr(pictures, usual) > mean_psnr(pictures, naive) + 6.0
-    one, other = (naive.picture(pictures.parameters[i], pictures.camera(0)) for i in (0, -1))
+    one, other = (naive.at(pictures.parameters[i])(pictures.camera(0)) for i in (0, -1))
     np.testing.assert_allclose(one, other, atol=1e-4)
 
 
@@ -294,7 +294,7 @@ def test_pictures(parameters: int, background: tuple[float, float, float] | None
     pictures = ball_pictures([[0.5] * parameters], views=1, background=background)
     fit = HexPlaneFit(pictures, Plan(2, precision="bfloat16"), canonical_of(pictures, steps=3))
     assert all(np.isfinite(fit.advance()) for _ in range(2))
-    picture = fit.picture(pictures.parameters[0], pictures.camera(0))
+    picture = fit.at(pictures.parameters[0])(pictures.camera(0))
     assert picture.shape == (16, 16, 4)
     assert picture.dtype == np.float32
     assert np.isfinite(picture).all()
@@ -314,16 +314,16 @@ def test_pictures_follow_the_training_the_parameters_and_the_camera() -> None:
     pictures = ball_pictures([[-1.0], [1.0]], views=2)
     fit = trained(HexPlaneFit(pictures, Plan(40), canonical_of(pictures, steps=30)), 39)
     low, high = pictures.parameters[0], pictures.parameters[2]
-    first = fit.picture(low, pictures.camera(0))
-    np.testing.assert_array_equal(fit.picture(low, pictures.camera(0)), first)
-    assert np.abs(fit.picture(low, pictures.camera(1)) - first).max() > 0.1
-    assert np.abs(fit.picture(high, pictures.camera(0)) - first).max() > 0.02
-    np.testing.assert_array_equal(fit.picture(low, pictures.camera(0)), first)
+    first = fit.at(low)(pictures.camera(0))
+    np.testing.assert_array_equal(fit.at(low)(pictures.camera(0)), first)
+    assert np.abs(fit.at(low)(pictures.camera(1)) - first).max() > 0.1
+    assert np.abs(fit.at(high)(pictures.camera(0)) - first).max() > 0.02
+    np.testing.assert_array_equal(fit.at(low)(pictures.camera(0)), first)
     fit.advance()
-    later = fit.picture(low, pictures.camera(0))
+    later = fit.at(low)(pictures.camera(0))
     assert np.abs(later - first).max() > 1e-4
-    fit.picture(high, pictures.camera(0))
-    np.testing.assert_array_equal(fit.picture(low, pictures.camera(0)), later)
+    fit.at(high)(pictures.camera(0))
+    np.testing.assert_array_equal(fit.at(low)(pictures.camera(0)), later)
 
 
 @pytest.mark.usefixtures("small_planes")
@@ -365,7 +365,7 @@ def test_the_seed_decides_the_start() -> None:
 def test_the_loss_is_the_mean_difference_and_the_penalty(background: tuple[float, float, float] | None) -> None:
     pictures = ball_pictures([[-1.0, 0.5]], views=1, background=background)
     fit = HexPlaneFit(pictures, Plan(1), canonical_of(pictures, steps=2), naive=True)
-    picture, tensors = fit.picture(pictures.parameters[0], pictures.camera(0)), fit.tensors()
+    picture, tensors = fit.at(pictures.parameters[0])(pictures.camera(0)), fit.tensors()
     levels = [Level(*(tensors[f"planes.{i}.{kind}"] for kind in Level._fields)) for i in range(2)]
     difference = np.abs(picture[..., :3] + (1.0 - picture[..., 3:]) * pictures.behind - pictures.over([0])[0].numpy())
     if background is None:
@@ -381,7 +381,7 @@ def test_the_plan_says_the_precision() -> None:
     pictures = ball_pictures([[0.5]], views=1)
     start = canonical_of(pictures, steps=2)
     full, narrow = (
-        HexPlaneFit(pictures, Plan(1, precision=precision), start).picture(pictures.parameters[0], pictures.camera(0))
+        HexPlaneFit(pictures, Plan(1, precision=precision), start).at(pictures.parameters[0])(pictures.camera(0))
         for precision in ("float32", "bfloat16")
     )
     assert 0.0 < np.abs(full - narrow).max() < 0.1

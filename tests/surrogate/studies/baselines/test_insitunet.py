@@ -50,7 +50,7 @@ def trained(pictures: Pictures, steps: int, **others: object) -> tuple[Training,
 
 
 def picture(fit: Training, pictures: Pictures, number: int = 0) -> np.ndarray:
-    return fit.picture(pictures.parameters[number], pictures.camera(number))
+    return fit.at(pictures.parameters[number])(pictures.camera(number))
 
 
 def psnr(fit: Training, pictures: Pictures) -> float:
@@ -382,7 +382,7 @@ def test_pictures_of_other_shapes_are_an_error() -> None:
     pictures = ball_pictures([[0.5]], views=2)
     fit = begun(pictures, small())
     with pytest.raises(ValueError, match="16 x 16 pixels, the camera 32 x 16"):
-        fit.picture(pictures.parameters[0], pictures.camera(0).resized(16, 32))
+        fit.at(pictures.parameters[0])(pictures.camera(0).resized(16, 32))
     wide = Pictures(
         np.zeros((1, 16, 32, 4), np.uint8),
         [pictures.camera(0).resized(32, 16)],

@@ -89,7 +89,7 @@ def test_at_first_pictures_do_not_depend_on_parameters(parameters: int) -> None:
         fit = training(pictures, method=method)
         with torch.no_grad():
             fit.model.radiance.geometry[0].weight.mul_(scale)  # which makes up for products of many planes
-        found = [fit.picture(values, pictures.camera(0)) for values in (low, high)]
+        found = [fit.at(values)(pictures.camera(0)) for values in (low, high)]
         assert all(np.isfinite(picture).all() and picture[..., 3].std() > 0.01 for picture in found)
         assert np.allclose(*found, atol=1e-5) == (method is METHOD)
 
@@ -123,7 +123,7 @@ def test_pictures_are_premultiplied_and_finite(parameters: int, background: tupl
     pictures = ball_pictures(MEMBERS[parameters], background=background)
     fit = trained(pictures, 3)
     camera = replace(pictures.camera(0).resized(11, 9))
-    picture = fit.picture(pictures.parameters[0], camera)
+    picture = fit.at(pictures.parameters[0])(camera)
     assert (picture.shape, picture.dtype) == ((9, 11, 4), np.float32)
     assert np.isfinite(picture).all()
     assert (picture >= 0.0).all()
@@ -164,7 +164,7 @@ def test_a_constant_field_is_as_opaque_as_rays_are_long() -> None:
             weights.zero_()
     camera = pictures.camera(1).resized(40, 40)
     alphas = 1.0 - np.exp(-np.exp(-1.0) * lengths_through(camera, [-1.0] * 3, [1.0] * 3))
-    picture = fit.picture(pictures.parameters[0], camera)
+    picture = fit.at(pictures.parameters[0])(camera)
     np.testing.assert_allclose(picture[..., 3], alphas, atol=1e-5)
     np.testing.assert_allclose(picture[..., :3], 0.5 * np.repeat(alphas[..., None], 3, axis=2), atol=1e-5)
     assert 100 < (picture[..., 3] == 0.0).sum() < 1200
@@ -182,7 +182,7 @@ def test_places_are_scaled_to_the_box(axis: int) -> None:
     quarter = [0.75 * h + 0.25 * lo if i == axis else lo for i, (lo, h) in enumerate(zip(low, high, strict=True))]
     expected = 1.0 - np.exp(-0.8 * lengths_through(camera, quarter, high))
     assert expected.max() > 0.1
-    np.testing.assert_allclose(fit.picture(torch.zeros(0), camera)[..., 3], expected, atol=0.01)
+    np.testing.assert_allclose(fit.at(torch.zeros(0))(camera)[..., 3], expected, atol=0.01)
 
 
 def test_every_ray_has_its_direction_and_the_picture_s_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,20 +194,20 @@ def test_every_ray_has_its_direction_and_the_picture_s_parameters(monkeypatch: p
         return density, (0.5 + 0.5 * directions)[:, None]
 
     fit.model.radiance = Analytic(field)
-    picture = fit.picture(pictures.parameters[0], camera)
+    picture = fit.at(pictures.parameters[0])(camera)
     _, directions = camera.rays()
     expected = 1.0 - np.exp(-1.7 * lengths_through(camera, [-1.0] * 3, [1.0] * 3))
     np.testing.assert_allclose(picture[..., 3], expected, atol=1e-5)
     np.testing.assert_allclose(picture[..., :3], (0.5 + 0.5 * directions) * expected[..., None], atol=1e-5)
     monkeypatch.setattr(kplanes, "CHUNK", 71)
-    np.testing.assert_array_equal(fit.picture(pictures.parameters[0], camera), picture)
+    np.testing.assert_array_equal(fit.at(pictures.parameters[0])(camera), picture)
 
 
 def test_a_picture_of_nothing_but_misses_is_empty() -> None:
     pictures = ball_pictures([[0.0]])
     away = Camera.look_at((4.0, 0.0, 0.0), (8.0, 0.0, 0.0), vertical_fov_degrees=30, width=6, height=5)
     fit = training(replace(pictures, cameras=[away.resized(16, 16)] * 4))
-    assert (fit.picture(pictures.parameters[0], away) == 0.0).all()
+    assert (fit.at(pictures.parameters[0])(away) == 0.0).all()
     assert np.isfinite(fit.advance())
 
 
@@ -295,9 +295,7 @@ def test_the_proposals_network_learns_every_other_step_at_first() -> None:
 
 def mean_psnr(fit: Training, pictures: Pictures) -> float:
     chosen = range(len(pictures))
-    return float(
-        np.mean([psnr_over(pictures, i, fit.picture(pictures.parameters[i], pictures.camera(i))) for i in chosen])
-    )
+    return float(np.mean([psnr_over(pictures, i, fit.at(pictures.parameters[i])(pictures.camera(i))) for i in chosen]))
 
 
 def test_one_member_is_learnt() -> None:
@@ -331,7 +329,7 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
         fit = training(pictures, 5, seed=seed)
         starts.append(fit.tensors()["radiance.levels.0.spatial"].clone())
         losses = [fit.advance() for _ in range(5)]
-        return losses, fit.picture(pictures.parameters[0], pictures.camera(0)), list(fit.tensors().values())
+        return losses, fit.at(pictures.parameters[0])(pictures.camera(0)), list(fit.tensors().values())
 
     starts: list[Tensor] = []
     (losses, picture, tensors), (again, same, kept), (others, other, _) = found(3), found(3), found(4)
@@ -361,7 +359,7 @@ def test_short_plans_are_learnt_to_their_end(steps: int, monkeypatch: pytest.Mon
     fit = trained(pictures, steps, rate=3.0)
     np.testing.assert_allclose(fractions, np.arange(steps) / steps)
     assert all(torch.isfinite(tensor).all() for tensor in fit.tensors().values())
-    assert np.isfinite(fit.picture(pictures.parameters[0], pictures.camera(0))).all()
+    assert np.isfinite(fit.at(pictures.parameters[0])(pictures.camera(0))).all()
 
 
 def test_the_plan_s_rate_multiplies_adam_s() -> None:
@@ -385,7 +383,7 @@ def test_networks_in_bfloat16_learn_too() -> None:
     fit = trained(pictures, 5, precision="bfloat16")
     exact = trained(pictures, 5)
     cameras = cameras_around(1, 16)
-    rounded, picture = (f.picture(pictures.parameters[0], cameras[0]) for f in (fit, exact))
+    rounded, picture = (f.at(pictures.parameters[0])(cameras[0]) for f in (fit, exact))
     assert rounded.dtype == np.float32
     assert all(tensor.dtype == torch.float32 for tensor in fit.tensors().values())
     np.testing.assert_allclose(rounded, picture, atol=0.02)

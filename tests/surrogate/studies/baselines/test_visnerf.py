@@ -312,7 +312,7 @@ def test_a_uniform_fog_absorbs_as_beer_and_lambert_say() -> None:
     training = Training(pictures, Plan(1), sizes)
     training.field = uniform(0.02, 0.3, training.field.architecture)
     camera = Camera.look_at((4.0, 0.0, 0.0), (0.0, 0.0, 0.0), vertical_fov_degrees=50.0, width=9, height=9)
-    picture = training.picture(torch.zeros(1), camera)
+    picture = training.at(torch.zeros(1))(camera)
     assert picture[4, 4, 3] == pytest.approx(1.0 - math.exp(-25.0 * 0.02 * 2.0), rel=0.01)  # 2 units of length
     np.testing.assert_allclose(picture[4, 4, :3], 0.3 * picture[4, 4, 3], rtol=1e-4)
     assert (picture[0, 0] == 0.0).all()  # its ray passes beside the box
@@ -368,7 +368,7 @@ def test_pictures_are_premultiplied(parameters: int, background: tuple[float, fl
     training = Training(pictures, Plan(20), TINY)
     for _ in range(4):
         assert math.isfinite(training.advance())
-    picture = training.picture(pictures.parameters[0], pictures.camera(1))
+    picture = training.at(pictures.parameters[0])(pictures.camera(1))
     assert picture.shape == (8, 8, 4)
     assert picture.dtype == np.float32
     assert np.isfinite(picture).all()
@@ -460,14 +460,14 @@ def test_small_is_begun_by_its_method() -> None:
     assert (METHOD.name, METHOD.title, METHOD.official_steps) == ("visnerf", "ViSNeRF", 90_000)
     fit = METHOD.begin(pictures, Plan(2, size="small"), {})
     assert math.isfinite(fit.advance())
-    assert fit.picture(pictures.parameters[0], pictures.camera(0)).shape == (12, 12, 4)
+    assert fit.at(pictures.parameters[0])(pictures.camera(0)).shape == (12, 12, 4)
     assert fit.tensors()["color.plane_xy"].shape == (48, 128, 128)
 
 
 def test_it_learns_the_pictures_of_one_member() -> None:
     pictures = ball_pictures([[]], 3, 12)
     training = trained(pictures, Plan(160))
-    found = [psnr_over(pictures, n, training.picture(pictures.parameters[n], pictures.camera(n))) for n in range(3)]
+    found = [psnr_over(pictures, n, training.at(pictures.parameters[n])(pictures.camera(n))) for n in range(3)]
     assert np.mean(found) > psnr_of_mean(pictures) + 3.0
 
 
@@ -477,7 +477,7 @@ def test_it_learns_what_a_parameter_moves() -> None:
     pictures = ball_pictures([[-1.0], [1.0]], 3, 12)
     training = trained(pictures, Plan(500))
     for number in range(6):
-        shown = training.picture(pictures.parameters[number], pictures.camera(number))
+        shown = training.at(pictures.parameters[number])(pictures.camera(number))
         assert psnr_over(pictures, number, shown) > 28.0
         assert psnr_over(pictures, (number + 3) % 6, shown) < 22.0
 
@@ -487,5 +487,5 @@ def test_it_learns_what_a_parameter_moves() -> None:
 def test_it_learns_opaque_pictures_over_their_background(background: tuple[float, float, float]) -> None:
     pictures = ball_pictures([[]], 3, 12, background=background)
     training = trained(pictures, Plan(160))
-    found = [psnr_over(pictures, n, training.picture(pictures.parameters[n], pictures.camera(n))) for n in range(3)]
+    found = [psnr_over(pictures, n, training.at(pictures.parameters[n])(pictures.camera(n))) for n in range(3)]
     assert np.mean(found) > psnr_of_mean(pictures) + 2.5

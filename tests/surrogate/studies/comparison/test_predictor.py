@@ -19,9 +19,12 @@ class Remembering:
     def __init__(self) -> None:
         self.asked: list[tuple[float, int]] = []
 
-    def picture(self, parameters: torch.Tensor, camera) -> np.ndarray:
-        self.asked.append((float(parameters[0]), camera.width))
-        return np.full((camera.height, camera.width, 4), float(parameters[0]), dtype=np.float32)
+    def at(self, parameters: torch.Tensor):
+        def render(camera) -> np.ndarray:
+            self.asked.append((float(parameters[0]), camera.width))
+            return np.full((camera.height, camera.width, 4), float(parameters[0]), dtype=np.float32)
+
+        return render
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
     ("given", "message"),
     [
         ({"seeds": 0}, "seeds must be at least 1, got 0"),
+        ({"threads": 0}, "threads must be at least 1, got 0"),
         ({"minutes": ()}, "minutes must be positive times"),
         ({"minutes": (5.0, -1.0)}, r"minutes must be positive times, got \[5.0, -1.0\]"),
         ({"minutes": (float("nan"),)}, "minutes must be positive times"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from catalogs import durable
 from catalogs.images import read_image
@@ -54,6 +55,21 @@ def test_what_is_missing_is_made_once(task: Task, tmp_path: Path) -> None:
     study(task, tmp_path, *both, seeds=2).run(tell=told.append)
     assert told == []
     assert len(load(tmp_path / "records" / "blobs")) == 5
+
+
+def test_published_methods_train_on_as_many_threads_as_are_asked_for(task: Task, tmp_path: Path) -> None:
+    seen = list[int]()
+
+    def loss(_: int) -> float:
+        seen.append(torch.get_num_threads())
+        return 0.5
+
+    made = study(task, tmp_path, Published(mean_method(loss=loss)), plan=Plan(1, threads=2))
+    made.run()
+    assert set(seen) == {2}
+    found = find(made.records, made.wanted("mean", SECOND, 0))
+    assert found is not None
+    assert found.threads == 2
 
 
 def test_scores_are_those_of_the_pictures(task: Task, tmp_path: Path) -> None:
