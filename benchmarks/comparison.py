@@ -19,7 +19,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import CONTESTANTS
 from surrogate.studies.comparison.page import tables
 from surrogate.studies.comparison.plots import curves, sheet
-from surrogate.studies.comparison.result import FOLDER, Result, load, times
+from surrogate.studies.comparison.result import FOLDER, Result, load, terms
 
 PAGE = "comparison.md"
 TEXT = """\
@@ -55,8 +55,8 @@ def plots(records: Path, scene: str, run: Path) -> dict[str, bytes]:
     """PNG files of a scene by name, of what is known of it."""
     results = load(records / scene)
     found = {f"comparison_{scene}_curves.png": curves(results)}
-    for minutes in times(results):
-        found[f"comparison_{scene}_{minutes:g}.png"] = sheet(run / FOLDER, results, minutes)
+    for each in terms(results):
+        found[f"comparison_{scene}_{each.name}.png"] = sheet(run / FOLDER, results, each)
     return {name: content for name, content in found.items() if content is not None}
 
 
@@ -92,7 +92,7 @@ def _who() -> list[list[str]]:
 
 
 def _section(scene: str, results: Sequence[Result], drawn: set[str]) -> list[str]:
-    pictures = [f"comparison_{scene}_{minutes:g}.png" for minutes in times(results)]
+    pictures = [f"comparison_{scene}_{each.name}.png" for each in terms(results)]
     plot = f"comparison_{scene}_curves.png"
     return [
         f"## `{scene}`",

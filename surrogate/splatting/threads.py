@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 
 import torch
 
@@ -32,13 +32,15 @@ def torch_threads(count: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def one_torch_thread() -> AbstractContextManager[None]:
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
     """Run torch's own operations on one thread.
 
     They are small here (20,000 rows), and OpenMP's threads spin while they wait: on a machine with anything else to do,
     a step of 2 ms became one of 200.
     """
-    return torch_threads(1)
+    with torch_threads(1):
+        yield
 
 
 def _one_after_fork() -> None:

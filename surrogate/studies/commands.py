@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -105,11 +106,23 @@ def ablate(
 @click.option("--minutes", default="5", show_default=True, metavar="M[,M...]", help="Processor time of each training.")
 @click.option("--seeds", default=1, show_default=True, help="Trainings of each method in each time.")
 @click.option(
-    "--size",
-    type=click.Choice(["small", "official"]),
-    default="small",
+    "--published",
+    is_flag=True,
+    help="Sizes and numbers of steps as published, in place of --minutes and of sizes that a processor can train in these.",
+)
+@click.option(
+    "--device",
+    type=click.Choice(["cpu", "cuda"]),
+    default="cpu",
     show_default=True,
-    help="Of published methods: as published, or as a processor can train in minutes.",
+    help="Where all compute.  On a GPU minutes are those of the wall.",
+)
+@click.option(
+    "--stop-after",
+    type=float,
+    default=math.inf,
+    metavar="MINUTES",
+    help="End after so long; the same command goes on where it stopped.",
 )
 @click.option(
     "--threads",
@@ -130,11 +143,12 @@ def compare(
 ) -> None:
     """Train published methods and ours on a SCENE's or a RUN's pictures, for the same time each, and compare them on test images.
 
-    Started several times it shares the trainings out: with `taskset` one for each core.  An interrupted training begins anew, what
-    is finished is kept.
+    Started several times it shares the trainings out: with `taskset` one for each core.  What is finished is kept, and training
+    of a published method goes on from its last checkpoint after an interruption.
     """
     opened, line = OpenRun.open(scene, runs, records), ProgressLine()
     from surrogate.studies.comparison import run as comparing
+    from surrogate.studies.comparison.fitting import OutOfTime
     from surrogate.studies.comparison.result import Result
 
     def tell(result: Result) -> None:
@@ -145,7 +159,7 @@ def compare(
         line.close()
         click.echo(f"{method}, {rate:g} times its rates: {'diverged' if psnr is None else f'{psnr:.2f} dB'}")
 
-    kept = "finished trainings are kept, and the same command goes on with the others"
+    kept = "what was done is kept, and the same command goes on"
     names = [name.strip() for given in methods for name in given.split(",")]
     with one_line_errors(RuntimeError, interrupted=kept), line:
         asked = comparing.Asked(names, comparing.times_of(minutes), seeds, **form)
@@ -153,7 +167,10 @@ def compare(
         if tune:
             comparing.tune_all(opened.name, study, line, tell_rate)
             return
-        study.run(line, tell)
+        try:
+            study.run(line, tell)
+        except OutOfTime:
+            raise RuntimeError(f"stopped after {form['stop_after']:g} minutes, before the end: {kept}") from None
         click.echo(comparing.write_page(opened.name, study))
 
 

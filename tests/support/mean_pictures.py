@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
+from surrogate.studies.baselines.state import State
 
 
 class MeanPicture:
@@ -30,6 +31,14 @@ class MeanPicture:
         """The mean, whatever is asked for."""
         assert parameters.shape == self.pictures.parameters.shape[1:]
         return lambda camera: self.mean
+
+    def state(self) -> State:
+        """The mean, and of how many."""
+        return self.tensors()
+
+    def restore(self, step: int, state: State) -> None:
+        """Go on after so many."""
+        self.steps, self.mean = step, state["mean"].numpy().copy()
 
     def tensors(self) -> dict[str, Tensor]:
         """The mean."""

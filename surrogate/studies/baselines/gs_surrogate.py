@@ -39,6 +39,7 @@ from surrogate.randomness import generator
 from surrogate.studies.baselines import canonical
 from surrogate.studies.baselines.canonical import HarmonicGaussians
 from surrogate.studies.baselines.method import Method, Pictures, Plan, Prepared, Renderer
+from surrogate.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from surrogate.training.losses import image_loss
 
 COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "harmonics": 48}  # that each head moves
@@ -214,6 +215,16 @@ class GSSurrogate:
         networks = {f"network.{name}": tensor for name, tensor in self._networks.items()}
         return canonical.of_leaves(self._leaves).tensors() | networks
 
+    def state(self) -> State:
+        """See `Fit`; with the losses and chances of the pictures."""
+        return outer(adam=of_optimizer(self._adam), mining=self._mining.state())
+
+    def restore(self, step: int, state: State) -> None:
+        """See `Fit`."""
+        restore_optimizer(self._adam, inner(state, "adam"))
+        self._mining.restore(inner(state, "mining"))
+        self._step = step
+
     def _deformed(self, parameters: Tensor) -> HarmonicGaussians:
         """The Gaussians at normalized parameters (P,)."""
         gaussians = canonical.of_leaves(self._leaves)
@@ -249,6 +260,14 @@ class HardMining:
         self._losses[picture] = loss
         if step and step % self._interval == 0:
             self._cumulative = np.cumsum(np.maximum(self._losses, 1e-12) ** self._power)
+
+    def state(self) -> State:
+        """Losses and chances (pictures,)."""
+        return {"losses": torch.from_numpy(self._losses), "cumulative": torch.from_numpy(self._cumulative)}
+
+    def restore(self, state: State) -> None:
+        """Go on from what another one had as its `state`."""
+        self._losses, self._cumulative = state["losses"].numpy().copy(), state["cumulative"].numpy().copy()
 
 
 METHOD = Method(

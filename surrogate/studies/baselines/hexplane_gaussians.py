@@ -26,6 +26,7 @@ from surrogate.randomness import generator
 from surrogate.studies.baselines import canonical
 from surrogate.studies.baselines.canonical import HarmonicGaussians
 from surrogate.studies.baselines.method import Method, Pictures, Plan, Precision, Prepared, Renderer
+from surrogate.studies.baselines.state import State, of_optimizer, restore_optimizer
 from surrogate.training.optimizer import EPSILON, without_subnormals
 from surrogate.training.sampling import ShuffledEpochs
 
@@ -286,6 +287,15 @@ class HexPlaneFit:
         deformation = self._deformation
         trained = canonical.of_leaves(self._leaves).tensors() | deformation.planes() | dict(deformation.networks)
         return {name: tensor.detach() for name, tensor in trained.items()} | {"box": deformation.box}
+
+    def state(self) -> State:
+        """See `Fit`."""
+        return of_optimizer(self._adam)
+
+    def restore(self, step: int, state: State) -> None:
+        """See `Fit`."""
+        restore_optimizer(self._adam, state)
+        self._step = step
 
     def _deformed(self, parameters: Tensor) -> HarmonicGaussians:
         gaussians = canonical.of_leaves(self._leaves)

@@ -33,6 +33,7 @@ from torch.nn.functional import avg_pool2d, interpolate, mse_loss, relu, softplu
 
 from catalogs.cameras import Camera, spherical_angles
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
+from surrogate.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from surrogate.training.sampling import ShuffledEpochs
 
 VIEW = 3  # numbers that a viewpoint is encoded by
@@ -262,6 +263,23 @@ class Training:
         state = self.generator.state_dict()
         drawn_with = {name: tensor for name, tensor in state.items() if not name.endswith("num_batches_tracked")}
         return {name: t.clone(memory_format=torch.contiguous_format) for name, t in drawn_with.items()}
+
+    def state(self) -> State:
+        """See `Fit`; with the running means and variances of the maps."""
+        return outer(
+            generator=of_optimizer(self._generator_steps),
+            discriminator=of_optimizer(self._discriminator_steps),
+            maps={name: tensor for name, tensor in self.generator.named_buffers() if tensor.is_floating_point()},
+        )
+
+    def restore(self, step: int, state: State) -> None:
+        """See `Fit`."""
+        restore_optimizer(self._generator_steps, inner(state, "generator"))
+        restore_optimizer(self._discriminator_steps, inner(state, "discriminator"))
+        maps = dict(self.generator.named_buffers())
+        for name, tensor in inner(state, "maps").items():
+            maps[name].copy_(tensor)
+        self._step = step
 
     def _picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
         size = self.architecture.resolution

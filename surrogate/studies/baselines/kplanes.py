@@ -56,6 +56,7 @@ from surrogate.studies.baselines.kplanes_proposals import (
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
 from surrogate.studies.baselines.radiance import composite
 from surrogate.studies.baselines.rays import PixelSampler, Rays, all_rays, crossings
+from surrogate.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 
 RATE = 0.01  # Adam's, of everything
 WARM_UP = 512  # steps in which it grows to that
@@ -171,6 +172,19 @@ class Training:
     def tensors(self) -> Mapping[str, Tensor]:
         """All planes and weights, of the proposals too."""
         return {name: tensor for name, tensor in self.model.state_dict().items() if tensor.numel()}
+
+    def state(self) -> State:
+        """See `Fit`."""
+        draws = {"pixels": self._random.get_state(), "jitter": self._jitter.get_state()}
+        waited = {"steps": torch.tensor(float(self._waited))}
+        return outer(adam=of_optimizer(self._optimizer), random=draws, waited=waited)
+
+    def restore(self, step: int, state: State) -> None:
+        """See `Fit`."""
+        restore_optimizer(self._optimizer, inner(state, "adam"))
+        self._random.set_state(state["random.pixels"])
+        self._jitter.set_state(state["random.jitter"])
+        self._step, self._waited = step, int(state["waited.steps"])
 
     def _picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:
         rays = Rays(*(tensor.to(self._box) for tensor in all_rays(camera)))

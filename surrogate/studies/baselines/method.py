@@ -13,6 +13,7 @@ from torch import Tensor
 
 from catalogs.cameras import Camera
 from surrogate.evaluation.metrics import WHITE
+from surrogate.studies.baselines.state import State
 
 Size = Literal["official", "small"]
 Precision = Literal["float32", "bfloat16"]
@@ -116,6 +117,12 @@ class Fit(Protocol):
 
     def tensors(self) -> Mapping[str, Tensor]:
         """Everything that a model file would hold, by name."""
+
+    def state(self) -> State:
+        """All that its next steps depend on, beside pictures, plan and how many there were; its own tensors, not copies."""
+
+    def restore(self, step: int, state: State) -> None:
+        """Go on after `step` steps from what another training of the same pictures and plan had as its `state` there."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,7 @@ from surrogate.randomness import generator
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
 from surrogate.studies.baselines.radiance import composite, weights_of
 from surrogate.studies.baselines.rays import Batch, PixelSampler, Rays, all_rays, crossings
+from surrogate.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from surrogate.studies.baselines.visnerf_field import (
     AXES,
     QUANTITIES,
@@ -181,6 +182,16 @@ class Training:
     def tensors(self) -> Mapping[str, Tensor]:
         """See `Fit`."""
         return {name: tensor.detach() for name, tensor in self.field.tensors.items()}
+
+    def state(self) -> State:
+        """See `Fit`."""
+        return outer(adam=of_optimizer(self._optimizer), random={"pixels": self._random.get_state()})
+
+    def restore(self, step: int, state: State) -> None:
+        """See `Fit`."""
+        restore_optimizer(self._optimizer, inner(state, "adam"))
+        self._random.set_state(state["random.pixels"])
+        self._step = step
 
     @torch.no_grad()
     def _picture(self, parameters: Tensor, camera: Camera) -> NDArray[np.float32]:

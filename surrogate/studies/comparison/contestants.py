@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -10,17 +11,18 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import safetensors.torch
+import torch
 from torch import Tensor
 
 from catalogs import durable
+from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.timing import Milliseconds
-from surrogate.evaluation.timing import measure as measure_surrogate
 from surrogate.splatting.threads import one_torch_thread, torch_threads
 from surrogate.storage.tensors import read_tensors, tensors_of
 from surrogate.studies.baselines.method import Fit, Method, Plan, Precision
-from surrogate.studies.comparison.fitting import Clock, Point, fit_in_time
+from surrogate.studies.comparison.fitting import Clock, Place, Point, fit_in_time
 from surrogate.studies.comparison.predictor import FitPredictor, measure
 from surrogate.studies.comparison.task import WATCHED, Task
 from surrogate.training.begin import Asked, begin
@@ -30,6 +32,36 @@ from surrogate.training.run import train
 BYTES = 4  # of a stored number
 CHANGE_AND_VIEW = tuple[Milliseconds, Milliseconds]
 Report = Callable[[str, int, int], None]  # what, done, of how many
+
+
+@dataclass(frozen=True)
+class Session:
+    """What is around a training.
+
+    Attributes
+    ----------
+    work : a folder of its own, with what an interruption left there.
+    shared : of what several trainings start from.
+    device : "cpu", or "cuda", where time is that of the wall.
+    until : `time.monotonic()` at which a published method stops, to go on another day.
+    report : told where it stands.
+    """
+
+    work: Path
+    shared: Path
+    device: str = "cpu"
+    until: float = math.inf
+    report: Report = lambda *_: None
+
+    @property
+    def clock(self) -> Clock:
+        """Of the processor, or that of the wall once the device has done what it was given."""
+        return time.process_time if self.device == "cpu" else _after_the_device
+
+
+def _after_the_device() -> float:
+    torch.cuda.synchronize()
+    return time.perf_counter()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,18 +117,15 @@ class Contestant(Protocol):
     def steps_of(self) -> str:
         """The contestant whose number of steps it takes, whatever time that needs; "" for as many as fit."""
 
-    def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
-        """Train for about `seconds` of processor time by `plan`, but for its steps, in the empty folder `work`.
-
-        `shared` holds what several trainings start from.
-        """
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+        """Train for about `seconds`, with as many steps as fit; without them with those of `plan`."""
 
 
 @dataclass(frozen=True)
 class OurSurrogate:
     """The surrogate of this project under some settings of its `[training]` table; the pilot and all choices are on the clock.
 
-    With `steps_of` it makes as many steps as the plan says.
+    With `steps_of`, or without a time, it makes as many steps as the plan says.
     """
 
     name: str
@@ -108,25 +137,28 @@ class OurSurrogate:
     is_tuned: bool = False
     steps_of: str = ""
 
-    def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
         """See `Contestant`."""
-        begun = time.process_time()
+        clock = session.clock
+        begun = clock()
 
         def elapsed() -> float:
-            return time.process_time() - begun
+            return clock() - begun
 
-        settings = {"seed": plan.seed, "validation_images": WATCHED, **self.settings}
-        budget = Budget(steps=plan.steps) if self.steps_of else Budget(minutes=seconds / 60.0)
-        run = begin(task.catalog.path, work / "run", Asked(budget, settings=settings), elapsed=elapsed)
+        def at(case: Case) -> Callable[[Case], object]:
+            deformed = surrogate.at(**case.member.parameters, **case.varied)
+            return lambda other: deformed.render(other.camera)
+
+        settings = {"seed": plan.seed, "validation_images": WATCHED, "device": session.device, **self.settings}
+        budget = Budget(steps=plan.steps) if seconds is None or self.steps_of else Budget(minutes=seconds / 60.0)
+        run = begin(task.catalog.path, emptied(session.work) / "run", Asked(budget, settings=settings), elapsed=elapsed)
         surrogate = train(
-            run.settings, run.catalog, run.model, progress=lambda now: report(now.stage, now.step, now.steps)
-        )
-        taken, members = elapsed(), task.catalog.members
-        shown = [dict(case.varied) for cases in task.cells.values() for case in cases]
-        curve = surrogate.training["curve"]
+            run.settings, run.catalog, run.model, progress=lambda now: session.report(now.stage, now.step, now.steps)
+        ).to(session.device)
+        taken, curve = elapsed(), surrogate.training["curve"]
         return Trained(
             SurrogatePredictor(surrogate.at, task.catalog.plan.background),
-            lambda: measure_surrogate(surrogate, members, shown),
+            lambda: measure(at, task.cases),
             replace(plan, steps=surrogate.training["steps"]),
             surrogate.megabytes,
             taken,
@@ -140,7 +172,7 @@ class Published:
 
     method: Method
     precision: Precision = "float32"
-    clock: Clock = time.process_time
+    clock: Clock | None = None  # of the session
 
     @property
     def name(self) -> str:
@@ -164,9 +196,9 @@ class Published:
 
     is_tuned, steps_of = True, ""
 
-    def trained(self, task: Task, plan: Plan, seconds: float, work: Path, shared: Path, report: Report) -> Trained:
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
         """See `Contestant`."""
-        prepared = self._prepared(task, plan.seed, shared, report)
+        prepared, identity = self._prepared(task, plan.seed, session), f"{task.mark}, {self.name}, {plan}, {seconds}"
 
         def look(fit: Fit) -> float:
             return validation(task, FitPredictor(fit, task))
@@ -174,34 +206,41 @@ class Published:
         with torch_threads(plan.threads):
             found = fit_in_time(
                 self.method,
-                task.pictures,
+                lambda: task.pictures(session.device),
                 plan,
                 prepared,
                 seconds,
                 look,
-                clock=self.clock,
-                report=lambda step, steps: report(self.title, step, steps),
+                clock=self.clock or session.clock,
+                report=lambda step, steps: session.report(self.title, step, steps),
+                place=Place(session.work, identity, session.until),
             )
         predictor = FitPredictor(found.fit, task, (self.title,))
-        cases = [case for cases in task.cells.values() for case in cases]
         megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6
         return Trained(
-            predictor, lambda: measure(predictor, cases), found.plan, megabytes, found.seconds, list(found.curve)
+            predictor,
+            lambda: measure(predictor.at, task.cases),
+            found.plan,
+            megabytes,
+            found.seconds,
+            list(found.curve),
         )
 
-    def _prepared(self, task: Task, seed: int, shared: Path, report: Report) -> Mapping[str, Tensor]:
-        """What the method starts from: made once for a seed, and kept in `shared`."""
+    def _prepared(self, task: Task, seed: int, session: Session) -> Mapping[str, Tensor]:
+        """What the method starts from: made once for a seed, and kept."""
         if self.method.prepare is None:
             return {}
-        path = shared / f"{self.method.prepare.__name__}.seed{seed}.safetensors"
-        durable.make_folder(shared)
-        with durable.locked(shared / f".{path.name}.lock"):
+        path = session.shared / f"{self.method.prepare.__name__}.seed{seed}.safetensors"
+        durable.make_folder(session.shared)
+        with durable.locked(session.shared / f".{path.name}.lock"):
             if not path.exists():
-                report(f"what {self.title} starts from", 0, 1)
+                session.report(f"what {self.title} starts from", 0, 1)
                 with one_torch_thread():
-                    durable.replace(path, safetensors.torch.save(dict(self.method.prepare(task.pictures(), seed))))
+                    made = self.method.prepare(task.pictures(session.device), seed)
+                durable.replace(path, safetensors.torch.save({name: tensor.cpu() for name, tensor in made.items()}))
         with path.open("rb") as file:
-            return tensors_of(read_tensors(file, path.stat().st_size))
+            kept = tensors_of(read_tensors(file, path.stat().st_size))
+        return {name: tensor.to(session.device) for name, tensor in kept.items()}
 
 
 @one_torch_thread()

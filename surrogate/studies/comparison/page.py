@@ -8,15 +8,15 @@ from typing import Any
 
 from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.result import TRIVIAL, Result, times
+from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, terms
 from surrogate.studies.comparison.trivial import best_of
 
 DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell
 
 
 def tables(results: Sequence[Result]) -> str:
-    """A table for each time that contestants were given, with the mixtures of stored pictures in each."""
-    return document(*(_table(results, minutes) for minutes in times(results))).strip()
+    """A table for each of the terms that contestants had, with the mixtures of stored pictures in each."""
+    return document(*(_table(results, each) for each in terms(results))).strip()
 
 
 def cell_names(results: Sequence[Result]) -> list[str]:
@@ -25,11 +25,11 @@ def cell_names(results: Sequence[Result]) -> list[str]:
     return named[0] if named else []
 
 
-def leaders(results: Sequence[Result], minutes: float) -> dict[str, str]:
-    """Who has the highest mean PSNR in each cell after so many minutes: a contestant's name, or the mixtures'."""
+def leaders(results: Sequence[Result], on: Terms) -> dict[str, str]:
+    """Who has the highest mean PSNR in each cell on these terms: a contestant's name, or the mixtures'."""
     found = {}
     for cell in cell_names(results):
-        scores = _means(results, minutes, cell)
+        scores = _means(results, on, cell)
         trivial = _trivial(results, cell)
         if trivial is not None:
             scores[TRIVIAL] = trivial[1]
@@ -38,24 +38,21 @@ def leaders(results: Sequence[Result], minutes: float) -> dict[str, str]:
     return found
 
 
-def _table(results: Sequence[Result], minutes: float) -> str:
-    cells, first = cell_names(results), leaders(results, minutes)
+def _table(results: Sequence[Result], on: Terms) -> str:
+    cells, first = cell_names(results), leaders(results, on)
     header = (
-        f"{minutes:g} min",
+        str(on),
         *(f"{cell}, PSNR (dB)" for cell in cells),
         *(f"{cells[-1]}, {HEADINGS[metric]}" for metric in DETAILS),
         "steps",
         "of the published",
         "size (MB)",
-        "processor seconds",
+        "seconds" if on.device != "cpu" else "processor seconds",
         "a picture (ms)",
         "at other parameters (ms)",
         "seeds",
     )
-    rows = [
-        _row(name, [r for r in results if (r.method, r.minutes) == (name, minutes)], cells, first)
-        for name in CONTESTANTS
-    ]
+    rows = [_row(name, [r for r in results if (r.method, r.terms) == (name, on)], cells, first) for name in CONTESTANTS]
     return table(header, [*filter(None, rows), _trivial_row(results, cells, first, len(header))])
 
 
@@ -95,10 +92,10 @@ def _trivial(results: Sequence[Result], cell: str) -> tuple[str, float] | None:
     return best_of(mixtures[0], cell) if mixtures else None
 
 
-def _means(results: Sequence[Result], minutes: float, cell: str) -> dict[str, float]:
+def _means(results: Sequence[Result], on: Terms, cell: str) -> dict[str, float]:
     found = dict[str, list[float]]()
     for r in results:
-        if r.minutes == minutes and not r.error and cell in r.cells and r.method != TRIVIAL:
+        if r.terms == on and not r.error and cell in r.cells and r.method != TRIVIAL:
             found.setdefault(r.method, []).append(r.cells[cell]["psnr"])
     return {name: statistics.fmean(values) for name, values in found.items()}
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.images import read_image
 from surrogate.studies.comparison.methods import CONTESTANTS, OURS
-from surrogate.studies.comparison.result import TRIVIAL, Result
+from surrogate.studies.comparison.result import TRIVIAL, Result, Terms
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 
 RESOLUTION, PANEL_INCHES = 110, 1.75
@@ -20,10 +20,10 @@ ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what d
 
 
 def curves(results: Sequence[Result]) -> bytes | None:
-    """A PNG file: PSNR of the validation images over processor seconds, a line for each training; None without any."""
+    """A PNG file: PSNR of the validation images over processor seconds, a line for each training on a processor; None without."""
     from matplotlib.figure import Figure
 
-    shown = [r for r in results if r.curve and not r.error]
+    shown = [r for r in results if r.curve and not r.error and r.device == "cpu"]
     if not shown:
         return None
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
@@ -51,16 +51,14 @@ def curves(results: Sequence[Result]) -> bytes | None:
     return _png(figure)
 
 
-def sheet(folder: Path, results: Sequence[Result], minutes: float) -> bytes | None:
-    """A PNG file: some test images, the truth first and then every method after so many minutes; None without pictures.
+def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
+    """A PNG file: some test images, the truth first and then every method on these terms; None without pictures.
 
     Below each picture stand the square around its worst place of the first method, enlarged, and the difference from the truth.
     """
     from matplotlib.figure import Figure
 
-    known = {
-        r.method: r for r in results if (r.minutes, r.seed) == (minutes, 0) and not r.error and r.method != TRIVIAL
-    }
+    known = {r.method: r for r in results if (r.terms, r.seed) == (on, 0) and not r.error and r.method != TRIVIAL}
     names = [name for name in CONTESTANTS if name in known]
     rows = [_row(folder, number, {name: known[name] for name in names}) for number in range(len(SHOWN))]
     rows = [row for row in rows if row]

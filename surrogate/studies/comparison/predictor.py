@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Draw
@@ -29,23 +32,30 @@ class FitPredictor:
         for case in cases:
             batches.setdefault((case.member.name, case.appearance), []).append(case)
         for batch in batches.values():
-            render = self.fit.at(self.task.parameters(batch[0]))
-            drawn = {case: [render(self.task.camera(case))] for case in batch}
+            render = self.at(batch[0])
+            drawn = {case: [render(case)] for case in batch}
             yield batch, drawn.__getitem__
 
+    def at(self, case: Case) -> Callable[[Case], NDArray[np.float32]]:
+        """What draws the views of cases, at the parameters of one."""
+        render = self.fit.at(self.task.parameters(case))
+        return lambda other: render(self.task.camera(other))
 
-def measure(predictor: FitPredictor, cases: Sequence[Case]) -> tuple[Milliseconds, Milliseconds]:
-    """Times of a picture at new parameters, and of another view at the same ones; members and settings take turns."""
+
+def measure(at: Callable[[Case], Callable[[Case], object]], cases: Sequence[Case]) -> tuple[Milliseconds, Milliseconds]:
+    """Times of a picture at new parameters, and of another view at the same ones; members and settings take turns.
+
+    `at` turns to a case's parameters, and gives what draws the views of cases.
+    """
     each = list({(case.member.name, case.appearance): case for case in cases}.values())
     changes, views, begun = list[float](), list[float](), time.perf_counter()
     while len(changes) < MOST and (len(changes) < FEWEST or time.perf_counter() - begun < LONGEST):
         case, other = each[len(changes) % len(each)], cases[len(changes) % len(cases)]
-        parameters, cameras = predictor.task.parameters(case), [predictor.task.camera(c) for c in (case, other)]
         started = time.perf_counter()
-        render = predictor.fit.at(parameters)
-        render(cameras[0])
+        render = at(case)
+        render(case)
         between = time.perf_counter()
-        render(cameras[1])
+        render(other)
         views.append(time.perf_counter() - between)
         changes.append(between - started)
     return Milliseconds.of(changes), Milliseconds.of(views)

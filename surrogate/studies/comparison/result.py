@@ -5,14 +5,34 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from surrogate.storage.records import Provenance, Record
 
 KIND, VERSION = "comparison", 1
-KEY = ("method", "minutes", "seed", "size", "precision", "mark")
+KEY = ("method", "minutes", "seed", "size", "precision", "device", "mark")
+AS_PUBLISHED = 0.0  # minutes, where the number of steps is that of the publication
 FOLDER = "comparison"  # of a scene's results and records
 TRIVIAL = "trivial"  # the method of what mixes stored pictures
+
+
+class Terms(NamedTuple):
+    """What results of one table have in common; see `Result`."""
+
+    device: str
+    size: str
+    minutes: float
+
+    @property
+    def name(self) -> str:
+        """In file names."""
+        time = "published" if self.minutes == AS_PUBLISHED else f"{self.minutes:g}"
+        published = self.size == "official" and self.minutes != AS_PUBLISHED
+        return ".".join([time, *["official"] * published, *[self.device] * (self.device != "cpu")])
+
+    def __str__(self) -> str:
+        time = "sizes and steps as published" if self.minutes == AS_PUBLISHED else f"{self.minutes:g} min"
+        return time if self.device == "cpu" else f"{time}, {self.device}"
 
 
 @dataclass(frozen=True)
@@ -22,13 +42,14 @@ class Result:
     Attributes
     ----------
     method : its name; "trivial" for mixtures of stored pictures.
-    minutes : of processor time that it was given; 0 for mixtures.
+    minutes : of processor time that it was given, of the wall's on a GPU; `AS_PUBLISHED`, and for mixtures, 0.
     size, precision : as `surrogate.studies.baselines.method.Plan` has them.
     mark : of the catalog, the pictures and how they are judged.
+    device : "cpu" or "cuda".
     threads : of torch, in the training of a published method.
     rate : the factor on the method's rates that tuning chose.
     steps : that it took.
-    seconds : on the clock, of all cores together.
+    seconds : on the clock, of all cores together; of the wall on a GPU.
     megabytes : of what must be kept of it, 10^6 bytes.
     cells : means by name of the cell and metric, and how many "images" they are of; of mixtures by the rule's name before.
     curve : seconds and dB at validation images, by time.
@@ -42,6 +63,7 @@ class Result:
     size: str
     precision: str
     mark: str
+    device: str = "cpu"
     threads: int = 1
     rate: float = 1.0
     steps: int = 0
@@ -57,9 +79,13 @@ class Result:
     @property
     def name(self) -> str:
         """Of its files."""
-        parts = [self.method, f"{self.minutes:g}", str(self.seed)]
-        parts += [self.size] * (self.size == "official") + [self.precision] * (self.precision != "float32")
-        return ".".join(parts)
+        parts = [self.method, self.terms.name, str(self.seed)]
+        return ".".join(parts + [self.precision] * (self.precision != "float32"))
+
+    @property
+    def terms(self) -> Terms:
+        """On which others are comparable with it."""
+        return Terms(self.device, self.size, self.minutes)
 
 
 def save(records: Path, result: Result) -> Path:
@@ -82,6 +108,7 @@ def load(records: Path) -> list[Result]:
     return sorted((r for r in found if r is not None), key=lambda r: (r.method, r.minutes, r.seed))
 
 
-def times(results: Iterable[Result]) -> list[float]:
-    """The minutes that methods were given, in order."""
-    return sorted({r.minutes for r in results if r.method != TRIVIAL})
+def terms(results: Iterable[Result]) -> list[Terms]:
+    """On which methods were trained, in order."""
+    found = {r.terms for r in results if r.method != TRIVIAL}
+    return sorted(found, key=lambda each: (each.device, each.size == "official", each.minutes))

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from catalogs import durable
 from catalogs.catalog import Catalog
+from surrogate.splatting.cuda import usable_device
 from surrogate.storage.checkpoints import locked
-from surrogate.studies.baselines.method import Plan, Size
+from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import chosen
 from surrogate.studies.comparison.page import tables
 from surrogate.studies.comparison.plots import curves, sheet
 from surrogate.studies.comparison.reduced import reduced
-from surrogate.studies.comparison.result import FOLDER, TRIVIAL, Result, load, times
+from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
 from surrogate.studies.comparison.study import SHARED, Study
 from surrogate.studies.comparison.task import Task
 
@@ -28,13 +30,21 @@ LOCK = ".page.lock"
 
 @dataclass(frozen=True)
 class Asked:
-    """What a command asks for; raises ValueError for what can't be."""
+    """What a command asks for; raises ValueError for what can't be.
+
+    Attributes
+    ----------
+    published : whether sizes and numbers of steps are as published, in place of `minutes`.
+    stop_after : minutes after which the command ends, to go on another day.
+    """
 
     methods: Sequence[str] = ()
     minutes: Sequence[float] = (5.0,)
     seeds: int = 1
-    size: Size = "small"
+    published: bool = False
     threads: int = 1
+    device: Literal["cpu", "cuda"] = "cpu"
+    stop_after: float = math.inf
 
     def __post_init__(self) -> None:
         chosen(self.methods)
@@ -43,6 +53,9 @@ class Asked:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         if not self.minutes or not all(0.0 < minutes < math.inf for minutes in self.minutes):
             raise ValueError(f"minutes must be positive times, got {list(self.minutes)}")
+        if not self.stop_after > 0.0:
+            raise ValueError(f"--stop-after must be a positive number of minutes, got {self.stop_after}")
+        usable_device(self.device)
 
 
 def times_of(words: str) -> list[float]:
@@ -66,8 +79,12 @@ def study_of(
     durable.make_folder(own)
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same pictures
         task = Task.of(reduced(catalog, own / "catalog.cdb", progress))
-    plan = Plan(1, size=asked.size, threads=asked.threads)
-    return Study(task, own, records, records.parent, chosen(asked.methods), asked.minutes, asked.seeds, plan)
+    plan = Plan(1, size="official" if asked.published else "small", threads=asked.threads)
+    until = time.monotonic() + 60.0 * asked.stop_after
+    minutes = (AS_PUBLISHED,) if asked.published else asked.minutes
+    return Study(
+        task, own, records, records.parent, chosen(asked.methods), minutes, asked.seeds, plan, asked.device, until
+    )
 
 
 def tune_all(
@@ -98,10 +115,10 @@ def tune_all(
 
 def write_page(name: str, study: Study) -> Path:
     """Write what is known of a scene into its folder, as a page with plots; returns where."""
-    results = [r for r in load(study.records) if r.mark == study.mark]
+    results = [r for r in load(study.records) if r.mark == study.task.mark]
     pictures = {CURVES: curves(results)}
-    for minutes in times(results):
-        pictures[f"pictures_{minutes:g}.png"] = sheet(study.folder, results, minutes)
+    for each in terms(results):
+        pictures[f"pictures_{each.name}.png"] = sheet(study.folder, results, each)
     drawn = {file: content for file, content in pictures.items() if content is not None}
     with durable.locked(study.folder / LOCK):
         for file, content in drawn.items():
@@ -115,7 +132,7 @@ def line(result: Result) -> str:
     """What a terminal says of a result."""
     if result.method == TRIVIAL:
         return f"stored pictures, mixed: {len(result.cells)} rules and cells"
-    who = f"{result.method}, {result.minutes:g} min, seed {result.seed}"
+    who = f"{result.method}, {result.terms}, seed {result.seed}"
     if result.error:
         return f"{who}: {result.error}"
     cells = ", ".join(f"{cell} {of['psnr']:.2f} dB" for cell, of in result.cells.items())

@@ -8,7 +8,6 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -21,20 +20,19 @@ from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.predictor import Predictor
 from surrogate.evaluation.scoring import score_cases
 from surrogate.evaluation.tables import ALL_METRICS, means
-from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.storage.checkpoints import fingerprint, locked
+from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.contestants import Contestant, Trained, emptied
+from surrogate.studies.comparison.contestants import Contestant, Session, Trained
+from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.result import TRIVIAL, Result, find, save
-from surrogate.studies.comparison.task import IMAGES, WATCHED, Task
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
+from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
 from surrogate.studies.progress import StudyProgress, StudyWatch
 
-JUDGED = f"{IMAGES} test images a cell, {WATCHED} validation images"
 FITS, SHARED, PICTURES, TRUTH = "fits", "shared", "pictures", "truth"  # in the folder of a comparison
 SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that all methods' pictures are kept of
 
@@ -52,6 +50,8 @@ class Study:
     records, all_records : of the scene's results, and the one above it, of tuning.
     contestants, minutes, seeds : every one of these in every time, with so many seeds from 0 on.
     plan : size of all.
+    device : of trainings, and of the pictures that are timed.
+    until : `time.monotonic()` at which it stops, to go on another day.
     """
 
     task: Task
@@ -62,6 +62,8 @@ class Study:
     minutes: Sequence[float]
     seeds: int
     plan: Plan
+    device: str = "cpu"
+    until: float = math.inf
 
     def run(
         self,
@@ -70,7 +72,8 @@ class Study:
     ) -> None:
         """Train and score what has no result yet; `tell` is given each once it is kept, failures included.
 
-        An interruption loses the current training only; what another process does is left to it.
+        An interruption loses the last minutes of a published method's training, and of ours the current one; what another process
+        does is left to it.  Raises `OutOfTime` where it stops before the end.
         """
         self._keep_trivial(tell)
         watch = StudyWatch(progress)
@@ -79,6 +82,8 @@ class Study:
         for number, (minutes, seed, contestant) in enumerate(order, start=1):
             wanted = self.wanted(contestant.name, minutes, seed)
             steps = self._steps_for(contestant, minutes, seed)
+            if time.monotonic() >= self.until:
+                raise OutOfTime
             with self._claimed(wanted) as work:
                 if work is None or wanted.name in failed or not steps:
                     continue
@@ -92,17 +97,12 @@ class Study:
     def wanted(self, method: str, minutes: float, seed: int) -> Result:
         """What a result has that is not made yet."""
         plan = self.plan_of(method)
-        return Result(method, minutes, seed, plan.size, plan.precision, self.mark)
+        return Result(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
 
     def plan_of(self, method: str) -> Plan:
         """The size of all, in the method's own precision."""
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
         return replace(self.plan, precision=known[method].precision) if method in known else self.plan
-
-    @cached_property
-    def mark(self) -> str:
-        """Of the catalog and how pictures are judged."""
-        return f"{fingerprint(TrainingSettings(), self.task.catalog)}, {JUDGED}"
 
     def _keep_trivial(self, tell: Callable[[Result], None]) -> None:
         wanted = self.wanted(TRIVIAL, 0.0, 0)
@@ -122,9 +122,9 @@ class Study:
             write_picture(self.folder / PICTURES / f"{TRUTH}.{number}.png", picture, catalog.plan.background)
 
     def _steps_for(self, contestant: Contestant, minutes: float, seed: int) -> int:
-        """At least one; as many as another contestant made whose steps this one takes, none before that is known."""
+        """At least one, or as many as published; as another made whose steps this one takes, none before that is known."""
         if not contestant.steps_of:
-            return 1
+            return 1 if minutes != AS_PUBLISHED else contestant.official_steps
         like = find(self.records, self.wanted(contestant.steps_of, minutes, seed))
         return 0 if like is None or like.error else like.steps
 
@@ -143,13 +143,12 @@ class Study:
             yield folder / "fit" if free else None
 
     def _attempted(self, contestant: Contestant, wanted: Result, steps: int, work: Path, watch: StudyWatch) -> Result:
-        begun, found = time.process_time(), dict[str, Any]()
+        begun = time.process_time()
         try:
-            found = self._made(contestant, wanted, steps, emptied(work), watch)
+            found = self._made(contestant, wanted, steps, work, watch)
         except (ValueError, RuntimeError, MemoryError, FloatingPointError) as error:  # the others may do without
             found = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
+        shutil.rmtree(work, ignore_errors=True)
         return replace(wanted, **found, provenance=Provenance.now(time.process_time() - begun))
 
     def _made(
@@ -158,8 +157,10 @@ class Study:
         form = self.plan_of(contestant.name)
         tuned = tuning.find(self.all_records, contestant.name, form) if contestant.is_tuned else None
         plan = replace(form, steps=steps, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
-        count = watch.counter("steps")
-        trained = contestant.trained(self.task, plan, 60.0 * wanted.minutes, work, self.folder / SHARED, count)
+        durable.make_folder(work)
+        session = Session(work, self.folder / SHARED, self.device, self.until, watch.counter("steps"))
+        seconds = None if wanted.minutes == AS_PUBLISHED else 60.0 * wanted.minutes
+        trained = contestant.trained(self.task, plan, seconds, session)
         cells = scored(trained.predictor, self.task)
         if not all(math.isfinite(cell["psnr"]) for cell in cells.values()):
             raise ValueError("training diverged: its pictures are no numbers")
@@ -188,8 +189,9 @@ class Study:
 @one_torch_thread()
 def scored(predictor: Predictor, task: Task) -> dict[str, dict[str, Any]]:
     """Means by cell and metric, and the number of images."""
-    cases = [case for cell in task.cells.values() for case in cell]
-    [found] = score_cases(predictor, task.catalog, cases, perceptual=PerceptualMetrics.load(), looked_at=set(cases))
+    [found] = score_cases(
+        predictor, task.catalog, task.cases, perceptual=PerceptualMetrics.load(), looked_at=set(task.cases)
+    )
     return {
         name: {**means([found[case] for case in cell], ALL_METRICS), "images": len(cell)}
         for name, cell in task.cells.items()

@@ -15,6 +15,7 @@ from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.evaluation.cases import Case, base_cells, drawn, drawn_evenly, variation_cells
 from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import fingerprint
 from surrogate.studies.baselines.method import Pictures
 from surrogate.training.data import Example, ImageRow, normalized_parameters, validation_rows
 from surrogate.training.source import Source
@@ -40,6 +41,12 @@ class Task:
         return cls(catalog, shown[0] if shown else None)
 
     @cached_property
+    def mark(self) -> str:
+        """Of the catalog, and of how methods are judged by it."""
+        judged = f"{IMAGES} test images a cell, {WATCHED} validation images"
+        return f"{fingerprint(TrainingSettings(), self.catalog)}, {judged}"
+
+    @cached_property
     def source(self) -> Source:
         """The catalog as trainings see it."""
         return Source(TrainingSettings(), self.catalog)
@@ -62,26 +69,38 @@ class Task:
             }
         return {name: cases for name, cases in named.items() if cases}
 
+    @property
+    def cases(self) -> list[Case]:
+        """The test images of all cells."""
+        return [case for cases in self.cells.values() for case in cases]
+
     @cached_property
     def watched(self) -> list[Case]:
         """The validation images that curves and tuning look at."""
         rows = validation_rows(self.catalog, self._appearances, WATCHED)
         return [Case(row.member, row.view, row.appearance, self._asked(row)) for row in rows]
 
-    def pictures(self) -> Pictures:
-        """All training pictures; under a variation of transfer functions those of the base too, at displacements of zero."""
+    def pictures(self, device: str = "cpu") -> Pictures:
+        """All training pictures; under a variation of transfer functions those of the base too, at displacements of zero.
+
+        What methods compute with is on a device; pixels, cameras and their numbers stay in main memory.
+        """
         data = self.source.data(self.variation)
         if self.variation is not None and self.variation.kind == "transfer_function":
             data = data.with_base(self.source.data(), len(self.variation.space))
         points = self.source.points
         box = self.source.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         colors = None if points is None or points.colors is None else _float32(points.colors)
+        pixels, cameras, views, parameters = _stacked(data.examples)
         return Pictures(
-            *_stacked(data.examples),
-            box=_float32(box),
+            pixels,
+            cameras,
+            views,
+            parameters.to(device),
+            box=_float32(box).to(device),
             background=data.background,
-            points=None if colors is None or points is None else _float32(points.places),
-            point_colors=colors,
+            points=None if colors is None or points is None else _float32(points.places).to(device),
+            point_colors=None if colors is None else colors.to(device),
         )
 
     def parameters(self, case: Case) -> Tensor:

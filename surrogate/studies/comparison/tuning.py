@@ -8,7 +8,7 @@ from pathlib import Path
 
 from surrogate.storage.records import Provenance, Record
 from surrogate.studies.baselines.method import Plan
-from surrogate.studies.comparison.contestants import Contestant, Report, emptied, validation
+from surrogate.studies.comparison.contestants import Contestant, Report, Session, emptied, validation
 from surrogate.studies.comparison.task import Task
 
 KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # of the records of all scenes
@@ -59,7 +59,7 @@ def tune(
     for rate in RATES:
         try:
             form = replace(plan, rate=rate)
-            trained = contestant.trained(task, form, SECONDS, emptied(folder / "fit"), shared, report)
+            trained = contestant.trained(task, form, SECONDS, Session(emptied(folder / "fit"), shared, report=report))
             psnr: float | None = validation(task, trained.predictor)
         except ValueError:
             psnr = None

@@ -327,7 +327,8 @@ def test_pictures_of_the_same_parameters_cost_one_evaluation(monkeypatch: pytest
     shown = [render(camera) for render in [fit.at(parameters)] for camera in pictures.cameras]
     assert len(evaluated) == 1
     assert not np.array_equal(shown[0], shown[1])
-    assert not np.array_equal(fit.at(parameters + 0.1)(pictures.cameras[0]), shown[0])
+    fit.at(parameters + 0.1)
+    assert len(evaluated) == 2
     fit.advance()
     assert not np.array_equal(fit.at(parameters)(pictures.cameras[0]), shown[0])
 

@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import math
+import time
+from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
 from surrogate.studies.baselines.method import Fit, Plan
-from surrogate.studies.comparison.fitting import LOOKS, Diverged, Watch, fit_in_time, steps_in
+from surrogate.studies.comparison.fitting import (
+    LOOKS,
+    Diverged,
+    Fitted,
+    OutOfTime,
+    Place,
+    Watch,
+    fit_in_time,
+    steps_in,
+)
 from tests.support.baseline_scenes import ball_pictures
 from tests.support.mean_pictures import mean_method
 
@@ -109,6 +122,41 @@ def test_a_loss_that_is_no_number_ends_the_training(loss: float) -> None:
 
     with pytest.raises(Diverged, match=r"The mean diverged at step .* its loss is"):
         fit_in_time(mean_method(loss=diverging), lambda: PICTURES, Plan(1), {}, 64.0, clock=hand)
+
+
+def test_an_interrupted_training_ends_as_if_it_had_gone_on(tmp_path: Path) -> None:
+    def trained(place: Place | None, hand: Hand) -> Fitted:
+        def look(fit: Fit) -> float:
+            return float(fit.tensors()["mean"].mean())
+
+        method = mean_method(loss=taking(hand, 1.0))
+        return fit_in_time(method, lambda: PICTURES, Plan(1, seed=3), {}, 64.0, look, clock=hand, place=place)
+
+    whole, hand = trained(None, Hand()), Hand()
+    stopping = Place(tmp_path, "the same", until=time.monotonic())
+    with pytest.raises(OutOfTime):
+        trained(stopping, hand)
+    kept = stopping.kept()
+    assert kept is not None
+    assert 1 <= kept.record["step"] < whole.plan.steps
+    resumed = trained(Place(tmp_path, "the same"), hand)
+    assert resumed.plan == whole.plan
+    assert resumed.seconds == pytest.approx(whole.seconds)
+    np.testing.assert_allclose(resumed.curve, whole.curve)
+    assert torch.equal(resumed.fit.tensors()["mean"], whole.fit.tensors()["mean"])
+
+
+def test_a_checkpoint_of_something_else_is_none(tmp_path: Path) -> None:
+    with pytest.raises(OutOfTime):
+        fit_in_time(
+            mean_method(), lambda: PICTURES, Plan(9), {}, None, place=Place(tmp_path, "one", until=time.monotonic())
+        )
+    assert Place(tmp_path, "one").kept() is not None
+    assert Place(tmp_path, "other").kept() is None
+
+
+def test_without_a_time_the_planned_steps_are_made() -> None:
+    assert fit_in_time(mean_method(), lambda: PICTURES, Plan(17), {}, None).plan.steps == 17
 
 
 def test_time_for_less_than_a_step_is_a_step() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ from catalogs.images import write_image
 from surrogate.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
 from surrogate.studies.comparison.page import cell_names, leaders, tables
 from surrogate.studies.comparison.plots import curves, sheet
-from surrogate.studies.comparison.result import TRIVIAL, Result, load, save
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Terms, load, save
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 from surrogate.studies.comparison.trivial import best_of
 
 CELLS = ("novel views", "both")
+FIVE = Terms("cpu", "small", 5.0)
 
 
 def result(method: str, seed: int, psnr: float, minutes: float = 5.0, **also) -> Result:
@@ -43,13 +45,27 @@ def test_the_best_of_a_cell_is_bold() -> None:
     assert table["**this surrogate**"][:2] == ["30.00 ± 1.41".replace("30.00", "31.00")] * 2
     assert table["K-Planes (hybrid)"][:2] == ["**31.50**", "**31.50**"]
     assert table["stored pictures, mixed"][:2] == ["–", "28.00 (linear interpolation)"]
-    assert leaders(found, 5.0) == {"novel views": "k-planes", "both": "k-planes"}
+    assert leaders(found, FIVE) == {"novel views": "k-planes", "both": "k-planes"}
 
 
 def test_stored_pictures_may_lead() -> None:
     found = [result(OURS, 0, 30.0), trivial(45.0)]
-    assert leaders(found, 5.0) == {"novel views": OURS, "both": TRIVIAL}
+    assert leaders(found, FIVE) == {"novel views": OURS, "both": TRIVIAL}
     assert "**45.00 (linear interpolation)**" in tables(found)
+
+
+def test_what_was_trained_on_other_terms_stands_in_another_table() -> None:
+    found = [
+        result("k-planes", 0, 20.0),
+        replace(result("k-planes", 0, 30.0, AS_PUBLISHED), size="official"),
+        replace(result("k-planes", 0, 40.0, AS_PUBLISHED), size="official", device="cuda"),
+    ]
+    text = tables(found)
+    headings = [text.index(f"| {heading} |") for heading in ("5 min", "sizes and steps as published")]
+    assert headings == sorted(headings)
+    assert "| sizes and steps as published, cuda |" in text
+    assert all(f"**{psnr:.2f}**" in text for psnr in (20.0, 30.0, 40.0))
+    assert len({r.name for r in found}) == 3
 
 
 def test_there_is_a_table_for_each_time() -> None:
@@ -110,13 +126,13 @@ def test_a_sheet_needs_every_picture(tmp_path: Path) -> None:
     folder.mkdir()
     random = np.random.default_rng(0)
     for name in (TRUTH, *(r.name for r in found)):
-        assert sheet(tmp_path, found, 5.0) is None
+        assert sheet(tmp_path, found, FIVE) is None
         for number in range(len(SHOWN)):
             pixels = random.integers(0, 256, (20, 20, 4), dtype=np.uint8)
             pixels[..., 3] = 255
             write_image(folder / f"{name}.{number}.png", pixels)
-    assert sheet(tmp_path, found, 5.0) is not None
-    assert sheet(tmp_path, found, 30.0) is None
+    assert sheet(tmp_path, found, FIVE) is not None
+    assert sheet(tmp_path, found, FIVE._replace(minutes=30.0)) is None
 
 
 def test_the_best_rule_is_that_of_its_cell() -> None:

@@ -47,7 +47,7 @@ def test_views_of_the_same_parameters_follow_each_other(task: Task) -> None:
 
 def test_a_change_is_one_of_parameters_and_a_view_is_not(task: Task) -> None:
     fit = Remembering()
-    change, view = measure(FitPredictor(fit, task), task.cells["unseen parameters"])
+    change, view = measure(FitPredictor(fit, task).at, task.cells["unseen parameters"])
     parameters = [p for p, _ in fit.asked]
     assert len(parameters) == 2 * MOST
     assert parameters[::2] == parameters[1::2]

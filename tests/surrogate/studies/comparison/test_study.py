@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from surrogate.storage.checkpoints import locked
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import OurSurrogate, Published, emptied
-from surrogate.studies.comparison.result import TRIVIAL, Result, find, load
+from surrogate.studies.comparison.fitting import OutOfTime
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
 from tests.support.blobs import Blobs
@@ -125,6 +127,7 @@ def test_another_size_or_catalog_is_another_result(task: Task, tmp_path: Path) -
         replace(wanted, precision="bfloat16"),
         replace(wanted, seed=1),
         replace(wanted, minutes=2.0),
+        replace(wanted, device="cuda"),
     ):
         assert find(made.records, other) is None
 
@@ -184,6 +187,44 @@ def test_scores_name_every_metric(task: Task, tmp_path: Path) -> None:
     for cell in cells.values():
         assert cell["psnr"] == 60.0
         assert cell["ssim"] == pytest.approx(1.0)
+
+
+def test_a_study_that_is_stopped_goes_on_where_it_was(task: Task, tmp_path: Path) -> None:
+    made, steps = study(task, tmp_path, until=time.monotonic()), list[int]()
+    with pytest.raises(OutOfTime):
+        made.run()
+    assert [r.method for r in load(made.records)] == [TRIVIAL]
+    until, turned = time.monotonic() + 1.0, [0.0]
+
+    def loss(step: int) -> float:
+        steps.append(step)
+        turned[0] += 60.0 * SECOND / 40.0
+        while step == 10 and time.monotonic() < until:  # after a quarter, when others look
+            time.sleep(0.01)
+        return 0.5
+
+    method = Published(mean_method(loss=loss), clock=lambda: turned[0])
+    with pytest.raises(OutOfTime):
+        study(task, tmp_path, method, until=until).run()
+    assert [r.method for r in load(made.records)] == [TRIVIAL]
+    last = steps[-1]
+    steps.clear()
+    again = study(task, tmp_path, method)
+    again.run()
+    assert steps[0] == last + 1
+    [result] = [r for r in load(made.records) if r.method == "mean"]
+    assert not result.error
+    assert result.steps == steps[-1]
+    assert not (again.folder / FITS / result.name / "fit").exists()
+
+
+def test_published_steps_are_made_without_a_time(task: Task, tmp_path: Path) -> None:
+    ours = OurSurrogate("ours", "ours", "nobody")
+    made = study(task, tmp_path, Published(mean_method()), ours, minutes=(AS_PUBLISHED,), plan=Plan(1, size="official"))
+    made.run()
+    [result] = [r for r in load(made.records) if r.method != TRIVIAL]
+    assert (result.method, result.steps, result.size) == ("mean", 1000, "official")
+    assert str(result.terms) == "sizes and steps as published"
 
 
 def test_steps_are_taken_from_another_once_these_are_known(task: Task, tmp_path: Path) -> None:
