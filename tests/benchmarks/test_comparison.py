@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.comparison import main, page, plots
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.result import Result, save
+from surrogate.studies.comparison.result import AS_PUBLISHED, Result, save
 
 CELLS = {"both": {"psnr": 30.0, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24}}
 
@@ -30,6 +30,19 @@ def test_every_scene_has_a_section_and_rates_stand_below(records: Path) -> None:
     assert text.index("## `one`") < text.index("| ViSNeRF | 30.00") < text.index("## `two`") < text.index("## Rates")
     assert "| ViSNeRF | small | float32 | 12.25 | – | 14.50 | – | – |" in text
     assert "![" not in text
+
+
+def test_the_table_of_published_steps_is_empty_until_it_is_run(records: Path) -> None:
+    text = page(records, ["one", "two"], [])
+    assert "| ViSNeRF | 90,000 | – | – | – |" in text
+    assert "| this surrogate, in as many steps as GS-Surrogate | 80,000 | – | – | – |" in text
+    save(
+        records / "one",
+        Result("visnerf", AS_PUBLISHED, 0, "official", "float32", "mark", "cuda", cells=CELLS, steps=90_000),
+    )
+    text = page(records, ["one", "two"], [])
+    assert "| sizes and steps as published, cuda |" in text
+    assert "| ViSNeRF | 90,000 | – |" not in text
 
 
 def test_plots_are_named_by_scene_and_shown_where_they_are_drawn(records: Path) -> None:
