@@ -21,6 +21,7 @@ CONTESTANTS: dict[str, Contestant] = {
             precision="bfloat16",
         ),
         Published(hexplane_gaussians.METHOD),
+        Published(hexplane_gaussians.MOVING_ALL),
         Published(kplanes.METHOD),
         Published(visnerf.METHOD),
         Published(insitunet.METHOD, "bfloat16"),
