@@ -23,6 +23,7 @@ from surrogate.studies.comparison.reduced import reduced
 from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
 from surrogate.studies.comparison.study import SHARED, Study
 from surrogate.studies.comparison.task import Task
+from surrogate.studies.progress import StudyWatch
 
 PAGE, CURVES = "comparison.md", "curves.png"
 LOCK = ".page.lock"
@@ -91,12 +92,14 @@ def tune_all(
     name: str, study: Study, progress: Callable[[Any], None], tell: Callable[[str, float, float | None], None]
 ) -> None:
     """Choose the rates of the study's contestants on its scene, where they are not chosen yet."""
-    for contestant in study.contestants:
+    watch, order = StudyWatch(progress), [contestant for contestant in study.contestants if contestant.is_tuned]
+    for number, contestant in enumerate(order, start=1):
         plan = study.plan_of(contestant.name)
-        if not contestant.is_tuned or tuning.find(study.all_records, contestant.name, plan) is not None:
+        if tuning.find(study.all_records, contestant.name, plan) is not None:
             continue
         work = study.folder / "tuning" / contestant.name
         durable.make_folder(work)
+        watch.begin(f"rates of {contestant.name}", len(order) - number)
         try:
             with locked(work):
                 found = tuning.tune(
@@ -106,11 +109,13 @@ def tune_all(
                     plan,
                     work,
                     study.folder / SHARED,
+                    report=watch.counter("steps"),
                     tell=partial(tell, contestant.name),
                 )
                 tuning.save(study.all_records, found)
         except RuntimeError as error:
             progress(str(error))  # another process tunes it
+        watch.end()
 
 
 def write_page(name: str, study: Study) -> Path:
