@@ -96,6 +96,9 @@ class Designs:
     visualization_color_degree: ColorDegree = "auto"  # of the Gaussians that F_vis shows; "auto": as images decide
     value_bins: int = _setting(32, TWO_OR_MORE)  # of "values": for how many every Gaussian has weights
     latent_spread: float = _setting(0.25, POSITIVE)  # of "bilinear": standard deviation at the start
+    parameter_frequencies: int = _setting(
+        0, NOT_NEGATIVE, optional=True
+    )  # of "bilinear": with which F_sim may vary fast
     precision: Literal["float32", "bfloat16"] = _setting("float32", key="field_precision", optional=True)  # of "paper"
 
     def carry_values(self, shown: Appearance) -> bool:

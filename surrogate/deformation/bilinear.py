@@ -1,12 +1,15 @@
 """The default deformation: offsets bilinear in a latent vector per Gaussian and an embedding of the parameters.
 
-    Δ_i(p) = z_i · E(p),   z_i ∈ R^L per Gaussian,   E(p) ∈ R^(L x C) from a small network P -> hidden -> hidden -> L C
+    Δ_i(p) = z_i · E(p),   z_i ∈ R^L per Gaussian,   E(p) ∈ R^(L x C) from a small network P (1 + 2 K) -> hidden -> hidden -> L C
 
 So E(p) holds L modes of deformation, each a change of all C parameters of a Gaussian, and z_i says how much of each
 mode Gaussian i follows.  Changing the parameters costs one small network for the whole ensemble and one product
 (N, L) x (L, C); there is no network per Gaussian.  It cannot express a Gaussian whose offset is not a combination of
 the L modes that all share.  The second hidden layer is added to the first (He et al. 2016): with it members between the trained
 ones are predicted better by far.  Deformations of before have none.
+
+With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too.  What varies fast with the
+parameters is then learnt sooner; where nothing does, or too few members show it, those between are predicted worse.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from catalogs.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import Deformation, Offsets
+from surrogate.deformation.positional import encode
 from surrogate.gaussians import GEOMETRY
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
@@ -34,6 +38,7 @@ COLUMNS = (FIELD_COLUMNS, 14, 23)  # and with colours of degree 0 and 1
 TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
 MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
 FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
+MOST_FREQUENCIES = 8  # K
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
 
@@ -43,7 +48,7 @@ class BilinearDeformation:
     """Latents and embedding network; `units` (C,) scales the network's output to the size of each offset."""
 
     latents: Tensor  # [N, L]
-    weights_in: Tensor  # [hidden, P]
+    weights_in: Tensor  # [hidden, P (1 + 2 K)]
     biases_in: Tensor  # [hidden]
     weights_out: Tensor  # [L * C, hidden]
     biases_out: Tensor  # [L * C]
@@ -51,6 +56,7 @@ class BilinearDeformation:
     weights_middle: Tensor | None = None  # [hidden, hidden]
     biases_middle: Tensor | None = None  # [hidden]
     anchored: int = 0  # so many of the last parameters: where they are zero, nothing moves
+    frequencies: int = 0  # K
 
     kind: ClassVar[str] = "bilinear"
     per_gaussian: ClassVar[frozenset[str]] = frozenset({"latents"})
@@ -82,9 +88,11 @@ class BilinearDeformation:
         units = _units(gaussians, settings, color_columns)  # [C]
         random = generator(settings.seed, "latents")
         bound = min(1.0, FIRST_SLOPES / max(parameters, 1))
+        frequencies = 0 if for_visualization else settings.designs.parameter_frequencies
+        inputs = parameters * (1 + 2 * frequencies)
         return cls(
             latents=_float32(settings.designs.latent_spread * random.standard_normal((count, latent))),
-            weights_in=_float32(random.uniform(-bound, bound, (hidden, parameters))),
+            weights_in=_float32(random.uniform(-bound, bound, (hidden, inputs))),
             biases_in=_float32(random.uniform(-bound, bound, hidden)),
             weights_out=torch.zeros(latent * len(units), hidden),
             biases_out=torch.zeros(latent * len(units)),
@@ -92,6 +100,7 @@ class BilinearDeformation:
             weights_middle=_float32(random.standard_normal((hidden, hidden)) / math.sqrt(hidden)),
             biases_middle=torch.zeros(hidden),
             anchored=anchored,
+            frequencies=frequencies,
         )
 
     @classmethod
@@ -101,14 +110,21 @@ class BilinearDeformation:
         if columns not in COLUMNS:
             raise ValueError(f"units must be a list of {' or '.join(map(str, COLUMNS))} numbers, got {columns}")
         units = torch.tensor(row(record["units"], columns, "units"), dtype=torch.float32)  # [C]
-        modes, parameters = _checked_sizes(tensors, columns, int((units != 0.0).sum()))
+        modes, inputs = _checked_sizes(tensors, columns, int((units != 0.0).sum()))
+        frequencies = record.get("frequencies", 0)
+        if type(frequencies) is not int or not 0 <= frequencies <= MOST_FREQUENCIES or inputs % (1 + 2 * frequencies):
+            raise ValueError(
+                f"frequencies must be a whole number from 0 to {MOST_FREQUENCIES}, K for a network of P (1 + 2 K) inputs, got "
+                f"{frequencies!r} for one of {inputs}"
+            )
+        parameters = inputs // (1 + 2 * frequencies)
         anchored = record.get("anchored", 0)
         if type(anchored) is not int or not 0 <= anchored <= parameters:
             raise ValueError(
                 f"anchored must be a whole number from 0 to {parameters}, all parameters, got {anchored!r}"
             )
         whole = {name: _spread(tensors[name], units != 0.0, modes) for name in ("weights_out", "biases_out")}
-        return cls(**{**tensors, **whole}, units=units, anchored=anchored)
+        return cls(**{**tensors, **whole}, units=units, anchored=anchored, frequencies=frequencies)
 
     def embedding(self, parameters: Tensor) -> Tensor:
         """The modes (L, C) at normalized `parameters` (P,)."""
@@ -125,6 +141,8 @@ class BilinearDeformation:
 
     def _hidden(self, given: Tensor) -> Tensor:
         """What the last layer is given (hidden,) at parameters (P,)."""
+        if self.frequencies:
+            given = encode(given[None], self.frequencies)[0]  # [P (1 + 2 K)]
         hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, given))  # [hidden]
         if self.weights_middle is None or self.biases_middle is None:
             return hidden
@@ -178,6 +196,11 @@ class BilinearDeformation:
         """The same with others for all of `tensors`."""
         own: dict[str, Any] = dict(tensors)
         return replace(self, **own)
+
+    @property
+    def parameters(self) -> int:
+        """P, how many it is a function of."""
+        return self.weights_in.shape[1] // (1 + 2 * self.frequencies)
 
     @property
     def latent_size(self) -> int:
@@ -257,7 +280,8 @@ class BilinearDeformation:
     def record(self) -> dict[str, Any]:
         """The kind and the offset units (C,), which are not trained; zero for what holds still."""
         anchored = {"anchored": self.anchored} if self.anchored else {}
-        return {"kind": self.kind, "units": self.units.tolist()} | anchored
+        frequencies = {"frequencies": self.frequencies} if self.frequencies else {}
+        return {"kind": self.kind, "units": self.units.tolist()} | anchored | frequencies
 
     def _columns(self, attribute: str) -> slice:
         names = list(GEOMETRY)
@@ -288,14 +312,14 @@ def _units(gaussians: AnyGaussians, settings: TrainingSettings, color_columns: i
 
 
 def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:
-    """The number of modes and of parameters of stored tensors; raises ValueError where their shapes do not fit together."""
+    """How many modes and inputs of the network stored tensors have; raises ValueError where their shapes do not fit together."""
     if set(tensors) not in ({*TENSORS}, {*TENSORS, *MIDDLE}):
         raise ValueError(
             f"a bilinear deformation must consist of {sorted(TENSORS)}, and may have {sorted(MIDDLE)}, got {sorted(tensors)}"
         )
     if tensors["latents"].ndim != 2 or tensors["weights_in"].ndim != 2:
         raise ValueError("latents and weights_in must have rows and columns")
-    modes, (hidden, parameters) = tensors["latents"].shape[1], tensors["weights_in"].shape
+    modes, (hidden, inputs) = tensors["latents"].shape[1], tensors["weights_in"].shape
     shapes: dict[str, tuple[int, ...]] = {
         "biases_in": (hidden,),
         "weights_out": (modes * kept, hidden),
@@ -307,7 +331,7 @@ def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tu
             raise ValueError(f"{name} must be of shape {shape}, got {tuple(tensors[name].shape)}")
     if modes * columns * max(hidden, 1) > MOST_NUMBERS:
         raise ValueError(f"{modes} modes of {hidden} hidden units are more than a deformation can have")
-    return modes, parameters
+    return modes, inputs
 
 
 def _spread(tensor: Tensor, kept: Tensor, modes: int) -> Tensor:

@@ -24,6 +24,7 @@ from torch.nn.functional import layer_norm, linear
 from catalogs.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.offsets import Offsets
+from surrogate.deformation.positional import encode
 from surrogate.gaussians import GEOMETRY, NAMES
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
@@ -330,24 +331,6 @@ class FieldDeformation:
 
     def _narrowed(self, tensor: Tensor) -> Tensor:
         return tensor.bfloat16() if self.architecture.bfloat16 else tensor
-
-
-def encode(points: Tensor, frequencies: int) -> Tensor:
-    """The positional encoding of NeRF (Mildenhall et al. 2020, equation 4) after the points themselves.
-
-    Parameters
-    ----------
-    points : (N, D).
-    frequencies : K; the angles are pi, 2 pi, ... 2^(K - 1) pi times each coordinate.
-
-    Returns
-    -------
-    (N, D (1 + 2 K)) : the points, then all sines, then all cosines, each coordinate by coordinate.
-    """
-    powers = (2 ** torch.arange(frequencies, device=points.device)).to(points)  # [K]
-    turns = (points[:, :, None] * powers).flatten(1)  # [N, D K], exact
-    angles = math.pi * (turns - 2.0 * (turns / 2.0).round())  # within [-pi, pi], where float32 is as exact as it can be
-    return torch.cat([points, angles.sin(), angles.cos()], dim=1)
 
 
 def _checked_units(units: Any) -> dict[str, float]:

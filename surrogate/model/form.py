@@ -114,7 +114,7 @@ def _check_fit(deformation: Deformation, gaussians: int, parameters: int) -> Non
             raise ValueError(f"{name} must have a row for each of {gaussians} Gaussians, got {rows}")
     taken = parameters
     if isinstance(deformation, BilinearDeformation):
-        taken = deformation.weights_in.shape[1]
+        taken = deformation.parameters
     elif isinstance(deformation, FieldDeformation):
         taken = deformation.architecture.parameters
     if taken != parameters:

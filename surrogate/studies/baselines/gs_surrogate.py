@@ -34,7 +34,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
-from surrogate.deformation.field import encode
+from surrogate.deformation.positional import encode
 from surrogate.randomness import generator
 from surrogate.studies.baselines import canonical
 from surrogate.studies.baselines.canonical import HarmonicGaussians

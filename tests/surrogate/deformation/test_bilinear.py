@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import pytest
@@ -16,12 +17,14 @@ def canonical(count: int, color_columns: int, dtype: torch.dtype = torch.float32
     return Gaussians(*(torch.randn(shape, generator=generator, dtype=dtype) for shape in shapes))
 
 
-def random_deformation(gaussians: Gaussians, parameters: int, dtype: torch.dtype) -> BilinearDeformation:
-    settings = TrainingSettings(latent_size=5, hidden_width=7)
+def random_deformation(
+    gaussians: Gaussians, parameters: int, dtype: torch.dtype, frequencies: int = 0
+) -> BilinearDeformation:
+    settings = TrainingSettings(latent_size=5, hidden_width=7, parameter_frequencies=frequencies)
     made = BilinearDeformation.create(gaussians, parameters, settings)
     generator = torch.Generator().manual_seed(2)
     tensors = {n: torch.randn(t.shape, generator=generator, dtype=dtype) for n, t in made.tensors().items()}
-    return BilinearDeformation(**tensors, units=made.units.to(dtype))
+    return BilinearDeformation(**tensors, units=made.units.to(dtype), frequencies=frequencies)
 
 
 def flat(offsets: Offsets) -> torch.Tensor:
@@ -75,27 +78,55 @@ def test_offsets_are_each_latent_times_the_embedding_in_their_units(layers: int)
             assert float(offsets[i, c]) == pytest.approx(expected * column_units[c], rel=1e-6)
 
 
-def test_gradients_agree_with_finite_differences() -> None:
+@pytest.mark.parametrize("frequencies", [1, 3])
+def test_the_network_sees_sines_and_cosines_of_the_parameters(frequencies: int) -> None:
+    deformation = random_deformation(canonical(6, 3, torch.float64), 2, torch.float64, frequencies)
+    p = [0.3, -0.8]
+    turns = [2**k * math.pi * x for x in p for k in range(frequencies)]
+    inputs = torch.tensor([*p, *map(math.sin, turns), *map(math.cos, turns)], dtype=torch.float64)
+    plain = replace(deformation, frequencies=0)
+    torch.testing.assert_close(deformation.embedding(torch.tensor(p, dtype=torch.float64)), plain.embedding(inputs))
+    assert deformation.parameters == 2
+
+
+def test_what_is_anchored_stays_so_with_frequencies() -> None:
+    gaussians = canonical(6, 3)
+    deformation = replace(random_deformation(gaussians, 3, torch.float32, 2), anchored=1)
+    still, moving = (flat(deformation.offsets(gaussians, torch.tensor([0.3, -0.8, x]))) for x in (0.0, 0.5))
+    assert not still.any()
+    assert moving.abs().min() > 0.0
+
+
+@pytest.mark.parametrize("frequencies", [0, 2])
+def test_gradients_agree_with_finite_differences(frequencies: int) -> None:
     gaussians = canonical(4, 3, torch.float64)
-    deformation = random_deformation(gaussians, 3, torch.float64)
+    deformation = random_deformation(gaussians, 3, torch.float64, frequencies)
     names = list(deformation.tensors())
 
     def offsets(parameters: torch.Tensor, *tensors: torch.Tensor) -> torch.Tensor:
-        moved = BilinearDeformation(**dict(zip(names, tensors, strict=True)), units=deformation.units)
+        moved = deformation.with_tensors(dict(zip(names, tensors, strict=True)))
         return flat(moved.offsets(gaussians, parameters))
 
     inputs = [torch.tensor([0.1, -0.5, 0.9], dtype=torch.float64), *deformation.tensors().values()]
     assert torch.autograd.gradcheck(offsets, [tensor.requires_grad_() for tensor in inputs])
 
 
-def test_it_survives_being_saved() -> None:
+@pytest.mark.parametrize("frequencies", [0, 1])
+def test_it_survives_being_saved(frequencies: int) -> None:
     gaussians = canonical(5, 12)
-    deformation = random_deformation(gaussians, 2, torch.float32)
+    deformation = random_deformation(gaussians, 2, torch.float32, frequencies)
     loaded = load_deformation(deformation.tensors(), deformation.record())
     p = torch.tensor([0.2, 0.4])
     torch.testing.assert_close(
         flat(loaded.offsets(gaussians, p)), flat(deformation.offsets(gaussians, p)), rtol=0, atol=0
     )
+
+
+@pytest.mark.parametrize("frequencies", [-1, 9, 1.0, True, "1", 2])
+def test_frequencies_that_do_not_fit_are_named(frequencies: object) -> None:
+    deformation = random_deformation(canonical(5, 3), 2, torch.float32, 1)
+    with pytest.raises(ValueError, match="frequencies must be a whole number from 0 to 8"):
+        load_deformation(deformation.stored(), deformation.record() | {"frequencies": frequencies})
 
 
 def test_an_unknown_kind_is_named() -> None:

@@ -10,7 +10,8 @@ import torch
 from torch import Tensor, nn
 
 from surrogate.deformation import Deformation, Offsets
-from surrogate.deformation.field import Architecture, FieldDeformation, encode
+from surrogate.deformation.field import Architecture, FieldDeformation
+from surrogate.deformation.positional import encode
 from surrogate.gaussians import NAMES, Gaussians
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
