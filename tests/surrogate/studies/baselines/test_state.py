@@ -15,7 +15,7 @@ from surrogate.studies.baselines.state import inner, of_optimizer, outer, restor
 from tests.support.baseline_scenes import ball_pictures
 
 METHODS = (gs_surrogate.METHOD, hexplane_gaussians.METHOD, kplanes.METHOD, visnerf.METHOD, insitunet.METHOD)
-PICTURES = ball_pictures([[-1.0], [1.0]], views=2, size=32)
+PICTURES = ball_pictures([[-1.0], [1.0]], views=2, size=16)
 
 
 @pytest.mark.parametrize(
