@@ -62,7 +62,7 @@ results: $(SETUP)
 	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) --records $(RECORDS) || failed="$$failed page"; \
 	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
-# Eight trainings of so many minutes for each seed, and their scoring; interrupted, it goes on, and processes share it out.
+# Nine trainings for each seed, eight of them of so many minutes, and their scoring; interrupted, it goes on, and processes share it out.
 compare: dataset
 	$(BIN)/surrogate compare scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --minutes $(MINUTES) --seeds $(COMPARED_SEEDS)
 	$(BIN)/python -m benchmarks.comparison --runs $(RUNS) --records $(RECORDS)

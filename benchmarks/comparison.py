@@ -36,8 +36,6 @@ the very view, which ours and the others do not."""
 SIZES = """A step of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as
 published. What was written anew from which paper or code, and where it differs, stands at the head of each
 file in [`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
-
-
 PUBLISHED = """Equal time on a processor says nothing about what a method can do. `surrogate compare scenes/SCENE.toml --published
 --device cuda --stop-after 9` trains all at their published sizes and for as many steps as were published, ours for as many as
 GS-Surrogate, in pieces of nine minutes; a checkpoint is kept between them."""
@@ -48,14 +46,14 @@ NOT_RUN = (
 
 def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
     """The page in Markdown, with the plots that are `drawn`."""
-    names = set(drawn)
+    names, results = set(drawn), {scene: load(records / scene) for scene in scenes}
     return document(
         "# Beside published systems",
         TEXT.replace("\n", " "),
         SIZES.replace("\n", " "),
         table(("method", "published in", "steps there"), _who()),
-        *(part for scene in scenes for part in _section(scene, load(records / scene), names)),
-        *_published([result for scene in scenes for result in load(records / scene)]),
+        *(part for scene in scenes for part in _section(scene, results[scene], names)),
+        *_published([result for of in results.values() for result in of]),
         *_tuned(tuning.load(records)),
     )
 

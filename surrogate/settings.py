@@ -29,6 +29,8 @@ class Bound(NamedTuple):
 
 ONE_OR_MORE = Bound("at least 1", lambda value: value >= 1)
 TWO_OR_MORE = Bound("at least 2", lambda value: value >= 2)
+MOST_FREQUENCIES = 8
+FREQUENCIES = Bound(f"from 0 to {MOST_FREQUENCIES}", lambda value: 0 <= value <= MOST_FREQUENCIES)
 NOT_NEGATIVE = Bound("at least 0", lambda value: value >= 0)
 POSITIVE = Bound("positive", lambda value: value > 0)
 FRACTION = Bound("in [0, 1]", lambda value: 0 <= value <= 1)
@@ -97,7 +99,7 @@ class Designs:
     value_bins: int = _setting(32, TWO_OR_MORE)  # of "values": for how many every Gaussian has weights
     latent_spread: float = _setting(0.25, POSITIVE)  # of "bilinear": standard deviation at the start
     parameter_frequencies: int = _setting(
-        0, NOT_NEGATIVE, optional=True
+        0, FREQUENCIES, optional=True
     )  # of "bilinear": with which F_sim may vary fast
     precision: Literal["float32", "bfloat16"] = _setting("float32", key="field_precision", optional=True)  # of "paper"
 

@@ -8,8 +8,8 @@ mode Gaussian i follows.  Changing the parameters costs one small network for th
 the L modes that all share.  The second hidden layer is added to the first (He et al. 2016): with it members between the trained
 ones are predicted better by far.  Deformations of before have none.
 
-With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too.  What varies fast with the
-parameters is then learnt sooner; where nothing does, or too few members show it, those between are predicted worse.
+With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too (docs/values.md says what
+they gained and cost).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from surrogate.deformation.offsets import Deformation, Offsets
 from surrogate.deformation.positional import encode
 from surrogate.gaussians import GEOMETRY
 from surrogate.randomness import generator
-from surrogate.settings import TrainingSettings
+from surrogate.settings import MOST_FREQUENCIES, TrainingSettings
 
 At = tuple[Deformation, Tensor]  # a deformation and normalized parameters (P,)
 FIELD_COLUMNS = 13  # of a Gaussian's parameters where it carries values of a field
@@ -38,7 +38,6 @@ COLUMNS = (FIELD_COLUMNS, 14, 23)  # and with colours of degree 0 and 1
 TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
 MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
 FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
-MOST_FREQUENCIES = 8  # K
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
 

@@ -60,6 +60,7 @@ def test_a_whole_number_will_do_for_a_float() -> None:
         ({"gaussians": True}, "training.gaussians must be of type int, got True"),
         ({"gaussians": 0}, "training.gaussians must be at least 1, got 0"),
         ({"seed": -1}, "training.seed must be at least 0"),
+        ({"parameter_frequencies": 9}, "training.parameter_frequencies must be from 0 to 8, got 9"),
         ({"mean_rate": float("nan")}, "training.mean_rate must be finite"),
         ({"mean_rate": 0.0}, "training.mean_rate must be positive"),
         ({"ssim_weight": 1.5}, r"training.ssim_weight must be in \[0, 1\], got 1.5"),

@@ -143,7 +143,7 @@ def fit_in_time(
     now.watch.start()
     for step in range(now.step + 1, now.plan.steps + 1):
         loss = now.fit.advance()
-        if step in looks or step == now.plan.steps or time.perf_counter() - told > REPORT_SECONDS:
+        if step in looks or time.perf_counter() - told > REPORT_SECONDS:
             now.watch.stop()
             if not math.isfinite(loss):
                 raise Diverged(f"{method.title} diverged at step {step:,} of {now.plan.steps:,}: its loss is {loss}")
