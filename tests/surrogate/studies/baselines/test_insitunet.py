@@ -262,7 +262,8 @@ def test_it_overfits_one_member() -> None:
 
 
 @pytest.mark.slow
-def test_the_small_size_learns_members_and_those_between() -> None:
+def test_members_are_learnt_and_those_between(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(insitunet.EXTENTS, "small", Extent(8, 4))  # half of the channels and pictures
     pictures = ball_pictures([[-1.0], [-0.4], [0.4], [1.0]], views=2)
     fit, _ = trained(pictures, 90, precision="bfloat16")
     between = ball_pictures([[-0.7], [0.0], [0.7]], views=2)
