@@ -13,6 +13,7 @@ from benchmarks.results.curves import plot as plot_curves
 from benchmarks.results.functions import functions_section
 from benchmarks.results.gaps import Gap, gaps_of
 from benchmarks.results.parts import parts_of
+from benchmarks.results.processors import processors_section
 from benchmarks.results.quality import quality_tables
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import report_sources, study_sources
@@ -74,6 +75,7 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
         "Times are medians, one picture at a time.",
         table_of(known, *COST_COLUMNS) if known else "No scene has a report yet.",
         *curves_section(scenes, CURVES in pictures),
+        *processors_section(scenes),
         *([f"## {SOURCES}", report_sources(scenes)] if known else []),
         *_pictures(scenes, pictures),
         "## What each choice of training is worth",

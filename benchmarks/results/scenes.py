@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from benchmarks.curves.measured import Point
 from benchmarks.curves.measured import load as load_curve
 from benchmarks.functions.measured import Shown, load
+from benchmarks.instruction_sets import load as load_instruction_sets
 from benchmarks.results.studies import StudyResults, published_study, read_studies
 from catalogs.appearance import ImportedImages, appearance_to_json
 from catalogs.scene import Scene
@@ -19,7 +20,7 @@ from surrogate.report.records import load_report
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Record
 from surrogate.studies.ceiling import load_ceilings
-from surrogate.studies.repeats.records import load_scores
+from surrogate.studies.repeats.records import Scores, load_scores
 from surrogate.studies.repeats.spread import summarize_repeats
 
 APPEARANCES = {"volume": "volume rendering", "isosurface": "isosurface", "imported": "pictures made elsewhere"}
@@ -37,10 +38,11 @@ class SceneResults:
     variations : how many its surrogate follows.
     report : figures of its report; None without one.
     ceilings : entries about the same model, as `load_ceilings` has them.
-    repeats : `summarize_repeats` of the seeds of the same settings; None for fewer than two.
+    seeds, repeats : the scores of the seeds of the same settings, and `summarize_repeats` of them; None for fewer than two.
     studies : its ablations.
     functions : how functions that were never trained are shown, a record and its rows for each seed.
     curve : how good it is after some minutes of training.
+    instruction_sets : the scores of the same settings with the instructions of older processors, by name.
     earlier : whether any of it was measured by other code than the present, or is known from an earlier page alone.
     """
 
@@ -55,6 +57,8 @@ class SceneResults:
     studies: Sequence[StudyResults] = ()
     functions: Sequence[tuple[Record, Sequence[Shown]]] = ()
     curve: Sequence[Point] = ()
+    instruction_sets: Mapping[str, Sequence[Scores]] = field(default_factory=dict)
+    seeds: Sequence[Scores] = ()
     earlier: bool = False
 
 
@@ -99,5 +103,7 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         studies,
         functions,
         curve,
+        load_instruction_sets(folder, settings),
+        seeds,
         earlier=not made_by <= {code()} or any(study.earlier for study in studies),
     )
