@@ -53,15 +53,26 @@ def code(*also: str) -> str:
 
 
 def machine() -> dict[str, str | int]:
-    """Processor, cores that this process may use, and system."""
+    """Processor, the instruction set that kernels use, cores that this process may use, and system."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return {"processor": _processor(), "cores": cores, "system": f"{platform.system()} {platform.machine()}"}
+    system = f"{platform.system()} {platform.machine()}"
+    return {"processor": _processor(), "instructions": _instructions(), "cores": cores, "system": system}
 
 
 def in_words(machine: Mapping[str, Any]) -> str:
-    """A `machine` such as "AMD EPYC, 2 cores", "?" for what it does not say."""
+    """A `machine` such as "AMD EPYC (avx2), 2 cores", "?" for what it does not say; earlier ones name no instruction set."""
     cores = machine.get("cores", "?")
-    return f"{machine.get('processor', 'an unknown processor')}, {cores} core{'' if cores == 1 else 's'}"
+    used = f" ({machine['instructions']})" if machine.get("instructions") else ""
+    return f"{machine.get('processor', 'an unknown processor')}{used}, {cores} core{'' if cores == 1 else 's'}"
+
+
+def _instructions() -> str:
+    import native
+
+    try:
+        return os.environ.get("GS_SURROGATE_INSTRUCTION_SET") or native.instruction_sets()[0]
+    except ImportError:  # the kernels were not built
+        return ""
 
 
 def _processor() -> str:

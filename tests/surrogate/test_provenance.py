@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+import native
 from catalogs import version
 from surrogate import provenance
 from surrogate.provenance import code, commit, in_words, machine
@@ -80,8 +81,12 @@ def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
     assert commit() == "unknown"
 
 
-def test_a_machine_has_cores() -> None:
+def test_a_machine_has_cores_and_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("GS_SURROGATE_INSTRUCTION_SET", raising=False)
     assert int(machine()["cores"]) >= 1
+    assert machine()["instructions"] == native.instruction_sets()[0]
+    monkeypatch.setenv("GS_SURROGATE_INSTRUCTION_SET", "baseline")
+    assert machine()["instructions"] == "baseline"
 
 
 @pytest.mark.parametrize(
@@ -89,6 +94,7 @@ def test_a_machine_has_cores() -> None:
     [
         ({"processor": "abacus", "cores": 2}, "abacus, 2 cores"),
         ({"processor": "abacus", "cores": 1}, "abacus, 1 core"),
+        ({"processor": "abacus", "instructions": "beads", "cores": 2}, "abacus (beads), 2 cores"),
         ({}, "an unknown processor, ? cores"),
     ],
 )
