@@ -1,9 +1,9 @@
 """What a budget in minutes or steps leads to: how many Gaussians, trained for how many steps, on this machine.
 
-The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  Both rules are
-those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side: where members look much alike,
-more Gaussians were worth more than more steps; where a hundred members differ strongly, steps were; where little of a picture
-shows anything, few Gaussians were (`python -m benchmarks.budgets`).
+The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  The rules are
+those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side (`python -m benchmarks.budgets`):
+where members look much alike, more Gaussians were worth more than more steps, so they grow with the time; where members differ
+strongly, steps were; where little of a picture shows anything, few Gaussians were.
 """
 
 from __future__ import annotations
@@ -15,9 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from catalogs.catalog import Catalog
 from surrogate.evaluation.metrics import WHITE
 from surrogate.evaluation.scoring import spread
@@ -25,6 +22,7 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.content import changing_share, visible_pixels
 from surrogate.training.data import ImageRow, TrainingData, load_examples, training_rows, validation_rows
 from surrogate.training.loop import StageRun, mean_psnr
 from surrogate.training.source import Source
@@ -39,7 +37,10 @@ STEP_KEYS = ("canonical_steps", "deformation_steps", "visualization_steps")
 # How many Gaussians and steps
 LARGEST, SMALLEST = 60_000, 1_000
 PER_PIXEL = 44_000.0  # Gaussians squared: one for each pixel where 44,000 show something, two where 11,000 do
-VISIBLE = 0.01  # of a pixel that shows something: its opacity, or how far any channel is from the background
+ALIKE = 1 / 3  # the `changing_share` up to which longer trainings are worth more Gaussians, not more steps alone
+BALANCED = (
+    2 / 3
+)  # power of growth, as a step takes the longer, the more Gaussians there are, and they grow as the root of steps
 FEWEST_STEPS = 20  # of a stage
 ENOUGH_STEPS = 2_000, 20_000  # and within these two for each image: with fewer there are fewer Gaussians as well
 FEWEST_GAUSSIANS = 0.25  # of those that the pictures are worth
@@ -107,46 +108,59 @@ def budgeted(
         raise ValueError(f"a budget decides on the steps of training: leave out {', '.join(decided)}, or the budget")
     if budget.steps is not None:
         rows = _rows(source)[0]
-        chosen = _sized(given, source, visible_pixels(source, rows), len(rows), budget.steps)
+        chosen = _sized(given, source, _worth(source, rows), budget.steps)
         return chosen, {"gaussians": chosen.gaussians, "steps": budget.steps}
     return _in_time(given, source, 60.0 * float(budget.minutes or 0.0), elapsed)
 
 
-def gaussians_for(visible: float, images: int, steps: int) -> int:
-    """How many Gaussians are worth having for images with so many `visible_pixels`, in so many steps of stages 1 and 2."""
-    worth = min((PER_PIXEL * visible) ** 0.5, LARGEST)
-    low, high = ENOUGH_STEPS
-    part = steps / min(max(2 * images, low), high)
-    wanted = worth * min(1.0, max(FEWEST_GAUSSIANS, part))
-    digits = 10 ** max(0, len(str(int(wanted))) - 2)
-    return max(SMALLEST, round(wanted / digits) * digits)
+@dataclass(frozen=True)
+class Worth:
+    """What decides how many Gaussians pictures are worth.
 
-
-def visible_pixels(source: Source, rows: Sequence[ImageRow]) -> float:
-    """How many pixels of a picture show something: the mean over some of the `rows`."""
-    examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
-    return statistics.fmean(float(_shows(example.pixels, source).sum()) for example in examples)
-
-
-def _shows(pixels: NDArray[np.uint8], source: Source) -> NDArray[np.bool_]:  # [H, W]
-    if pixels.shape[2] == 4:
-        return pixels[..., 3] > 255.0 * VISIBLE
-    background = np.asarray(source.catalog.plan.background or WHITE)
-    return (np.abs(pixels / 255.0 - background) > VISIBLE).any(axis=2)
-
-
-def _sized(given: Mapping[str, Any], source: Source, visible: float, images: int, steps: int) -> TrainingSettings:
-    """The given settings with so many steps over all stages, and with what follows from them where it is not given.
-
-    `visible` pixels has a picture of the base appearance, of which so many `images` are learnt.
+    Attributes
+    ----------
+    visible : pixels of a picture that show something.
+    images : that are learnt, of the base appearance.
+    changing : the share of what is seen that changes from member to member.
     """
+
+    visible: float
+    images: int
+    changing: float
+
+    def gaussians(self, steps: float | None = None) -> int:
+        """How many are worth having in so many steps of stages 1 and 2; without any, in just enough."""
+        part = 1.0 if steps is None else steps / self.enough_steps
+        more = part**0.5 if self.changing <= ALIKE else 1.0
+        enough = min((PER_PIXEL * self.visible) ** 0.5, LARGEST)
+        return _rounded(enough * (max(FEWEST_GAUSSIANS, part) if part < 1.0 else more))
+
+    @property
+    def enough_steps(self) -> int:
+        """With fewer there are fewer Gaussians as well."""
+        low, high = ENOUGH_STEPS
+        return min(max(2 * self.images, low), high)
+
+
+def _worth(source: Source, rows: Sequence[ImageRow]) -> Worth:
+    return Worth(visible_pixels(source, rows), len(rows), changing_share(source, rows))
+
+
+def _rounded(count: float) -> int:
+    """To two digits, within what a training may have."""
+    digits = 10 ** max(0, len(str(int(count))) - 2)
+    return min(LARGEST, max(SMALLEST, round(count / digits) * digits))
+
+
+def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -> TrainingSettings:
+    """The given settings with so many steps over all stages, and with what follows from them where it is not given."""
     stages = 1 + len(source.variations)
     each = max(1, steps // stages)
     joint = source.field is not None or given.get("canonical_steps") == 0
     canonical = 0 if joint else min(MOST_CANONICAL, round(CANONICAL_SHARE * each))
     follows = {
         **_design(source),
-        "gaussians": gaussians_for(visible, images, each),
+        "gaussians": worth.gaussians(each),
         "validation_interval": min(MOST_BETWEEN, max(1, steps // VALIDATIONS)),
         **_calm_rates(each),
     }
@@ -160,9 +174,8 @@ def _in_time(
     rows = _rows(source)
     images = sum(map(len, rows))
     choosing = source.settings.compression.enabled and bool(validation_rows(source.catalog, [source.appearance], 1))
-    visible = visible_pixels(source, rows[0])
-    most = gaussians_for(visible, 0, ENOUGH_STEPS[0])
-    tried = TrainingSettings(**{"gaussians": most, **_design(source), **given})
+    worth, is_first = _worth(source, rows[0]), True
+    tried = TrainingSettings(**{"gaussians": worth.gaussians(), **_design(source), **given})
     while True:
         pace = measure_pace(Source(tried, source.catalog), rows)
         left = seconds - elapsed() - SPARE - pace.load * images
@@ -175,10 +188,12 @@ def _in_time(
                 f"and a step {1e3 * pace.mean_step:.0f} ms"
             )
         choices = given if compressing or not choosing else {"fit_to_need": False, **given}
-        chosen = _sized(choices, source, visible, len(rows[0]), steps)
-        if chosen.gaussians >= tried.gaussians:
+        chosen = _sized(choices, source, worth, steps)
+        more = chosen.gaussians / tried.gaussians
+        if more == 1.0 or (more > 1.0 and not is_first):
             break
-        tried = chosen  # fewer Gaussians for few steps, which are then faster
+        # fewer Gaussians are faster; more leave fewer steps, and so fewer Gaussians are worth having than these steps ask for
+        tried, is_first = chosen.changed(gaussians=_rounded(tried.gaussians * min(more, more**BALANCED))), False
     return chosen.changed(gaussians=tried.gaussians), {
         "gaussians": tried.gaussians,
         "steps": steps,

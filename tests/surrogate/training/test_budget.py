@@ -1,52 +1,36 @@
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages
-from catalogs.catalog import Catalog, CatalogPlan
 from surrogate.settings import TrainingSettings
 from surrogate.training import budget
-from surrogate.training.budget import Budget, Pace, budgeted, gaussians_for
-from tests.support.results import BLOBS, make_catalog
+from surrogate.training.budget import Budget, Pace, Worth, budgeted
+from tests.support.results import make_catalog
 
 
 @pytest.mark.parametrize(
-    ("visible", "images", "steps", "count"),
+    ("visible", "images", "changing", "steps", "count"),
     [
-        (1_500, 448, 5_000, 8_100),
-        (6_000, 10_000, 100_000, 16_000),
-        (25_000, 1_260, 5_000, 33_000),
-        (3_400, 3_920, 8_055, 12_000),  # a twentieth of a picture of 256 x 256
-        (2048 * 2048, 1_260, 5_000, 60_000),
-        (6_000, 10_000, 10_000, 8_100),  # half of the steps that so many images need
-        (6_000, 10_000, 1, 4_100),
-        (1, 1, 1, 1_000),
-        (0, 10_000, 100_000, 1_000),  # nothing is seen
+        (1_500, 448, 0.6, 5_000, 8_100),
+        (6_000, 10_000, 0.6, 100_000, 16_000),
+        (25_000, 1_260, 0.6, 5_000, 33_000),
+        (3_400, 3_920, 0.6, 8_055, 12_000),  # a twentieth of a picture of 256 x 256
+        (2048 * 2048, 1_260, 0.6, 5_000, 60_000),
+        (6_000, 10_000, 0.6, 10_000, 8_100),  # half of the steps that so many images need
+        (6_000, 10_000, 0.0, 10_000, 8_100),
+        (6_000, 10_000, 0.6, None, 16_000),
+        (6_000, 1_000, 0.0, 8_000, 32_000),  # alike, and four times as many steps
+        (6_000, 1_000, 0.5, 8_000, 16_000),
+        (25_000, 1_000, 0.0, 80_000, 60_000),
+        (6_000, 10_000, 0.0, 1, 4_100),
+        (1, 1, 0.0, 1, 1_000),
+        (0, 10_000, 0.0, 100_000, 1_000),  # nothing is seen
     ],
 )
-def test_gaussians_follow_from_what_is_seen_and_steps(visible: float, images: int, steps: int, count: int) -> None:
-    assert gaussians_for(visible, images, steps) == count
-
-
-@pytest.mark.parametrize("background", [None, (0.2, 0.4, 0.6)])
-def test_pixels_are_visible_that_differ_from_the_background(
-    tmp_path: Path, background: tuple[float, float, float] | None
+def test_gaussians_follow_from_what_is_seen_and_steps(
+    visible: float, images: int, changing: float, steps: int | None, count: int
 ) -> None:
-    picture = np.zeros((16, 16, 4), np.uint8)
-    picture[2:4, 3:6] = [10, 0, 0, 40]
-    picture[5, 5] = [1, 1, 1, 2]  # less than a hundredth
-    if background:
-        picture[..., :3] += np.round(255.0 * np.array(background)).astype(np.uint8)
-        picture[..., 3] = 255
-    plan = CatalogPlan(
-        BLOBS.space, (ImportedImages("drawn"),), BLOBS.cameras()[:1], ("train",), BLOBS.bounds, background
-    )
-    catalog = Catalog.create(tmp_path / "catalog.cdb", plan)
-    with catalog.begin_member("only", {"p": 0.0}, split="train") as writer:
-        writer.write_image("drawn", 0, picture)
-    source = budget.Source(TrainingSettings(), Catalog.open(catalog.path))
-    assert budget.visible_pixels(source, budget._rows(source)[0]) == 6.0
+    assert Worth(visible, images, changing).gaussians(steps) == count
 
 
 def test_steps_lead_to_the_same_settings_everywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,6 +71,25 @@ def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
     assert chosen["steps"] * 1e-5 * settings.gaussians < 30.0
     kept, _ = budgeted({"gaussians": 2_000, "fit_to_need": True}, make_catalog(tmp_path, "more"), Budget(minutes=0.5))
     assert (kept.gaussians, kept.compression.enabled) == (2_000, True)
+
+
+@pytest.mark.parametrize(("changing", "grown"), [(0.0, True), (0.9, False)])
+def test_members_that_look_alike_get_more_gaussians_in_more_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changing: float, grown: bool
+) -> None:
+    tried: list[int] = []
+
+    def pace(source: budget.Source, _: object) -> Pace:
+        tried.append(source.settings.gaussians)
+        return Pace(1e-5 * source.settings.gaussians, (), 0.02, 0.001)
+
+    monkeypatch.setattr(budget, "measure_pace", pace)
+    monkeypatch.setattr(budget, "changing_share", lambda *_: changing)
+    settings, chosen = budgeted({}, make_catalog(tmp_path, "blobs"), Budget(minutes=10.0))
+    assert tried == ([2_000, settings.gaussians] if grown else [2_000])
+    assert (settings.gaussians > 3_000) == grown
+    worth = Worth(2_000**2 / budget.PER_PIXEL, 6, changing).gaussians(chosen["steps"])
+    assert settings.gaussians == pytest.approx(worth, rel=0.2)  # what the steps that are left are worth
 
 
 def test_speed_is_measured_on_a_few_images(tmp_path: Path) -> None:

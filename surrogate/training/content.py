@@ -1,0 +1,68 @@
+"""What pictures show: how many of their pixels, and how much of that changes from member to member."""
+
+from __future__ import annotations
+
+import statistics
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.cameras import Camera
+from surrogate.evaluation.metrics import WHITE
+from surrogate.evaluation.scoring import spread
+from surrogate.training.data import Example, ImageRow, load_examples
+from surrogate.training.source import Source
+
+SAMPLED = 64  # pictures whose visible pixels are counted
+CAMERAS, MEMBERS = 6, 24  # at most that are compared
+VISIBLE = 0.01  # of a pixel that shows something: its opacity, or how far any channel is from the background
+
+
+def visible_pixels(source: Source, rows: Sequence[ImageRow]) -> float:
+    """How many pixels of a picture show something: the mean over some of the `rows`."""
+    examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
+    return statistics.fmean(float(_shows(example.pixels, source).sum()) for example in examples)
+
+
+def changing_share(source: Source, rows: Sequence[ImageRow]) -> float:
+    """How much of what is seen changes from member to member: 0 where all look the same, about 1 where they share nothing.
+
+    Of the variance of colours in pixels that show something in any member, over pixels and members, the share that the mean over
+    members leaves; the mean over some cameras through which several members are seen, and 1 where there is none.
+    """
+    found = [_unexplained(pictures, source) for pictures in _by_camera(source, rows)]
+    return statistics.fmean(found) if found else 1.0
+
+
+def _unexplained(examples: Sequence[Example], source: Source) -> float:
+    colors = np.stack([example.compared()[..., :3] for example in examples]).astype(np.float64)  # [M, H, W, 3]
+    seen = np.any([_shows(example.pixels, source) for example in examples], axis=0)  # [H, W]
+    shown = colors[:, seen]  # [M, V, 3]
+    whole = float(((shown - shown.mean(axis=(0, 1))) ** 2).sum()) if shown.size else 0.0
+    return float(((shown - shown.mean(axis=0)) ** 2).sum()) / whole if whole else 0.0
+
+
+def _by_camera(source: Source, rows: Sequence[ImageRow]) -> list[list[Example]]:
+    """Pictures of several members each, through the same camera and of the same size."""
+    through = defaultdict[tuple[object, ...], list[ImageRow]](list)
+    for row in rows:
+        through[_key(row.member.cameras[row.view])].append(row)
+    shared = [of for of in through.values() if len({row.member.name for row in of}) > 1]
+    wanted = [[of[i] for i in spread(len(of), MEMBERS)] for of in (shared[i] for i in spread(len(shared), CAMERAS))]
+    return [load_examples(source.catalog, of, source.normalization) for of in wanted]
+
+
+def _key(camera: Camera) -> tuple[object, ...]:
+    matrix = camera.world_to_camera
+    size = float(np.abs(matrix).max())
+    places = tuple(np.round(matrix / size, 6).ravel() + 0.0)
+    return (*places, round(camera.fx, 3), round(camera.fy, 3), camera.width, camera.height)
+
+
+def _shows(pixels: NDArray[np.uint8], source: Source) -> NDArray[np.bool_]:  # [H, W]
+    if pixels.shape[2] == 4:
+        return pixels[..., 3] > 255.0 * VISIBLE
+    background = np.asarray(source.catalog.plan.background or WHITE)
+    return (np.abs(pixels / 255.0 - background) > VISIBLE).any(axis=2)
