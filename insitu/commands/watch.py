@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import Reading, appearances_of, listed
+from insitu.commands.reading import Reading, appearances_of, code_options, listed
 from insitu.commands.shell import command, fail_on, how_to_run
 
 SECONDS = click.FloatRange(min=0)
@@ -38,6 +38,7 @@ SECONDS = click.FloatRange(min=0)
     "--origin", type=(float, float, float), metavar="X Y Z", help="Place of the first value, if files do not say."
 )
 @click.option("--dims", metavar="z,y,x", help="What the axes of arrays are, in the arrays' own order.")
+@code_options
 @shell.SIZE
 @shell.DECIBELS
 @click.option(
@@ -98,7 +99,7 @@ def watch(
         options = Reading(**reading)
         space = space_for(catalog, pattern, options.ranges, listed(options.units))
         arrays = options.arrays or tuple(filter(None, shown_fields(given or known)))
-        ensemble = FileEnsemble({}, space, arrays, **options.place)
+        ensemble = FileEnsemble({}, space, arrays, **options.place, reader=options.reader, sampling=options.sampling)
         if asked is not None:
             plan = PlanOptions.of_scene(asked, space)
         else:
