@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from insitu.readers import cloverleaf
+from insitu.readers import cloverleaf, xcompact3d
 from insitu.readers.reader import Reader
 
-READERS: tuple[Reader, ...] = (cloverleaf.READER,)
+READERS: tuple[Reader, ...] = (cloverleaf.READER, xcompact3d.READER)
 
 
 def reader_named(name: str) -> Reader:
