@@ -95,7 +95,7 @@ def test_other_names_are_asked_for(tmp_path: Path) -> None:
     assert not recognizes(tmp_path / "clover.visit")
     found = read_data(path, array="energy", reader="cloverleaf")
     assert np.array_equal(found.values, printed(arrays()[0]["energy"]))
-    with pytest.raises(ValueError, match="there is no reader 'clover', there are cloverleaf"):
+    with pytest.raises(ValueError, match=r"there is no reader 'clover', there are .*cloverleaf"):
         read_data(path, reader="clover")
 
 
