@@ -104,7 +104,7 @@ def read_data(
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
         return _vtk(path, array)
     except READING as error:
-        told = str(error).removeprefix(f"{path}: ") or type(error).__name__
+        told = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
         raise ValueError(f"{path}: {told}") from error
 
 
