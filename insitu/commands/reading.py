@@ -46,7 +46,7 @@ CODES = (
         "--reader",
         metavar="CODE",
         default="",
-        help="The code that wrote the files, where they don't show it: amrex, cloverleaf, mpas, xcompact3d.",
+        help="The code that wrote the files, where they don't show it: amrex, cloverleaf, mpas, well, xcompact3d.",
     ),
     click.option("--resolution", type=(int, int, int), metavar="X Y Z", help="Values of resampled data (amrex, mpas)."),
     click.option(
@@ -188,10 +188,14 @@ def is_listing(source: str) -> bool:
 def is_ensemble(path: Path) -> bool:
     """Whether a path is a table, a pattern, a folder of dumps, or one file with several members."""
     from insitu.readers.arrays import is_store, open_arrays
+    from insitu.readers.codes import reader_of
     from insitu.readers.folders import is_folder_file
+    from insitu.readers.reader import Sampling
 
     if is_listing(str(path)) or (path.is_dir() and not is_folder_file(path)):
         return True
+    if (code := reader_of(path)) is not None:
+        return len(code.records(path, Sampling())) > 1
     if not is_store(path):
         return False
     with open_arrays(path) as arrays:

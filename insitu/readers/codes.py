@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from insitu.readers import amrex, cloverleaf, mpas, xcompact3d
+from insitu.readers import amrex, cloverleaf, mpas, the_well, xcompact3d
 from insitu.readers.reader import Reader
 
-READERS: tuple[Reader, ...] = (amrex.READER, cloverleaf.READER, mpas.READER, xcompact3d.READER)
+READERS: tuple[Reader, ...] = (amrex.READER, cloverleaf.READER, mpas.READER, the_well.READER, xcompact3d.READER)
 
 
 def reader_named(name: str) -> Reader:

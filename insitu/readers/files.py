@@ -120,6 +120,7 @@ def _of_code(
     if sampling != Sampling() and not code.samples:
         raise ValueError(f"files of {code.name} are not resampled: leave {', '.join(sampling.identity)} out")
     if code.opens is not None:
+        index = index or code.records(path, sampling)[0].index
         with code.opens(path) as arrays:
             return placed_field(arrays, _volume(arrays, array, len(index)), index, **place)
     given = [name for name, value in place.items() if value is not None]
