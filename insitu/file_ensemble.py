@@ -15,6 +15,7 @@ from insitu.identity import contents, is_changed
 from insitu.readers.codes import reader_of
 from insitu.readers.files import read_data
 from insitu.readers.reader import Sampling
+from insitu.readers.states import files_beside
 from insitu.readers.tables import Row, Table
 from insitu.request import member_name
 
@@ -79,8 +80,8 @@ class FileEnsemble:
     @property
     def identity(self) -> Mapping[str, Any]:
         place = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
-        held = {"kind": "files", "arrays": list(self.arrays), **{k: list(v) for k, v in place.items() if v}}
-        return {**held, **({"reader": self.reader} if self.reader else {}), **self.sampling.identity}
+        given = {k: list(v) for k, v in place.items() if v}
+        return {"kind": "files", "arrays": list(self.arrays), **given, **self.sampling.identity}
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
         """All members; `validation` of the training ones, drawn by `seed`, are set aside."""
@@ -99,10 +100,12 @@ class FileEnsemble:
         return {array: read_data(path, array=array, **how) for array in self.arrays}
 
     def record(self, member: PlannedMember) -> Mapping[str, Any]:
-        """`identity`, the file, the index of the state where it holds several, and what it holds."""
+        """`identity`, the file, the code that wrote it, the index of the state where it holds several, and what it holds."""
         row = self.rows[member.name]
-        place = {"file": os.fspath(row.path), **({"index": list(row.index)} if row.index else {})}
-        return {**self.identity, **place, "contents": contents(row.path, beside=self.files(row.path))}
+        code = reader_of(row.path, self.reader)
+        place = {"file": os.fspath(row.path), "reader": code and code.name, "index": list(row.index)}
+        known = {key: value for key, value in place.items() if value}
+        return {**self.identity, **known, "contents": contents(row.path, beside=self.files(row.path))}
 
     def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
         """Whether the member's file holds something else than when `before` was its `record`."""
@@ -113,9 +116,7 @@ class FileEnsemble:
 
     def files(self, path: Path) -> tuple[Path, ...]:
         """What belongs to a member besides the file at `path`: those of other ranks, and that of the mesh."""
-        code = reader_of(path, self.reader)
-        parts = () if code is None else tuple(part for part in code.files(path) if part != path)
-        return parts if self.sampling.mesh is None else (*parts, self.sampling.mesh)
+        return files_beside(path, self.reader, self.sampling)
 
 
 def space_of(table: Table, bounds: Bounds, units: Sequence[str] = ()) -> ParameterSpace:

@@ -105,6 +105,8 @@ class Reading:
         arrays = self.arrays or tuple(filter(None, shown_fields(shown)))
         if not self._is_one_store(sources):
             return self._files(sources, arrays)
+        if ignored := self.sampling.identity:
+            raise ValueError(f"{sources[0]} is not resampled: leave {', '.join(f'--{name}' for name in ignored)} out")
         mapped = Mapped(
             arrays,
             listed(self.parameters),
@@ -130,22 +132,16 @@ class Reading:
 
     def _files(self, sources: Sequence[str], arrays: tuple[str, ...]) -> FileEnsemble:
         from insitu.file_ensemble import FileEnsemble
-        from insitu.readers.states import reader_for, with_states
+        from insitu.readers.states import members_of
 
         if self.names or self.split:
             raise ValueError("--names and --split are of one file that holds all members; a table has columns")
         wanted = listed(self.parameters)
-        found = self._table(sources, wanted, told=True)
-        code = reader_for([row.path for row in found.rows], self.reader)
-        table = (
-            self._table(sources, wanted).only(wanted)
-            if code is None
-            else with_states(found, code, self.sampling, wanted)
-        )
-        how: dict[str, Any] = {**self.place, "reader": code.name if code else "", "sampling": self.sampling}
+        table, code = members_of(lambda told: self._table(sources, wanted, told), self.reader, self.sampling, wanted)
+        how: dict[str, Any] = {**self.place, "reader": code, "sampling": self.sampling}
         return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **how)
 
-    def _table(self, sources: Sequence[str], wanted: Sequence[str], *, told: bool = False) -> Table:
+    def _table(self, sources: Sequence[str], wanted: Sequence[str], told: bool) -> Table:
         """The files, with the parameters that a table or a pattern names; `told`: the files may say others."""
         from insitu.readers.states import dumps_below, no_ensemble, table_of_files
         from insitu.readers.tables import match_files, read_table

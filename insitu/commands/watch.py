@@ -17,7 +17,9 @@ SECONDS = click.FloatRange(min=0)
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
-    "--pattern", required=True, help="Paths below FOLDER that name the parameters: 'run_{Re}/dump_{time}.vti'."
+    "--pattern",
+    required=True,
+    help="Paths below FOLDER that name the parameters: 'run_{Re}/dump_{time}.vti'; with --reader files may say others.",
 )
 @shell.CATALOG
 @shell.SCENE
@@ -86,6 +88,7 @@ def watch(
         from catalogs.scene import Scene, ViewPlan
         from insitu.file_ensemble import FileEnsemble
         from insitu.planning import PlanOptions, is_catalog
+        from insitu.readers.states import files_beside, states_of
         from insitu.watch import Arrivals, Watching, space_for, watch_folder
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
@@ -97,7 +100,7 @@ def watch(
                 f"a new catalog needs --appearance FILE: `insitu probe` on a dump suggests one; {catalog} is none yet"
             )
         options = Reading(**reading)
-        space = space_for(catalog, pattern, options.ranges, listed(options.units))
+        space = space_for(catalog, pattern, options.ranges, listed(options.units), told=bool(options.reader))
         arrays = options.arrays or tuple(filter(None, shown_fields(given or known)))
         ensemble = FileEnsemble({}, space, arrays, **options.place, reader=options.reader, sampling=options.sampling)
         if asked is not None:
@@ -106,7 +109,17 @@ def watch(
             size = size or (None if known else 256)
             views = None if size is None else ViewPlan(width=size, height=size)
             plan = PlanOptions(space, given, views, target_decibels=target_decibels)
-        watching = Watching(folder, pattern, settle, marker, patience, 0.0 if once else until_idle)
+        watching = Watching(
+            folder,
+            pattern,
+            settle,
+            marker,
+            patience,
+            0.0 if once else until_idle,
+            space.names,
+            lambda row: states_of(row, options.reader, options.sampling, space.names),
+            lambda path: files_beside(path, options.reader, options.sampling),
+        )
         how = how_to_run(line, workers, None)
         arrivals = Arrivals(watching)
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,6 +62,20 @@ def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
     return next(iter(readers.values()))
 
 
+def members_of(
+    listed: Callable[[bool], Table], name: str, sampling: Sampling, wanted: Sequence[str] = ()
+) -> tuple[Table, str]:
+    """The members of files, and the name of the code that wrote them, "" where none did.
+
+    `listed` gives the files with what a table or a pattern says of them: all of it (False), or what the files leave open (True).
+    """
+    found = listed(True)
+    reader = reader_for([row.path for row in found.rows], name)
+    if reader is None:
+        return listed(False).only(wanted), ""
+    return with_states(found, reader, sampling, wanted), reader.name
+
+
 def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequence[str] = ()) -> Table:
     """The members of a table, one for each state that its files hold.
 
@@ -91,6 +105,29 @@ def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequen
     ]
     named = [replace(row, name="") if _is_shared(row, held) else row for row in held]
     return Table(distinct(named), {**reader.units, **table.units})
+
+
+def states_of(row: Row, name: str, sampling: Sampling, wanted: Sequence[str]) -> list[Row]:
+    """The members that a file holds, with the parameters `wanted`; `name` says of which code it is, if that can't be seen.
+
+    Raises ValueError where it says too little, or can't be read yet.
+    """
+    reader = reader_of(row.path, name)
+    if reader is not None:
+        return list(with_states(Table((row,), {}), reader, sampling, wanted).rows)
+    lacking = [parameter for parameter in wanted if parameter not in row.parameters]
+    if lacking:
+        raise ValueError(
+            f"{row.path}: its path does not say {lacking}, and it is of no code that is known: {listed_readers()}"
+        )
+    return [row]
+
+
+def files_beside(path: Path, name: str, sampling: Sampling) -> tuple[Path, ...]:
+    """What belongs to a file besides itself: those of other ranks, and that of the mesh."""
+    reader = reader_of(path, name)
+    parts = () if reader is None else tuple(part for part in reader.files(path) if part != path)
+    return parts if sampling.mesh is None else (*parts, sampling.mesh)
 
 
 def _first_file(path: Path, reader: Reader) -> Path:

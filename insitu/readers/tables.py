@@ -162,18 +162,17 @@ def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, told: boo
     return Table(tuple(found) if told else distinct(found), {})
 
 
-def pattern_names(pattern: str) -> tuple[str, ...]:
-    """The parameters that a pattern names; raises ValueError for a wrong pattern."""
+def pattern_names(pattern: str, *, told: bool = False) -> tuple[str, ...]:
+    """The parameters that a pattern names, none at least where files are `told` to say them; ValueError for a wrong pattern."""
     _, expression = _split_pattern(pattern, Path())
-    if not expression.groupindex:
+    if not expression.groupindex and not told:
         raise ValueError(f"the pattern {pattern!r} names no parameter in braces, as run_{{Re}}/dump_{{time}}.vti does")
     return tuple(expression.groupindex)
 
 
 def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> list[Row]:
     """The files of now that match, maybe none; raises ValueError for a wrong pattern."""
-    if not told:
-        pattern_names(pattern)
+    pattern_names(pattern, told=told)
     base, expression = _split_pattern(pattern, Path(folder))
     rows = []
     for path in files_below(base):

@@ -6,24 +6,30 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from catalogs.scene import Scene
+from insitu.cli import main
 from insitu.file_ensemble import FileEnsemble
 from insitu.readers.reader import Reader, Record, Sampling
 from insitu.readers.states import dumps_below, reader_for, table_of_files, with_states
 from insitu.readers.tables import Row, Table, match_files, read_table
+from insitu.sources import ensemble_of
 from tests.support.cloverleaf_files import write_dump
 
 AXES = [np.arange(4.0)] * 3
 
 
 def dumps(folder: Path, steps: Sequence[int] = (0, 10, 20)) -> Path:
-    """A run on two ranks."""
+    """A run on two ranks, with an array on cells and one on points."""
+    more = {"x_vel": np.zeros((4, 4, 4))}
     folder.mkdir(exist_ok=True)
     (folder / "clover.visit").write_text("!NBLOCKS     2\n")
     for step in steps:
-        write_dump(folder, step, AXES, {"energy": np.full((3, 3, 3), float(step))}, {}, ((1,), (), ()))
+        write_dump(folder, step, AXES, {"energy": np.full((3, 3, 3), float(step))}, more, ((1,), (), ()))
     return folder
 
 
@@ -133,3 +139,68 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("path,step\nclover.00001.00007.vtk,1\nclover.00002.00007.vtk,2\n")
     with pytest.raises(ValueError, match="have the same file"):
         FileEnsemble.of(members(read_table(tmp_path / "a.csv", told=True)))
+
+
+SCENE = """
+name = "dumps"
+[source]
+kind = "files"
+path = "t.csv"
+fields = ["energy"]
+SETTINGS
+[[parameters]]
+name = "step"
+low = 0.0
+high = 20.0
+[[appearance]]
+kind = "isosurface"
+name = "core"
+isovalue = 0.5
+field = "energy"
+"""
+
+
+def scene(folder: Path, settings: str) -> Scene:
+    (folder / "scene.toml").write_text(SCENE.replace("SETTINGS", settings))
+    return Scene.load(folder / "scene.toml")
+
+
+def test_a_scene_may_name_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GS_SURROGATE_DATA", str(tmp_path))
+    dumps(tmp_path)
+    (tmp_path / "t.csv").write_text("path\nclover.00001.00000.vtk\nclover.00002.00020.vtk\n")
+    found = ensemble_of(scene(tmp_path, 'reader = "cloverleaf"'))
+    assert [dict(member.parameters) for member in found.members] == [{"step": 0.0}, {"step": 20.0}]
+    held = found.source.field(found.members[1], lambda fraction: None)
+    assert np.unique(held["energy"].values).tolist() == [20.0]
+    for settings, message in (
+        ('reader = "nyx"', "there is no reader 'nyx'"),
+        ("reader = 1", "source.reader must be a word, got 1"),
+        ("resolution = [2, 2]", r"source.resolution must be a list of three whole numbers, got \[2, 2\]"),
+        ('interpolation = "cubic"', "interpolation must be one of"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            ensemble_of(scene(tmp_path, settings))
+
+
+@pytest.mark.parametrize(
+    ("sources", "message"),
+    [
+        (["{folder}"], "name the array to render"),
+        (["{folder}/clover.00001.00000.vtk", "{folder}/a.npy"], "the files are of several kinds"),
+        (["{folder}/a.npy"], "is no ensemble: name a table of files"),
+        (["{folder}/one.h5", "--resolution", "2", "2", "2"], "is not resampled: leave --resolution out"),
+        (["{folder}", "--reader", "amrex"], "is no ensemble"),
+        (["{folder}/clover.00001.00000.vtk", "--parameters", "step"], "give --bounds step LOW HIGH"),
+    ],
+)
+def test_a_wrong_command_is_one_error_and_writes_nothing(tmp_path: Path, sources: list[str], message: str) -> None:
+    dumps(tmp_path)
+    np.save(tmp_path / "a.npy", np.zeros((2, 2, 2)))
+    with h5py.File(tmp_path / "one.h5", "w") as file:
+        file["field"] = np.zeros((2, 2, 2, 2))
+    command = ["ensemble", *(word.format(folder=tmp_path) for word in sources), "--catalog", str(tmp_path / "a.cdb")]
+    result = CliRunner().invoke(main, command)
+    assert result.exit_code == 1, result.output
+    assert message in result.output
+    assert not (tmp_path / "a.cdb").exists()
