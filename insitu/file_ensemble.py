@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.plan import name_problem
 from catalogs.scene import PlannedMember
-from insitu.identity import contents, is_changed
+from insitu.identity import contents, is_changed, stamp
 from insitu.readers.codes import reader_of
 from insitu.readers.files import read_data
 from insitu.readers.reader import Sampling
@@ -112,7 +112,10 @@ class FileEnsemble:
         path = self.rows[member.name].path
         if "contents" not in before or not Path(path).exists():
             return False
-        return is_changed(path, before["contents"], beside=self.files(path))
+        code, beside = reader_of(path, self.reader), self.files(path)
+        if code is not None and code.grows and stamp(path, beside=beside)["size"] > before["contents"].get("size", 0):
+            return False  # states were added behind those that it had
+        return is_changed(path, before["contents"], beside=beside)
 
     def files(self, path: Path) -> tuple[Path, ...]:
         """What belongs to a member besides the file at `path`: those of other ranks, and that of the mesh."""

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from insitu.readers import amrex, cloverleaf, mpas, the_well, xcompact3d
+from insitu.readers import adios, amrex, cloverleaf, mpas, the_well, xcompact3d
 from insitu.readers.reader import Reader
 
-READERS: tuple[Reader, ...] = (amrex.READER, cloverleaf.READER, mpas.READER, the_well.READER, xcompact3d.READER)
+READERS: tuple[Reader, ...] = (
+    adios.READER,
+    amrex.READER,
+    cloverleaf.READER,
+    mpas.READER,
+    the_well.READER,
+    xcompact3d.READER,
+)
 
 
 def reader_named(name: str) -> Reader:

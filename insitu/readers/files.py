@@ -99,7 +99,7 @@ def read_data(
             return _packed(path, array, **place)
         if is_store(path):
             with open_arrays(path) as arrays:
-                return placed_field(arrays, _volume(arrays, array), **place)
+                return placed_field(arrays, volume(arrays, array), **place)
         if any(given is not None for given in place.values()):
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
         return _vtk(path, array)
@@ -122,7 +122,7 @@ def _of_code(
     if code.opens is not None:
         index = index or code.records(path, sampling)[0].index
         with code.opens(path) as arrays:
-            return placed_field(arrays, _volume(arrays, array, len(index)), index, **place)
+            return placed_field(arrays, volume(arrays, array, len(index)), index, **place)
     given = [name for name, value in place.items() if value is not None]
     if given:
         raise ValueError(f"files of {code.name} say where their values lie: leave {', '.join(given)} out")
@@ -170,7 +170,7 @@ def _claimed(held: Any, name: str) -> tuple[int, ...]:
     return tuple(shape)
 
 
-def _volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
+def volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
     """The array with three axes behind those of `states` (others have one value each) that is asked for, or the only one."""
     if name is not None:
         found = wanted_array(arrays, name)

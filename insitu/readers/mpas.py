@@ -253,4 +253,4 @@ def _extent(mesh: VoronoiMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]
     return np.array([west, latitudes.min()]), np.array([east, latitudes.max()])
 
 
-READER = Reader("mpas", "MPAS-Ocean, netCDF", recognizes, records, read, samples=True, units={"time": "d"})
+READER = Reader("mpas", "MPAS-Ocean, netCDF", recognizes, records, read, grows=True, samples=True, units={"time": "d"})

@@ -70,6 +70,7 @@ class Reader:
     read : (path, array, index of a record, sampling) to anything that `render.to_grid` takes, with its place; `array` None
         stands for the only one.  Raises ValueError, OSError, or ModuleNotFoundError that names the extra to install.
     opens : in place of `read`: the arrays of a file, whose first axes are those of a record's index.
+    grows : whether states are added to a file that has some, which leaves those as they are.
     samples : whether it takes a `Sampling` that is not the default.
     units : of what records say, by name.
     """
@@ -81,6 +82,7 @@ class Reader:
     read: Callable[[Path, str | None, tuple[int, ...], Sampling], Any] | None = None
     opens: Callable[[Path], AbstractContextManager[Arrays]] | None = None
     files: Callable[[Path], Sequence[Path]] = lambda path: (path,)
+    grows: bool = False
     samples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
 
