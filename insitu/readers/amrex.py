@@ -19,7 +19,7 @@ from insitu.readers.amrex_header import Level, Plotfile, is_plotfile, read_plotf
 from insitu.readers.arrays import check_room
 from insitu.readers.reader import Reader, Record, Sampling, chosen_array
 
-SLAB = 1 << 27  # bytes of double precision that yt merges at a time
+SLAB = 1 << 26  # bytes of double precision that yt merges at a time
 SCALE_FACTOR = "comoving_a"  # Nyx's file of the cosmological scale factor
 YT = "reading AMReX plotfiles takes yt: pip install 'gs-surrogate[amrex]'"
 
@@ -91,10 +91,10 @@ def _merge(
 
 
 def _thickness(level: Level, factor: int) -> int:
-    """Cells along z that are merged at a time, at least 2: as many as a box has, so that each is read once, if memory allows."""
+    """Cells along z that are merged at a time, at least 2: whole boxes, so that each is read once, if memory allows."""
     nx, ny, nz = level.counts
-    boxes = int((level.boxes[:, 1, 2] - level.boxes[:, 0, 2] + 1).max())
-    wanted = max(2, min(boxes, SLAB // (8 * nx * ny)))
+    boxes, room = int((level.boxes[:, 1, 2] - level.boxes[:, 0, 2] + 1).max()), SLAB // (8 * nx * ny)
+    wanted = max(2, room // boxes * boxes or room)
     return min(nz, -(-wanted // factor) * factor)
 
 

@@ -110,13 +110,14 @@ def write_output(
     start: str = "",
     form: str = "NETCDF3_64BIT_OFFSET",
     attributes: Mapping[str, Any] = {},
+    layers: int = LAYERS,
 ) -> None:
     """Fields [time, cell, layer] at times such as "0001-01-06_12:00:00", beside their mesh or without."""
     import netCDF4
 
     with netCDF4.Dataset(path, "w", format=form) as file:
         file.setncatts({"model_name": "mpas", "core_name": "ocean", **attributes, **(made.attributes if made else {})})
-        sizes: dict[str, int | None] = {"Time": None, "StrLen": WORD, "nVertLevels": LAYERS}
+        sizes: dict[str, int | None] = {"Time": None, "StrLen": WORD, "nVertLevels": layers}
         for dims, values in made.arrays.values() if made else ():
             sizes |= dict(zip(dims, values.shape, strict=True))
         for values in fields.values():
