@@ -85,7 +85,8 @@ def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequen
     wanted : the parameters, of the table or that files say; by default those of the table, and of what files say whatever else
         tells members apart.
 
-    What a row says of a file with several states, and the file says too, chooses among these.  Raises ValueError naming the file.
+    What a row says of a file with several states, and the file says of each another, chooses among these; else the row holds.
+    Raises ValueError naming the file.
     """
     rows: list[Row] = []
     told: list[Mapping[str, float]] = []
@@ -145,7 +146,8 @@ def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sa
         raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     if len(found) == 1:
         return found
-    meant = [record for record in found if _agrees(record, given)]
+    telling = [name for name in given if len({record.says.get(name) for record in found}) > 1]
+    meant = [record for record in found if all(_is_same(record.says.get(name), given[name]) for name in telling)]
     if not meant:
         raise ValueError(
             f"{path}: none of its {len(found)} states has {dict(given)}; the first says {dict(found[0].says)}"
@@ -153,9 +155,8 @@ def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sa
     return meant
 
 
-def _agrees(record: Record, given: Mapping[str, float]) -> bool:
-    common = set(record.says) & set(given)
-    return all(math.isclose(record.says[name], given[name], rel_tol=SAME) for name in common)
+def _is_same(said: float | None, given: float) -> bool:
+    return said is None or math.isclose(said, given, rel_tol=SAME)
 
 
 def _chosen(rows: Sequence[Row], told: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:

@@ -119,6 +119,11 @@ def test_a_table_chooses_among_the_states_of_a_file() -> None:
         *(("a", (1, s), "") for s in range(3)),
         *(("b", (0, s), "") for s in range(3)),
     ]
+    same = [Record((s,), {"Re": 1600.0, "time": 0.1 * s}) for s in range(3)]
+    other = with_states(
+        Table((Row(Path("a"), {"Re": 100.0}),), {}), replace(reader, records=lambda *_: same), Sampling()
+    )
+    assert [dict(r.parameters) for r in other.rows] == [{"Re": 100.0, "time": 0.1 * s} for s in range(3)]
     with pytest.raises(ValueError, match=r"a: none of its 6 states has \{'trajectory': 7.0\}"):
         with_states(Table((Row(Path("a"), {"trajectory": 7.0}),), {}), reader, Sampling())
 
