@@ -3,7 +3,8 @@
     python -m benchmarks.readers [--sizes 64 256] [--codes amrex cloverleaf ...]
 
 Writes one file of each code and size into a temporary folder (up to 0.5 GB), and reads one array of it, in a process of its own
-each: ours with its checks and its regular grid, and the library's array alone.  About two minutes.
+each: ours with its checks and its regular grid, and the library's array alone; the fastest of several times counts.  About three
+minutes.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from tests.support.mpas_files import globe, write_output
 from tests.support.xcompact3d_files import write_snapshot
 
 EVERY = 0.005  # seconds between two looks at the memory
+MOST_TIMES, LASTING = 9, 5.0  # how often it is read at most, and seconds after which it is not read again
 BOX = 64  # cells along an axis of AMReX's boxes
 
 
@@ -165,7 +167,7 @@ CODES = {
 
 
 def read(code: str, path: Path, size: int, ours: bool) -> dict[str, float]:
-    """In a process of its own: seconds to read an array when all is loaded, and megabytes that it takes at its peak."""
+    """In a process of its own: the fewest seconds to read an array when all is loaded, and megabytes at the peak."""
     from insitu.readers.files import read_data
 
     known = CODES[code]
@@ -179,10 +181,13 @@ def read(code: str, path: Path, size: int, ours: bool) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:  # a small one first, so that everything is loaded
         once(known.write(Path(name), 8), 8)
     with Memory() as memory:
-        started = time.perf_counter()
         total = float(once(path, size).sum())
-        seconds = time.perf_counter() - started
-    return {"seconds": seconds, "peak": memory.peak, "total": total}
+    seconds, begun = [], time.perf_counter()
+    while len(seconds) < MOST_TIMES and (not seconds or time.perf_counter() - begun < LASTING):
+        started = time.perf_counter()
+        once(path, size).sum()
+        seconds.append(time.perf_counter() - started)
+    return {"seconds": min(seconds), "peak": memory.peak, "total": total}
 
 
 class Memory:

@@ -11,6 +11,7 @@ import math
 import os
 import re
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -60,7 +61,13 @@ def recognizes(path: Path) -> bool:
 
 def files(path: Path) -> list[Path]:
     """The files of all chunks of a step."""
-    return _steps(path).get(_step(path), [path])
+    own = NAME.fullmatch(path.name)
+    if own is None:
+        return [path]
+    ending = f".{own['step']}{own['ending']}"
+    chunks = [found for name in os.listdir(path.parent) if name.endswith(ending) and (found := NAME.fullmatch(name))]
+    same = [found for found in chunks if found["stem"] == own["stem"]]
+    return [path.with_name(found.string) for found in sorted(same, key=lambda found: int(found["chunk"]))] or [path]
 
 
 def records(path: Path, sampling: Sampling) -> list[Record]:
@@ -116,23 +123,20 @@ def _step(path: Path) -> int:
     return -1 if found is None else int(found["step"])
 
 
-def _steps(path: Path) -> dict[int, list[Path]]:
-    """The files of the same run by step, those of a step by chunk."""
+def _most_chunks(path: Path) -> int:
+    """How many files the step with the most of them has, of those of the same run."""
     own = NAME.fullmatch(path.name)
     if own is None:
-        return {}
-    found: dict[int, list[tuple[int, str]]] = {}
-    for name in os.listdir(path.parent):
-        other = NAME.fullmatch(name)
-        if other is not None and (other["stem"], other["ending"]) == (own["stem"], own["ending"]):
-            found.setdefault(int(other["step"]), []).append((int(other["chunk"]), name))
-    return {step: [path.with_name(name) for _, name in sorted(chunks)] for step, chunks in found.items()}
+        return 0
+    others = (found for name in os.listdir(path.parent) if (found := NAME.fullmatch(name)))
+    steps = Counter(o["step"] for o in others if (o["stem"], o["ending"]) == (own["stem"], own["ending"]))
+    return max(steps.values(), default=0)
 
 
 def _check_complete(path: Path, parts: Sequence[Path]) -> None:
     """Raise ValueError where a chunk is missing, as far as numbers of chunks and other steps tell."""
     numbers = {int(found["chunk"]) for part in parts if (found := NAME.fullmatch(part.name))}
-    most = max((len(others) for others in _steps(path).values()), default=0)
+    most = _most_chunks(path)
     missing = sorted(set(range(1, 1 + max(most, *numbers, 0))) - numbers) if numbers else []
     if missing:
         raise ValueError(

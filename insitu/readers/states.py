@@ -14,6 +14,7 @@ from insitu.readers.folders import files_below, is_folder_file
 from insitu.readers.reader import Reader, Record, Sampling
 from insitu.readers.tables import Row, Table, distinct
 
+LOOKED_AT = 16  # files, spread over all, that show of which code they are
 SAME = 1e-9  # relative deviation at which a number of a table still names the state of a file
 
 
@@ -53,8 +54,9 @@ def no_ensemble(source: str) -> ValueError:
 
 
 def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
-    """The one reader of some files; raises ValueError where they are of several codes."""
-    readers = {reader.name if reader else "": reader for reader in (reader_of(path, name) for path in paths)}
+    """The one reader of some files, of which not all are looked at; raises ValueError where they are of several codes."""
+    some = paths[:: max(1, len(paths) // LOOKED_AT)]
+    readers = {reader.name if reader else "": reader for reader in (reader_of(path, name) for path in some)}
     if len(readers) > 1:
         raise ValueError(
             f"the files are of several kinds, {sorted(readers)}: name one kind at a time, or choose by --reader"
@@ -91,8 +93,11 @@ def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequen
     rows: list[Row] = []
     told: list[Mapping[str, float]] = []
     seen: set[tuple[object, ...]] = set()
+    firsts: dict[Path, Path] = {}  # of every file that belongs to another's
     for row in table.rows:
-        first = _first_file(row.path, reader)
+        if row.path not in firsts:
+            firsts |= _first_files(row.path, reader)
+        first = firsts[row.path]
         for record in _states(first, row.parameters, reader, sampling):
             key = (first, record.index, *row.parameters.values())
             if key not in seen:  # files of one state, such as those of several ranks, may all be named
@@ -131,11 +136,13 @@ def files_beside(path: Path, name: str, sampling: Sampling) -> tuple[Path, ...]:
     return parts if sampling.mesh is None else (*parts, sampling.mesh)
 
 
-def _first_file(path: Path, reader: Reader) -> Path:
+def _first_files(path: Path, reader: Reader) -> dict[Path, Path]:
+    """The file that stands for all that belong to one, by each of these."""
     try:
-        return next(iter(reader.files(path)), path)
+        parts = reader.files(path)
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from None
+    return dict.fromkeys([path, *parts], parts[0] if parts else path)
 
 
 def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sampling) -> list[Record]:
