@@ -11,8 +11,11 @@ from typing import Any, ClassVar
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.plan import name_problem
 from catalogs.scene import PlannedMember
-from insitu.identity import contents, is_changed
+from insitu.identity import contents, is_changed, stamp
+from insitu.readers.codes import reader_of
 from insitu.readers.files import read_data
+from insitu.readers.reader import Sampling
+from insitu.readers.states import files_beside
 from insitu.readers.tables import Row, Table
 from insitu.request import member_name
 
@@ -28,7 +31,7 @@ class FileEnsemble:
     rows : by the member's name.
     space : the parameters.
     arrays : which arrays of the files are the fields; () where each file holds one, or appearances name them.
-    spacing, origin, dims : of files that do not say, as in `insitu.readers.files.read_data`.
+    spacing, origin, dims, reader, sampling : as in `insitu.readers.files.read_data`.
     """
 
     rows: Mapping[str, Row] = field(repr=False)
@@ -37,6 +40,8 @@ class FileEnsemble:
     spacing: tuple[float, ...] | None = None
     origin: tuple[float, ...] | None = None
     dims: tuple[str, ...] | None = None
+    reader: str = ""
+    sampling: Sampling = Sampling()  # noqa: RUF009 - frozen
     expensive: ClassVar[bool] = False
 
     @classmethod
@@ -47,7 +52,7 @@ class FileEnsemble:
         ----------
         bounds : (low, high) of some parameters by name, by default from the smallest to the largest in the table.
         units : of the parameters, by default as the table says.
-        how : `arrays`, `spacing`, `origin` and `dims`.
+        how : the other attributes.
 
         Raises ValueError naming a parameter without bounds, or a name that no member can have.
         """
@@ -75,7 +80,8 @@ class FileEnsemble:
     @property
     def identity(self) -> Mapping[str, Any]:
         place = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
-        return {"kind": "files", "arrays": list(self.arrays), **{k: list(v) for k, v in place.items() if v}}
+        given = {k: list(v) for k, v in place.items() if v}
+        return {"kind": "files", "arrays": list(self.arrays), **given, **self.sampling.identity}
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
         """All members; `validation` of the training ones, drawn by `seed`, are set aside."""
@@ -86,21 +92,34 @@ class FileEnsemble:
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
         """What the member's file holds: fields by name, or one data set."""
-        path = self.rows[member.name].path
+        row, path = self.rows[member.name], self.rows[member.name].path
         how: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
+        how |= {"reader": self.reader, "index": row.index, "sampling": self.sampling}
         if not self.arrays:
             return read_data(path, **how)
         return {array: read_data(path, array=array, **how) for array in self.arrays}
 
     def record(self, member: PlannedMember) -> Mapping[str, Any]:
-        """`identity`, the file and what it holds."""
-        path = self.rows[member.name].path
-        return {**self.identity, "file": os.fspath(path), "contents": contents(path)}
+        """`identity`, the file, the code that wrote it, the index of the state where it holds several, and what it holds."""
+        row = self.rows[member.name]
+        code = reader_of(row.path, self.reader)
+        place = {"file": os.fspath(row.path), "reader": code and code.name, "index": list(row.index)}
+        known = {key: value for key, value in place.items() if value}
+        return {**self.identity, **known, "contents": contents(row.path, beside=self.files(row.path))}
 
     def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
         """Whether the member's file holds something else than when `before` was its `record`."""
         path = self.rows[member.name].path
-        return "contents" in before and Path(path).exists() and is_changed(path, before["contents"])
+        if "contents" not in before or not Path(path).exists():
+            return False
+        code, beside = reader_of(path, self.reader), self.files(path)
+        if code is not None and code.grows and stamp(path, beside=beside)["size"] > before["contents"].get("size", 0):
+            return False  # states were added behind those that it had
+        return is_changed(path, before["contents"], beside=beside)
+
+    def files(self, path: Path) -> tuple[Path, ...]:
+        """What belongs to a member besides the file at `path`: those of other ranks, and that of the mesh."""
+        return files_beside(path, self.reader, self.sampling)
 
 
 def space_of(table: Table, bounds: Bounds, units: Sequence[str] = ()) -> ParameterSpace:

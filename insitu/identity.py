@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +30,14 @@ INDEXES = {
 LONGEST_INDEX = 1 << 22
 
 
-def contents(path: str | os.PathLike[str]) -> dict[str, Any]:
+def contents(path: str | os.PathLike[str], *, beside: Sequence[Path] = ()) -> dict[str, Any]:
     """What identifies the contents of a file, or of a folder such as a Zarr store, in JSON values.
 
     `size` (bytes), `modified` (nanoseconds since 1970, of the newest file) and `sha256`, over names, sizes and all bytes of
-    up to 256 MB, else over 256 blocks.  Of files such as .pvtu, which name others beside them, these are a part.
+    up to 256 MB, else over 256 blocks.  Of files such as .pvtu, which name others beside them, these are a part; so are files
+    `beside` that belong to it.
     """
-    parts = list(_parts(Path(path)))
+    parts = list(_parts(Path(path), beside))
     digest = hashlib.sha256()
     sizes = [part.stat().st_size for _, part in parts]
     for (name, _), size in zip(parts, sizes, strict=True):
@@ -46,25 +47,26 @@ def contents(path: str | os.PathLike[str]) -> dict[str, Any]:
     for number in read:
         for block in _blocks(parts[number][1], max(1, BLOCKS // len(read)) if few else 0):
             digest.update(block)
-    return {**stamp(path), "sha256": digest.hexdigest()}
+    return {**stamp(path, beside=beside), "sha256": digest.hexdigest()}
 
 
-def stamp(path: str | os.PathLike[str]) -> dict[str, int]:
+def stamp(path: str | os.PathLike[str], *, beside: Sequence[Path] = ()) -> dict[str, int]:
     """Size and time of change, as in `contents`, without reading."""
-    states = [part.stat() for _, part in _parts(Path(path))]
+    states = [part.stat() for _, part in _parts(Path(path), beside)]
     return {"size": sum(s.st_size for s in states), "modified": max((s.st_mtime_ns for s in states), default=0)}
 
 
-def is_changed(path: str | os.PathLike[str], before: Mapping[str, Any]) -> bool:
+def is_changed(path: str | os.PathLike[str], before: Mapping[str, Any], *, beside: Sequence[Path] = ()) -> bool:
     """Whether a file holds something else than when `before` was its `contents`; read only if its size or time say so."""
-    now = stamp(path)
+    now = stamp(path, beside=beside)
     if now["size"] != before.get("size"):
         return True
-    return now["modified"] != before.get("modified") and contents(path)["sha256"] != before.get("sha256")
+    return now["modified"] != before.get("modified") and contents(path, beside=beside)["sha256"] != before.get("sha256")
 
 
-def _parts(path: Path) -> Iterator[tuple[str, Path]]:
+def _parts(path: Path, beside: Sequence[Path] = ()) -> Iterator[tuple[str, Path]]:
     """The files that count as one, each with its name below the folder."""
+    yield from ((other.name, other) for other in beside)
     if path.is_dir():
         files = sorted(Path(folder, name) for folder, _, names in os.walk(path) for name in names)
         yield from ((file.relative_to(path).as_posix(), file) for file in files if file.is_file())

@@ -13,6 +13,8 @@ from insitu.dumps import FieldSource
 from insitu.field import Field
 from insitu.file_ensemble import FileEnsemble
 from insitu.readers.layout import Mapped
+from insitu.readers.reader import Sampling
+from insitu.readers.states import members_of
 from insitu.readers.stored import StoredEnsemble
 from insitu.readers.tables import read_table
 from insitu.simulations import Simulation, simulation
@@ -21,7 +23,7 @@ TIME = "time"
 KEYS = {  # of a scene's `[source]`: those that must be there, and those that may
     "simulation": ({"simulation", "resolution"}, {"time", "fields", "solver_resolution"}),
     "hdf5": ({"path"}, {"dataset", "fields"}),
-    "files": ({"path"}, {"fields", "spacing", "origin", "dims"}),
+    "files": ({"path"}, {"fields", "spacing", "origin", "dims", "reader", "resolution", "interpolation", "mesh"}),
 }
 
 
@@ -160,16 +162,39 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
             raise ValueError(
                 f"source.{key} must be a list of three {'axes' if key == 'dims' else 'numbers'}, got {value!r}"
             )
-    rows = read_table(scene.data_path(), scene.space.names)
+    name, sampling = _reader(scene, table)
+    names = scene.space.names
+    rows, code = members_of(lambda told: read_table(scene.data_path(), names, told=told), name, sampling, names)
     place: dict[str, Any] = {key: tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims")}
     bounds = {p.name: (p.low, p.high) for p in scene.space.parameters}
     stored = FileEnsemble.of(
-        rows, bounds=bounds, arrays=fields or tuple(filter(None, shown_fields(scene.appearances))), **place
+        rows,
+        bounds=bounds,
+        arrays=fields or tuple(filter(None, shown_fields(scene.appearances))),
+        reader=code,
+        sampling=sampling,
+        **place,
     )
     if len(scene.space):
         stored = replace(stored, space=scene.space)
-    names = stored.arrays or ("",)
-    return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, names)
+    shown = stored.arrays or ("",)
+    return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, shown)
+
+
+def _reader(scene: Scene, table: Mapping[str, Any]) -> tuple[str, Sampling]:
+    """The name of the code that wrote the files, "" where the scene does not say, and how they are resampled."""
+    words = {
+        key: table.get(key, default) for key, default in (("reader", ""), ("interpolation", "nearest"), ("mesh", ""))
+    }
+    for key, word in words.items():
+        if not isinstance(word, str):
+            raise ValueError(f"source.{key} must be a word, got {word!r}")
+    counts = table.get("resolution", [2, 2, 2])
+    if not isinstance(counts, list) or len(counts) != 3 or not all(type(n) is int for n in counts):
+        raise ValueError(f"source.resolution must be a list of three whole numbers, got {counts!r}")
+    resolution = (counts[0], counts[1], counts[2]) if "resolution" in table else None
+    mesh = scene.data_path().parent / words["mesh"] if words["mesh"] else None
+    return words["reader"], Sampling(resolution, words["interpolation"], mesh)
 
 
 def _check_parameters(found: Simulation, names: Sequence[str], with_time: bool) -> None:

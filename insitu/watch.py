@@ -37,6 +37,9 @@ class Watching:
         not matter.
     patience : seconds for which a file that can't be rendered is tried again.
     until_idle : seconds without anything to do after which the watch ends; None: never.
+    parameters : all that a member has; those that the pattern does not name, files must say.
+    members : the members in a whole file (a row of the pattern); raises ValueError or OSError where that is not known yet.
+    beside : the files that belong to the one at a path; all of them must be whole.
     """
 
     folder: Path
@@ -45,6 +48,9 @@ class Watching:
     marker: str = ""
     patience: float = 60.0
     until_idle: float | None = None
+    parameters: tuple[str, ...] = ()
+    members: Callable[[Row], Sequence[Row]] = lambda row: (row,)
+    beside: Callable[[Path], Sequence[Path]] = lambda path: ()
 
 
 @dataclass
@@ -60,30 +66,62 @@ class Arrivals:
     _failed: dict[str, tuple[dict[str, int], float, float]] = field(
         default_factory=dict
     )  # stamp, first and last failure
+    _held: dict[Path, tuple[dict[str, int], list[Row]]] = field(
+        default_factory=dict
+    )  # stamp, and the members of a file
     pending: int = 0  # files that may become whole, or be tried again
 
     def look(self, now: float, wall: float) -> list[Row]:
-        """The files to render now; `wall` is the time of day, as in files' times of change."""
-        ready: list[Row] = []
+        """The members to render now; `wall` is the time of day, as in files' times of change."""
+        ready: dict[str, Row] = {}
         self.pending = 0
-        for row in matching(self.watching.pattern, self.watching.folder):
-            name = row.name or member_name(row.parameters)
-            if name in self.done or any(name == (r.name or member_name(r.parameters)) for r in ready):
+        for row in matching(self.watching.pattern, self.watching.folder, told=True):
+            if (name := self._name(row)) in self.done or name in ready:
                 continue
             try:
-                found = stamp(row.path)
+                found = stamp(row.path, beside=self.watching.beside(row.path))
             except OSError:
                 continue  # gone, or being renamed
             if self._is_given_up(name, found, now):
                 continue
-            self.pending += 1
             before, since = self._seen.get(row.path, (None, now))
             if before != found:
                 since = now
             self._seen[row.path] = found, since
-            if self._is_whole(row.path, found, now - since, wall) and self._may_try(name, found, now):
-                ready.append(row)
-        return ready
+            if not self._is_whole(row.path, found, now - since, wall):
+                self.pending += 1
+            elif self._may_try(name, found, now):
+                self._take(row, found, now, ready)
+            else:
+                self.pending += 1
+        return list(ready.values())
+
+    def _take(self, row: Row, found: dict[str, int], now: float, ready: dict[str, Row]) -> None:
+        """Add the members of a whole file that are neither done nor given up to those that are `ready`."""
+        before, members = self._held.get(row.path, ({}, []))
+        if before != found:
+            try:
+                members = list(self.watching.members(row))
+            except (ValueError, OSError) as error:
+                self._note(self._name(row), f"{type(error).__name__}: {error}", found, now)
+                self.pending += 1
+                return
+            self._held[row.path] = found, members
+            if self._name(row) not in map(self._name, members):  # it was not known by its members before
+                self.failures.pop(self._name(row), None)
+        for member in members:
+            self._seen[member.path] = self._seen[row.path]
+            name = self._name(member)
+            if name in self.done or name in ready or self._is_given_up(name, found, now):
+                continue
+            self.pending += 1
+            if self._may_try(name, found, now):
+                ready[name] = member
+
+    def _name(self, row: Row) -> str:
+        """The member's name; of a file of which not all parameters are known yet, its path."""
+        known = set(row.parameters) >= set(self.watching.parameters)
+        return row.name or (member_name(row.parameters) if known else str(row.path))
 
     def tried(self, rendered: Iterable[str], failures: dict[str, str], rows: dict[str, Row], now: float) -> None:
         """Take note of what became of the files that `look` gave."""
@@ -92,11 +130,13 @@ class Arrivals:
             self.failures.pop(name, None)
             self._failed.pop(name, None)
         for name, why in failures.items():
-            found = self._seen[rows[name].path][0]
-            before = self._failed.get(name)
-            first = before[1] if before is not None and before[0] == found else now
-            self._failed[name] = found, first, now
-            self.failures[name] = why
+            self._note(name, why, self._seen[rows[name].path][0], now)
+
+    def _note(self, name: str, why: str, found: dict[str, int], now: float) -> None:
+        before = self._failed.get(name)
+        first = before[1] if before is not None and before[0] == found else now
+        self._failed[name] = found, first, now
+        self.failures[name] = why
 
     def _is_whole(self, path: Path, found: dict[str, int], unchanged: float, wall: float) -> bool:
         if self.watching.marker:
@@ -144,6 +184,7 @@ def watch_folder(
     disk takes no more, ValueError as `run_ensemble` does.
     """
     arrivals, path = arrivals or Arrivals(watching), Path(catalog)
+    told: dict[str, str] = {}
     idle_since = clock.monotonic()
     with single_threaded(), WorkerPool(workers or available_cores(), executor) as pool:
         while True:
@@ -159,6 +200,10 @@ def watch_folder(
                     "existing": existing,
                 }
                 _take(arrivals, rows, _rendered(path, lot, options, how), say)
+            for name, why in arrivals.failures.items():
+                if told.get(name) != why:
+                    say(f"{name} can't be rendered yet: {why}")
+            told = dict(arrivals.failures)
             if arrivals.pending or rows:
                 idle_since = clock.monotonic()
             elif watching.until_idle is not None and clock.monotonic() - idle_since >= watching.until_idle:
@@ -190,35 +235,37 @@ def _rendered(path: Path, lot: FileEnsemble, options: PlanOptions, how: dict[str
 
 def _take(arrivals: Arrivals, rows: dict[str, Row], result: EnsembleResult, say: Callable[[str], None]) -> None:
     rendered = [member.name for member in result.rendered]
-    for name, why in result.failures.items():
-        if arrivals.failures.get(name) != why:
-            say(f"{rows[name].path} can't be rendered yet: {why}")
     arrivals.tried([*rendered, *result.skipped], dict(result.failures), rows, clock.monotonic())
     if rendered:
         say(f"rendered {shortened(rendered, 3)}; {len(arrivals.done)} in all")
 
 
 def space_for(
-    catalog: Path, pattern: str, bounds: Mapping[str, tuple[float, float]], units: Sequence[str] = ()
+    catalog: Path,
+    pattern: str,
+    bounds: Mapping[str, tuple[float, float]],
+    units: Sequence[str] = (),
+    *,
+    told: bool = False,
 ) -> ParameterSpace:
-    """The parameters that a pattern names, with the bounds of a catalog, else as given.
+    """The parameters that a pattern names, with the bounds of a catalog, else as given; `told`: the files say the others.
 
     Raises ValueError asking for the bounds that a new catalog lacks: the first dumps can't tell them.
     """
-    names = pattern_names(pattern)
+    names = pattern_names(pattern, told=told)
     if is_catalog(catalog):
         space = Catalog.open(catalog).plan.space
-        if set(space.names) != set(names):
+        if not (set(names) <= set(space.names) if told else set(names) == set(space.names)):
             raise ValueError(f"the pattern names {list(names)}, the parameters of {catalog} are {list(space.names)}")
         return space
+    names += tuple(name for name in bounds if told and name not in names)
     lacking, unknown = [n for n in names if n not in bounds], [n for n in bounds if n not in names]
-    if lacking:
-        raise ValueError(
-            f"please give {' '.join(f'--bounds {name} LOW HIGH' for name in lacking)}: dumps to come are not known"
-        )
+    if lacking or not names:
+        asked = " ".join(f"--bounds {name} LOW HIGH" for name in lacking or ("NAME",))
+        raise ValueError(f"please give {asked}: dumps to come are not known")
     if unknown:
-        raise ValueError(f"--bounds of {unknown}, but the pattern names {list(names)}")
+        raise ValueError(f"--bounds of {unknown}, but the pattern names {list(names)}; what files say takes --reader")
     if units and len(units) != len(names):
         raise ValueError(f"--units must be of the {len(names)} parameters {list(bounds)}, got {list(units)}")
-    told = dict(zip(bounds, units, strict=True)) if units else {}
-    return ParameterSpace(tuple(Parameter(name, *bounds[name], told.get(name, "")) for name in names))
+    known = dict(zip(bounds, units, strict=True)) if units else {}
+    return ParameterSpace(tuple(Parameter(name, *bounds[name], known.get(name, "")) for name in names))

@@ -13,7 +13,7 @@ from insitu.commands.shell import command, fail_on, how_to_run
 
 
 @click.command()
-@click.argument("source")
+@click.argument("sources", nargs=-1, required=True)
 @shell.CATALOG
 @shell.SCENE
 @shell.APPEARANCE
@@ -27,7 +27,7 @@ from insitu.commands.shell import command, fail_on, how_to_run
 @shell.WORKERS
 @shell.SHARD
 def ensemble(
-    source: str,
+    sources: tuple[str, ...],
     catalog: Path,
     scene: Path | None,
     appearance: Path | None,
@@ -44,14 +44,15 @@ def ensemble(
     """Render a stored ensemble.
 
     \b
-    SOURCE is one of
+    SOURCES are one of
       TABLE.csv                       path,Re,time: a file and its parameters a row; also split, name
       'run_{Re}/dump_{time}.vti'      files whose paths name the parameters
       ENSEMBLE.h5 (.nc, .zarr)        one file with all members, found by its structure
+      plt*, or FOLDER                 dumps of one simulation code, which say their time or redshift
 
-    Files may be of any format that pyvista reads, .npy, .npz, HDF5, netCDF or Zarr.  A new catalog is shown as --scene or
-    --appearance say, else as `insitu probe` suggests, which is printed.  With a catalog that exists, what is left out is the
-    catalog's; members that it holds are skipped.
+    Files may be of any format that pyvista reads, .npy, .npz, HDF5, netCDF or Zarr, or of a code that --reader lists.  A new
+    catalog is shown as --scene or --appearance say, else as `insitu probe` suggests, which is printed.  With a catalog that
+    exists, what is left out is the catalog's; members that it holds are skipped.
     """
     with command() as line:
         from catalogs.scene import Scene, ViewPlan
@@ -63,7 +64,7 @@ def ensemble(
         how = how_to_run(line, workers, shard)
         asked = None if scene is None else Scene.load(scene)
         given, known = appearances_of(catalog, appearance, asked)
-        stored = Reading(**reading).open(source, given or known)
+        stored = Reading(**reading).open(sources, given or known)
         members = stored.members(validation, seed)
         click.echo(str(stored))
         if asked is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import Reading, is_ensemble, pilots, suggested
+from insitu.commands.reading import Reading, code_options, is_ensemble, pilots, suggested
 from insitu.commands.shell import command
 
 
@@ -23,6 +23,7 @@ from insitu.commands.shell import command
     help="Which of several fields: an array of VTK files, a data set of HDF5, a field of a scene; several, one by one.",
 )
 @click.option("--spacing", type=float, nargs=3, help="Distance between values, x y z, of .npy files.")
+@code_options
 @shell.NAN
 @click.option("--preview", type=shell.PATH, help="Write a picture of the suggestion (PNG).")
 def probe(
@@ -33,14 +34,15 @@ def probe(
     spacing: tuple[float, float, float] | None,
     nan: str,
     preview: Path | None,
+    **codes: Any,
 ) -> None:
     """Look at pilot members and suggest a transfer function.
 
     SOURCES: a scene's TOML file (its simulation is run, or its file read); an ensemble, as `insitu ensemble` takes it; or one file
-    per member (.npy, .npz, HDF5, netCDF, Zarr, or whatever pyvista reads).
+    per member (.npy, .npz, HDF5, netCDF, Zarr, whatever pyvista reads, or a dump of a code that --reader lists).
     """
     with command():
-        fields = _read(sources, count, arrays, spacing or None, nan)
+        fields = _read(sources, count, Reading(arrays=arrays, spacing=spacing or None, **codes), nan)
         for name, (found, suggestion) in suggested(fields, alpha).items():
             if len(fields) > 1:
                 click.echo(f"field {name}")
@@ -61,11 +63,9 @@ def _preview(path: Path, grids: dict[str, Any], appearance: Any, field: str) -> 
     click.echo(f"# {path}: one member per row")
 
 
-def _read(
-    sources: tuple[Path, ...], count: int, arrays: tuple[str, ...], spacing: tuple[float, float, float] | None, nan: str
-) -> dict[str, dict[str, Any]]:
+def _read(sources: tuple[Path, ...], count: int, reading: Reading, nan: str) -> dict[str, dict[str, Any]]:
     """Grids by field and member of what is to be looked at."""
-    first = sources[0]
+    first, arrays = sources[0], reading.arrays
     if len(sources) == 1 and first.suffix == ".toml":
         from catalogs.scene import Scene
         from insitu.sources import ensemble_of
@@ -75,12 +75,15 @@ def _read(
     from insitu.readers.files import read_field
 
     if len(sources) == 1 and is_ensemble(first):
-        stored = Reading(arrays=arrays, spacing=spacing).open(str(first))
+        stored = reading.open([str(first)])
         return pilots(stored, stored.members(), count, nan)
-    return {
-        array or "": {p.name: read_field(p, array=array, spacing=spacing, nan=nan) for p in sources}
-        for array in arrays or (None,)
+    how: dict[str, Any] = {
+        "spacing": reading.spacing,
+        "reader": reading.reader,
+        "sampling": reading.sampling,
+        "nan": nan,
     }
+    return {array or "": {p.name: read_field(p, array=array, **how) for p in sources} for array in arrays or (None,)}
 
 
 def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:

@@ -11,7 +11,9 @@ import click
 
 if TYPE_CHECKING:
     from insitu.file_ensemble import FileEnsemble
+    from insitu.readers.reader import Sampling
     from insitu.readers.stored import StoredEnsemble
+    from insitu.readers.tables import Table
 
 TABLES = {".csv", ".tsv", ".txt"}
 TRIPLE = (float, float, float)
@@ -39,11 +41,35 @@ OPTIONS = (
     click.option("--origin", type=TRIPLE, metavar="X Y Z", help="Place of the first value, where files do not say."),
     click.option("--dims", metavar="z,y,x", help="What the last axes of arrays are, in the arrays' own order."),
 )
+CODES = (
+    click.option(
+        "--reader",
+        metavar="CODE",
+        default="",
+        help="The code that wrote the files, where they don't show it: adios2, amrex, cloverleaf, mpas, well, xcompact3d.",
+    ),
+    click.option("--resolution", type=(int, int, int), metavar="X Y Z", help="Values of resampled data (amrex, mpas)."),
+    click.option(
+        "--interpolation",
+        type=click.Choice(["nearest", "linear"]),
+        default="nearest",
+        show_default=True,
+        help="Between cells of a mesh (mpas): the containing cell's value, or linear between their centres.",
+    ),
+    click.option("--mesh", type=click.Path(path_type=Path), help="File of the mesh, where the others lack it (mpas)."),
+)
+
+
+def code_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options that say which code wrote the files, as the keyword arguments that it takes."""
+    for option in reversed(CODES):
+        function = option(function)
+    return function
 
 
 def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options of `Reading`, as the keyword arguments that it takes."""
-    for option in reversed(OPTIONS):
+    for option in reversed((*OPTIONS, *CODES)):
         function = option(function)
     return function
 
@@ -61,27 +87,26 @@ class Reading:
     spacing: tuple[float, float, float] | None = None
     origin: tuple[float, float, float] | None = None
     dims: str | None = None
+    reader: str = ""
+    resolution: tuple[int, int, int] | None = None
+    interpolation: str = "nearest"
+    mesh: Path | None = None
 
-    def open(self, source: str, shown: Any = ()) -> StoredEnsemble | FileEnsemble:
-        """The ensemble of a table, a pattern or one file; `shown` are the appearances that name its fields, if any.
+    def open(self, sources: Sequence[str], shown: Any = ()) -> StoredEnsemble | FileEnsemble:
+        """The ensemble of a table, a pattern, a folder, one file or several; `shown` are the appearances that name its fields.
 
         Raises ValueError or FileNotFoundError naming what is missing.
         """
         from catalogs.appearance import shown_fields
         from insitu.fields import check_names
-        from insitu.readers.arrays import is_store
         from insitu.readers.layout import Mapped
         from insitu.readers.stored import StoredEnsemble
-        from insitu.readers.tables import is_pattern
 
         arrays = self.arrays or tuple(filter(None, shown_fields(shown)))
-        if is_pattern(source) or Path(source).suffix.lower() in TABLES:
-            return self._files(source, arrays)
-        if not is_store(Path(source)):
-            raise ValueError(
-                f"{source} is no ensemble: name a table of files (.csv), a pattern of files such as 'run_{{Re}}.vti', or one HDF5, "
-                "netCDF or Zarr file"
-            )
+        if not self._is_one_store(sources):
+            return self._files(sources, arrays)
+        if ignored := self.sampling.identity:
+            raise ValueError(f"{sources[0]} is not resampled: leave {', '.join(f'--{name}' for name in ignored)} out")
         mapped = Mapped(
             arrays,
             listed(self.parameters),
@@ -90,20 +115,46 @@ class Reading:
             self.split,
             listed(self.dims) or None,
         )
-        stored = StoredEnsemble.open(source, mapped, spacing=self.spacing, origin=self.origin, bounds=self.ranges)
+        stored = StoredEnsemble.open(sources[0], mapped, spacing=self.spacing, origin=self.origin, bounds=self.ranges)
         if shown:
             check_names(stored.fields, shown, shown)
         return stored
 
-    def _files(self, source: str, arrays: tuple[str, ...]) -> FileEnsemble:
+    def _is_one_store(self, sources: Sequence[str]) -> bool:
+        """Whether it is one HDF5, netCDF or Zarr file with all members, written by no code that is known."""
+        from insitu.readers.arrays import is_store
+        from insitu.readers.codes import reader_of
+
+        path = Path(sources[0])
+        return (
+            len(sources) == 1 and is_store(path) and not is_listing(sources[0]) and reader_of(path, self.reader) is None
+        )
+
+    def _files(self, sources: Sequence[str], arrays: tuple[str, ...]) -> FileEnsemble:
         from insitu.file_ensemble import FileEnsemble
-        from insitu.readers.tables import is_pattern, match_files, read_table
+        from insitu.readers.states import members_of
 
         if self.names or self.split:
             raise ValueError("--names and --split are of one file that holds all members; a table has columns")
         wanted = listed(self.parameters)
-        table = match_files(source).only(wanted) if is_pattern(source) else read_table(source, wanted)
-        return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **self.place)
+        table, code = members_of(lambda told: self._table(sources, wanted, told), self.reader, self.sampling, wanted)
+        how: dict[str, Any] = {**self.place, "reader": code, "sampling": self.sampling}
+        return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **how)
+
+    def _table(self, sources: Sequence[str], wanted: Sequence[str], told: bool) -> Table:
+        """The files, with the parameters that a table or a pattern names; `told`: the files may say others."""
+        from insitu.readers.states import dumps_below, no_ensemble, table_of_files
+        from insitu.readers.tables import match_files, read_table
+
+        if len(sources) == 1 and Path(sources[0]).suffix.lower() in TABLES:
+            return read_table(sources[0], wanted, told=told)
+        if len(sources) == 1 and is_listing(sources[0]):
+            return match_files(sources[0], told=told)
+        if not told:
+            raise no_ensemble(sources[0])
+        if len(sources) == 1 and Path(sources[0]).is_dir():
+            return table_of_files(dumps_below(Path(sources[0]), self.reader))
+        return table_of_files([Path(source) for source in sources])
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -115,14 +166,32 @@ class Reading:
         """Where values lie in files that do not say."""
         return {"spacing": self.spacing, "origin": self.origin, "dims": listed(self.dims) or None}
 
+    @property
+    def sampling(self) -> Sampling:
+        """How data that lie on no one regular grid are brought onto one."""
+        from insitu.readers.reader import Sampling
 
-def is_ensemble(path: Path) -> bool:
-    """Whether a path is a table, a pattern, or one file with several members."""
-    from insitu.readers.arrays import is_store, open_arrays
+        return Sampling(self.resolution, self.interpolation, self.mesh)
+
+
+def is_listing(source: str) -> bool:
+    """Whether a source is a table or a pattern of files."""
     from insitu.readers.tables import is_pattern
 
-    if is_pattern(str(path)) or path.suffix.lower() in TABLES:
+    return is_pattern(source) or Path(source).suffix.lower() in TABLES
+
+
+def is_ensemble(path: Path) -> bool:
+    """Whether a path is a table, a pattern, a folder of dumps, or one file with several members."""
+    from insitu.readers.arrays import is_store, open_arrays
+    from insitu.readers.codes import reader_of
+    from insitu.readers.folders import is_folder_file
+    from insitu.readers.reader import Sampling
+
+    if is_listing(str(path)) or (path.is_dir() and not is_folder_file(path)):
         return True
+    if (code := reader_of(path)) is not None:
+        return len(code.records(path, Sampling())) > 1
     if not is_store(path):
         return False
     with open_arrays(path) as arrays:

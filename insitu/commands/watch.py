@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import Reading, appearances_of, listed
+from insitu.commands.reading import Reading, appearances_of, code_options, listed
 from insitu.commands.shell import command, fail_on, how_to_run
+
+if TYPE_CHECKING:
+    from catalogs.progress import ProgressLine
+    from insitu.planning import PlanOptions
 
 SECONDS = click.FloatRange(min=0)
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.argument("folder", type=shell.PATH)
 @click.option(
-    "--pattern", required=True, help="Paths below FOLDER that name the parameters: 'run_{Re}/dump_{time}.vti'."
+    "--pattern",
+    help="Paths below FOLDER that name the parameters: 'run_{Re}/dump_{time}.vti'; with --reader files may say others.",
 )
 @shell.CATALOG
 @shell.SCENE
@@ -38,6 +45,7 @@ SECONDS = click.FloatRange(min=0)
     "--origin", type=(float, float, float), metavar="X Y Z", help="Place of the first value, if files do not say."
 )
 @click.option("--dims", metavar="z,y,x", help="What the axes of arrays are, in the arrays' own order.")
+@code_options
 @shell.SIZE
 @shell.DECIBELS
 @click.option(
@@ -58,7 +66,7 @@ SECONDS = click.FloatRange(min=0)
 @shell.WORKERS
 def watch(
     folder: Path,
-    pattern: str,
+    pattern: str | None,
     catalog: Path,
     scene: Path | None,
     appearance: Path | None,
@@ -78,14 +86,15 @@ def watch(
 
     A dump is taken when it is whole: unchanged for --settle seconds, renamed into place, or marked.  Ctrl-C and SIGTERM end the
     watch; the same command goes on, and members that are stored are skipped.
+
+    With --reader adios2 and no pattern, FOLDER is a BP folder that is being written, or an SST stream, NAME.sst: its steps are
+    rendered as they arrive, until the writer closes it.
     """
     with command() as line:
         from catalogs.appearance import shown_fields
-        from catalogs.catalog import Catalog
         from catalogs.scene import Scene, ViewPlan
-        from insitu.file_ensemble import FileEnsemble
-        from insitu.planning import PlanOptions, is_catalog
-        from insitu.watch import Arrivals, Watching, space_for, watch_folder
+        from insitu.planning import PlanOptions
+        from insitu.watch import space_for
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
             raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
@@ -96,36 +105,108 @@ def watch(
                 f"a new catalog needs --appearance FILE: `insitu probe` on a dump suggests one; {catalog} is none yet"
             )
         options = Reading(**reading)
-        space = space_for(catalog, pattern, options.ranges, listed(options.units))
+        if pattern is None and options.reader != "adios2":
+            raise ValueError(
+                "please give --pattern, paths that name the parameters; only --reader adios2 follows one stream"
+            )
+        if pattern is not None and not folder.is_dir():
+            raise ValueError(f"there is no folder {folder}")
+        space = space_for(catalog, pattern or "", options.ranges, listed(options.units), told=bool(options.reader))
         arrays = options.arrays or tuple(filter(None, shown_fields(given or known)))
-        ensemble = FileEnsemble({}, space, arrays, **options.place)
         if asked is not None:
             plan = PlanOptions.of_scene(asked, space)
         else:
             size = size or (None if known else 256)
             views = None if size is None else ViewPlan(width=size, height=size)
             plan = PlanOptions(space, given, views, target_decibels=target_decibels)
-        watching = Watching(folder, pattern, settle, marker, patience, 0.0 if once else until_idle)
-        how = how_to_run(line, workers, None)
-        arrivals = Arrivals(watching)
-        try:
-            watch_folder(
-                catalog,
-                watching,
-                ensemble,
-                plan,
-                arrivals=arrivals,
-                workers=workers,
-                nan=nan,
-                existing=existing,
-                say=line.say,
-                progress=how["progress"],
-                warn=how["warn"],
-            )
-        except KeyboardInterrupt:
-            line.say("ended; the same command goes on from here")
-        line.close()
-        held = {path.name for path in Catalog.open(catalog).member_paths()} if is_catalog(catalog) else set()
-        click.echo(f"{catalog}: {len(held)} members")
-        # One that was stored just before the end is no failure, though it has been.
-        fail_on({name: why for name, why in arrivals.failures.items() if name not in held})
+        if pattern is None:
+            _follow(line, folder, catalog, plan, options, arrays, until_idle, existing, nan)
+            return
+        place = Place(folder, pattern, settle, marker, patience, 0.0 if once else until_idle)
+        _watch(line, place, catalog, plan, options, arrays, existing, nan, workers)
+
+
+@dataclass(frozen=True)
+class Place:
+    """What is watched, as the command is told: the first arguments of `insitu.watch.Watching`."""
+
+    folder: Path
+    pattern: str
+    settle: float
+    marker: str
+    patience: float
+    until_idle: float | None
+
+
+def _watch(
+    line: ProgressLine,
+    place: Place,
+    catalog: Path,
+    plan: PlanOptions,
+    options: Reading,
+    arrays: tuple[str, ...],
+    existing: Any,
+    nan: str,
+    workers: int | None,
+) -> None:
+    """Watch a folder for files."""
+    from insitu.file_ensemble import FileEnsemble
+    from insitu.readers.states import files_beside, states_of
+    from insitu.watch import Arrivals, Watching, watch_folder
+
+    space = plan.space
+    assert space is not None
+    reader, sampling = options.reader, options.sampling
+    ensemble = FileEnsemble({}, space, arrays, **options.place, reader=reader, sampling=sampling)
+    watching = Watching(
+        **vars(place),
+        parameters=space.names,
+        members=lambda row: states_of(row, reader, sampling, space.names),
+        beside=lambda path: files_beside(path, reader, sampling),
+    )
+    how = how_to_run(line, workers, None)
+    how = {"workers": workers, "progress": how["progress"], "warn": how["warn"], "nan": nan, "existing": existing}
+    arrivals = Arrivals(watching)
+    try:
+        watch_folder(catalog, watching, ensemble, plan, arrivals=arrivals, say=line.say, **how)
+    except KeyboardInterrupt:
+        line.say("ended; the same command goes on from here")
+    _told(line, catalog, arrivals.failures)
+
+
+def _follow(
+    line: ProgressLine,
+    path: Path,
+    catalog: Path,
+    plan: PlanOptions,
+    options: Reading,
+    arrays: tuple[str, ...],
+    until_idle: float | None,
+    existing: Any,
+    nan: str,
+) -> None:
+    """Follow one file that is being written, or a stream."""
+    from insitu.readers.adios import follow
+    from insitu.stream import Arrived, render_stream
+
+    arrived = Arrived()
+    existing = "skip" if existing == "error" else existing
+    how: dict[str, Any] = {"arrays": arrays, "place": options.place, "nan": nan, "existing": existing}
+    try:
+        steps = follow(path, arrays, until_idle)
+        warn = how_to_run(line, None, None)["warn"]
+        render_stream(catalog, steps, plan, **how, arrived=arrived, say=line.say, warn=warn)
+    except KeyboardInterrupt:
+        line.say("ended; the same command goes on from here, with what the writer still holds")
+    _told(line, catalog, arrived.failures)
+
+
+def _told(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> None:
+    """Say how many members there are; what was stored just before the end is no failure, though it has been."""
+    from catalogs.catalog import Catalog
+    from insitu.planning import is_catalog
+
+    line.close()
+    held = {path.name for path in Catalog.open(catalog).member_paths()} if is_catalog(catalog) else set()
+    click.echo(f"{catalog}: {len(held)} members")
+    fail_on({name: why for name, why in failures.items() if name not in held})

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 import re
-import shutil
-import tempfile
 import warnings
 import zipfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.field import Field
-from insitu.readers.arrays import ZARR, Arrays, StoredArray, check_room, is_store, open_arrays
+from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, open_arrays
 from insitu.readers.attributes import wanted_array
+from insitu.readers.codes import reader_of
+from insitu.readers.folders import is_folder_file
+from insitu.readers.packed import unpacked
 from insitu.readers.placing import placed_field
+from insitu.readers.reader import Reader, Sampling
 from render.datasets import to_grid
 from render.labelled import axis_order
 
@@ -41,9 +41,11 @@ def read_field(
     origin: Triple = None,
     dims: Sequence[str] | None = None,
     nan: str = "refuse",
+    reader: str = "",
+    sampling: Sampling = Sampling(),  # noqa: B008 - frozen
 ) -> Grid:
     """The field stored in `path` as a grid; arguments are those of `read_data`, `nan` as in `render_member`."""
-    found = read_data(path, array=array, spacing=spacing, origin=origin, dims=dims)
+    found = read_data(path, array=array, spacing=spacing, origin=origin, dims=dims, reader=reader, sampling=sampling)
     try:
         return to_grid(found, nan=nan, warn=False)
     except (ValueError, TypeError) as error:
@@ -57,6 +59,9 @@ def read_data(
     spacing: Triple = None,
     origin: Triple = None,
     dims: Sequence[str] | None = None,
+    reader: str = "",
+    index: tuple[int, ...] = (),
+    sampling: Sampling = Sampling(),  # noqa: B008 - frozen
 ) -> Any:
     """One field of a file, as `to_grid` takes it, with its place.
 
@@ -65,6 +70,9 @@ def read_data(
     array : which of several; may be left out where there is only one.
     spacing, origin : (x, y, z), world units, for files that do not say: .npy files, and arrays without coordinates.
     dims : what the axes of an array are, in its own order, as in `render_member`.
+    reader : the name of the code that wrote the file (see `insitu.readers.codes`); "" where that can be seen, or none did.
+    index : of the state, in a code's file that holds several, as `Reader.records` gives it.
+    sampling : how a code's data come onto a regular grid.
 
     Files ending with .gz are unpacked first.  No code of a file is run, and what it claims to hold is compared with the memory
     that is free before it is read.  Raises FileNotFoundError, or ValueError naming the file and what is wrong with it.
@@ -72,30 +80,54 @@ def read_data(
     path = Path(path)
     if not is_field_file(path):
         raise FileNotFoundError(f"there is no file {path}")
+    place: dict[str, Any] = {"spacing": spacing, "origin": origin, "dims": dims}
     try:
+        if (code := reader_of(path, reader)) is not None:
+            return _of_code(code, path, array, index, sampling, place)
+        if sampling != Sampling():
+            raise ValueError(
+                f"only some readers resample: leave {', '.join(sampling.identity)} out, or choose one by --reader"
+            )
         if path.suffix == ".gz":
-            with _unpacked(path) as inner:
-                return read_data(inner, array=array, spacing=spacing, origin=origin, dims=dims)
+            with unpacked(path) as inner:
+                return read_data(inner, array=array, **place)
         if path.suffix == ".npy":
             check_room(path.stat().st_size, "it")
             values = np.load(path, mmap_mode="r", allow_pickle=False)
-            return _plain(values, "", spacing, origin, dims)
+            return _plain(values, "", **place)
         if path.suffix == ".npz":
-            return _packed(path, array, spacing, origin, dims)
+            return _packed(path, array, **place)
         if is_store(path):
             with open_arrays(path) as arrays:
-                return placed_field(arrays, _volume(arrays, array), spacing=spacing, origin=origin, dims=dims)
-        if spacing is not None or origin is not None or dims is not None:
+                return placed_field(arrays, volume(arrays, array), **place)
+        if any(given is not None for given in place.values()):
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
         return _vtk(path, array)
     except READING as error:
-        told = str(error).removeprefix(f"{path}: ") or type(error).__name__
+        told = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
         raise ValueError(f"{path}: {told}") from error
 
 
 def is_field_file(path: Path) -> bool:
     """Whether a path is a file, or a folder that counts as one; a pipe or a device is none."""
-    return path.is_file() or (path.is_dir() and path.suffix in ZARR)
+    return path.is_file() or is_folder_file(path)
+
+
+def _of_code(
+    code: Reader, path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling, place: dict[str, Any]
+) -> Any:
+    """A field of the file of a simulation code."""
+    if sampling != Sampling() and not code.samples:
+        raise ValueError(f"files of {code.name} are not resampled: leave {', '.join(sampling.identity)} out")
+    if code.opens is not None:
+        index = index or code.records(path, sampling)[0].index
+        with code.opens(path) as arrays:
+            return placed_field(arrays, volume(arrays, array, len(index)), index, **place)
+    given = [name for name, value in place.items() if value is not None]
+    if given:
+        raise ValueError(f"files of {code.name} say where their values lie: leave {', '.join(given)} out")
+    assert code.read is not None
+    return code.read(path, array, index, sampling)
 
 
 def _plain(values: NDArray[Any], name: str, spacing: Triple, origin: Triple, dims: Sequence[str] | None) -> Field:
@@ -138,14 +170,14 @@ def _claimed(held: Any, name: str) -> tuple[int, ...]:
     return tuple(shape)
 
 
-def _volume(arrays: Arrays, name: str | None) -> StoredArray:
-    """The array with three axes (others have one value each) that is asked for, or the only one."""
+def volume(arrays: Arrays, name: str | None, states: int = 0) -> StoredArray:
+    """The array with three axes behind those of `states` (others have one value each) that is asked for, or the only one."""
     if name is not None:
         found = wanted_array(arrays, name)
         if found is None or not found.is_real:
             raise ValueError(f"there is no array {name!r} of numbers; the file holds {arrays}")
         return found
-    volumes = [a for a in arrays.arrays.values() if a.is_real and sum(size > 1 for size in a.shape) == 3]
+    volumes = [a for a in arrays.arrays.values() if a.is_real and sum(size > 1 for size in a.shape[states:]) == 3]
     if len(volumes) != 1:
         raise ValueError(f"name the array to render; the file holds {arrays}")
     return volumes[0]
@@ -207,18 +239,3 @@ def _check_claims(path: Path) -> None:
 def _samples(counts: Sequence[int]) -> int:
     """Bytes of as many float32."""
     return 4 * int(np.prod([float(max(0, count)) for count in counts]))
-
-
-@contextmanager
-def _unpacked(path: Path) -> Iterator[Path]:
-    """A temporary copy of what a .gz file holds, under its inner name."""
-    with tempfile.TemporaryDirectory() as folder:
-        inner = Path(folder, path.stem)
-        with gzip.open(path) as packed, inner.open("wb") as file:
-            room = shutil.disk_usage(folder).free
-            while block := packed.read(1 << 20):
-                if (room := room - len(block)) < 0:
-                    raise ValueError(f"unpacked, it has no room in {folder}")
-                check_room(file.tell() + len(block), "unpacked, it")
-                file.write(block)
-        yield inner

@@ -3,7 +3,8 @@
 Three layouts are found by their structure, whatever things are called:
 
     one array (member, z, y, x) beside parameters (member, parameter), or one array (member,) for each of them
-    one array (a, b, ..., z, y, x) whose first axes have coordinates: these are the parameters
+    one array (a, b, ..., z, y, x) whose first axes have coordinates: these are the parameters; along an axis that only numbers
+        members, such as xarray's (member, time, z, y, x), they are the other arrays (member,)
     one array (z, y, x) a member, or one group of them a member, with the parameters as attributes or single values
 """
 
@@ -154,9 +155,10 @@ def _stacked(arrays: Arrays, mapped: Mapped, fields: Sequence[StoredArray]) -> L
         if single:
             values = np.stack([numbers_of(a) for a in single], axis=1)  # [M, P]
             return Layout(names, places, *_renamed(mapped, single), values, _own_units(mapped, single))
-    along = _lead_coordinates(arrays, mapped, fields[0])
-    grid = np.meshgrid(*[numbers_of(a) for a in along], indexing="ij")
-    values = np.stack([g.ravel() for g in grid], axis=1)  # [M, P]
+    axes = _lead_coordinates(arrays, mapped, fields[0])
+    along = [array for axis in axes for array in axis]
+    grid = np.indices(lead).reshape(len(lead), -1)  # [axes, M]
+    values = np.stack([numbers_of(a)[grid[i]] for i, axis in enumerate(axes) for a in axis], axis=1)  # [M, P]
     return Layout(names, places, *_renamed(mapped, along), values, _own_units(mapped, along))
 
 
@@ -211,9 +213,14 @@ def _along_members(array: StoredArray, field: StoredArray) -> bool:
     )
 
 
-def _lead_coordinates(arrays: Arrays, mapped: Mapped, field: StoredArray) -> list[StoredArray]:
+def _lead_coordinates(arrays: Arrays, mapped: Mapped, field: StoredArray) -> list[list[StoredArray]]:
+    """The parameters along each of the first axes: its coordinate, or the arrays that say more of a member than its number."""
     found = []
     for number, (dim, size) in enumerate(zip(field.dims, field.shape[:-3], strict=False)):
+        named = [a for a in arrays.arrays.values() if dim and a.dims == (dim,) and _is_single(a, size)]
+        if named and not mapped.parameters and dim.lower() in NUMBERING:
+            found.append(named)
+            continue
         along = (
             wanted_array(arrays, mapped.parameters[number])
             if number < len(mapped.parameters)
@@ -223,7 +230,7 @@ def _lead_coordinates(arrays: Arrays, mapped: Mapped, field: StoredArray) -> lis
             raise asking(
                 arrays, [f"--parameters, the values along each of the first {len(field.shape) - 3} axes of {field!r}"]
             )
-        found.append(along)
+        found.append([along])
     return found
 
 

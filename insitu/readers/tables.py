@@ -16,14 +16,14 @@ import csv
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.parameters import SPLITS
 from catalogs.words import shortened
-from insitu.readers.arrays import ZARR
 from insitu.readers.attributes import SPLIT_WORDS
+from insitu.readers.folders import files_below
 
 PATH_COLUMNS = ("path", "file", "filename", "filepath")
 HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
@@ -35,12 +35,15 @@ LARGEST_TABLE = 1 << 28  # bytes
 
 @dataclass(frozen=True)
 class Row:
-    """A member: its file, its parameters by name, and what the table says of it besides ("" where nothing)."""
+    """A member: its file, its parameters by name, what the table says of it besides ("" where nothing), and the index of its state
+    in a file that holds several.
+    """
 
     path: Path
     parameters: Mapping[str, float]
     split: str = ""
     name: str = ""
+    index: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,16 +64,18 @@ class Table:
         if unknown:
             raise ValueError(f"--parameters {unknown} are none of {list(self.names)}")
         rows = [replace(row, parameters={n: row.parameters[n] for n in names or self.names}) for row in self.rows]
-        return Table(_distinct(rows), self.units)
+        return Table(distinct(rows), self.units)
 
 
 def is_pattern(text: str) -> bool:
     """Whether `text` is a pattern of paths, not one path."""
-    return NAMED_GROUP in text or bool(re.search(r"\{\w*\}", text))
+    return NAMED_GROUP in text or bool(re.search(r"\{\w*\}|\*", text))
 
 
-def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = ()) -> Table:
+def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, told: bool = False) -> Table:
     """The members of a CSV table; `parameters` names the columns that are, by default all but path, split and name.
+
+    `told`: the files say what else tells members apart, so that rows may be alike, and parameters be no columns.
 
     Raises FileNotFoundError naming all files that are absent at once, ValueError naming the table, its line and the column.
     """
@@ -80,7 +85,7 @@ def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = ()) -> 
     try:
         if path.stat().st_size > LARGEST_TABLE:
             raise ValueError(f"it has {path.stat().st_size} bytes, more than a table of members")
-        table = _parsed(path.read_text(encoding="utf-8-sig"), path.parent, parameters)
+        table = _parsed(path.read_text(encoding="utf-8-sig"), path.parent, parameters, told)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: {error}") from None
     absent = [str(row.path) for row in table.rows if not (row.path.is_file() or row.path.is_dir())]
@@ -89,7 +94,7 @@ def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = ()) -> 
     return table
 
 
-def _parsed(text: str, folder: Path, wanted: Sequence[str]) -> Table:
+def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> Table:
     first = text.partition("\n")[0]
     delimiter = max(",;\t", key=first.count)
     lines = list(csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True))
@@ -105,7 +110,9 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str]) -> Table:
         raise ValueError(f"it needs a column 'path', got {names}")
     other = [n for i, n in enumerate(names) if i != column and n.lower() not in ("split", "name")]
     unknown = [name for name in wanted if name not in other]
-    if unknown or not other:
+    if told:
+        wanted = [name for name in wanted if name in other]
+    elif unknown or not other:
         raise ValueError(f"there are no columns {unknown or 'of parameters'}: beside the path it has {other}")
     rows = []
     for number, cells in enumerate(lines[1:], start=2):
@@ -124,7 +131,7 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str]) -> Table:
                 by_lower.get("name", ""),
             )
         )
-    return Table(_distinct(rows), {name: units[name] for name in wanted or other if name in units})
+    return Table(distinct(rows) if not told else tuple(rows), {n: units[n] for n in wanted or other if n in units})
 
 
 def _number(text: str, what: str) -> float:
@@ -144,31 +151,31 @@ def _split(text: str, line: int) -> str:
     return split
 
 
-def match_files(pattern: str, folder: str | os.PathLike[str] = ".") -> Table:
+def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> Table:
     """The files below `folder` whose paths match a pattern, in the order of their paths.
 
-    Raises ValueError where the pattern names no parameter or matches nothing.
+    `told` as in `read_table`.  Raises ValueError where the pattern names no parameter or matches nothing.
     """
-    found = [*matching(pattern, folder)]
+    found = matching(pattern, folder, told=told)
     if not found:
         raise ValueError(f"no file below {Path(folder).resolve()} matches the pattern {pattern!r}")
-    return Table(_distinct(found), {})
+    return Table(tuple(found) if told else distinct(found), {})
 
 
-def pattern_names(pattern: str) -> tuple[str, ...]:
-    """The parameters that a pattern names; raises ValueError for a wrong pattern."""
+def pattern_names(pattern: str, *, told: bool = False) -> tuple[str, ...]:
+    """The parameters that a pattern names, none at least where files are `told` to say them; ValueError for a wrong pattern."""
     _, expression = _split_pattern(pattern, Path())
-    if not expression.groupindex:
+    if not expression.groupindex and not told:
         raise ValueError(f"the pattern {pattern!r} names no parameter in braces, as run_{{Re}}/dump_{{time}}.vti does")
     return tuple(expression.groupindex)
 
 
-def matching(pattern: str, folder: str | os.PathLike[str] = ".") -> list[Row]:
+def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> list[Row]:
     """The files of now that match, maybe none; raises ValueError for a wrong pattern."""
-    pattern_names(pattern)
+    pattern_names(pattern, told=told)
     base, expression = _split_pattern(pattern, Path(folder))
     rows = []
-    for path in _files(base):
+    for path in files_below(base):
         if match := expression.fullmatch(path.relative_to(base).as_posix()):
             values = {name: _number(text, f"{path}: {name}") for name, text in match.groupdict().items()}
             rows.append(Row(path, values))
@@ -205,28 +212,14 @@ def _split_pattern(pattern: str, folder: Path) -> tuple[Path, re.Pattern[str]]:
     return base, re.compile(expression + re.escape(rest[end:]))
 
 
-def _files(base: Path) -> Iterable[Path]:
-    """All files below a folder, and Zarr folders, which count as one, by path; hidden ones are left out."""
-    found: list[Path] = []
-    for folder, folders, files in os.walk(base):
-        stores = [name for name in folders if Path(name).suffix in ZARR]
-        found += [Path(folder, name) for name in [*files, *stores] if not name.startswith(".")]
-        folders[:] = [name for name in folders if name not in stores and not name.startswith(".")]
-    return sorted(found, key=lambda path: _natural(path.as_posix()))
-
-
-def _natural(text: str) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", text)]
-
-
-def _distinct(rows: Sequence[Row]) -> tuple[Row, ...]:
+def distinct(rows: Sequence[Row]) -> tuple[Row, ...]:
     """The rows; raises ValueError where there are none, or two have the same parameters, file or name."""
     if not rows:
         raise ValueError("it names no file")
     for what, key in (
         ("parameters", lambda row: tuple(row.parameters.values())),
-        ("file", lambda row: os.path.normpath(row.path)),
-        ("name", lambda row: row.name or row.path),
+        ("file", lambda row: (os.path.normpath(row.path), row.index)),
+        ("name", lambda row: row.name or (row.path, row.index)),
     ):
         seen: dict[object, Row] = {}
         for row in rows:

@@ -150,6 +150,48 @@ def test_bounds_are_asked_for(tmp_path: Path) -> None:
         space_for(tmp_path / "a.cdb", "dump_{v}.npy", {})
 
 
+def test_parameters_that_files_say_take_a_reader(tmp_path: Path) -> None:
+    bounds = {"a": (0.0, 1.0), "time": (0.0, 2.0)}
+    assert space_for(tmp_path / "a.cdb", "run_{a}/plt*", bounds, told=True).names == ("a", "time")
+    assert space_for(tmp_path / "a.cdb", "plt*", {"time": (0, 2)}, told=True).names == ("time",)
+    with pytest.raises(ValueError, match="what files say takes --reader"):
+        space_for(tmp_path / "a.cdb", "run_{a}/plt*", bounds)
+    with pytest.raises(ValueError, match="please give --bounds NAME LOW HIGH"):
+        space_for(tmp_path / "a.cdb", "plt*", {}, told=True)
+
+
+def test_a_file_may_hold_several_members_and_have_parts(tmp_path: Path) -> None:
+    """A file whose states are known when it is whole, with another one that belongs to it."""
+    rows: dict[str, Any] = {"error": ValueError("torn")}
+
+    def members(row: Row) -> list[Row]:
+        if "error" in rows:
+            raise rows["error"]
+        return [replace(row, parameters={"time": float(t)}, index=(t,)) for t in range(rows["count"])]
+
+    how = {"parameters": ("time",), "members": members, "beside": lambda path: (path.with_suffix(".part"),)}
+    arrivals = Arrivals(Watching(tmp_path, "a*.bp", settle=2.0, **how))
+    touch(tmp_path / "a.bp", changed=0.0)
+    assert arrivals.look(0.0, 100.0) == []  # its part is not there yet
+    assert arrivals.pending == 0
+    touch(tmp_path / "a.part", changed=99.0)
+    assert arrivals.look(0.0, 100.0) == []
+    assert arrivals.look(1.0, 101.0) == []
+    assert (arrivals.failures, arrivals.pending) == ({str(tmp_path / "a.bp"): "ValueError: torn"}, 1)
+    del rows["error"]
+    rows["count"] = 2
+    assert [row.index for row in arrivals.look(10.0, 110.0)] == [(0,), (1,)]
+    arrivals.tried(["time-0.0"], {"time-1.0": "torn"}, {"time-1.0": Row(tmp_path / "a.bp", {"time": 1.0})}, 10.0)
+    assert arrivals.look(10.5, 110.5) == []
+    assert [row.index for row in arrivals.look(20.0, 120.0)] == [(1,)]
+    arrivals.tried(["time-1.0"], {}, {}, 20.0)
+    rows["count"] = 3
+    assert arrivals.look(21.0, 121.0) == []
+    touch(tmp_path / "a.bp", size=2, changed=121.0)  # it has grown
+    assert [row.index for row in arrivals.look(30.0, 130.0)] == [(2,)]
+    assert set(arrivals.failures) <= {str(tmp_path / "a.bp")}
+
+
 LOOK = '[[appearance]]\nkind = "isosurface"\nname = "core"\nisovalue = 0.5\n'
 
 

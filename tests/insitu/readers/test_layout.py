@@ -182,6 +182,33 @@ def test_coordinates_of_the_first_axes_are_parameters(tmp_path: Path) -> None:
     assert np.array_equal(opened.read(4)["u"].values, values[1, 1])
 
 
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+@pytest.mark.parametrize("numbered", [True, False])
+def test_members_and_times_of_xarray_are_told_apart_by_what_is_said_of_each(
+    tmp_path: Path, suffix: str, numbered: bool
+) -> None:
+    xarray = pytest.importorskip("xarray")
+    values = FIELD.reshape(2, 3, *SHAPE)
+    said = {"Re": ("member", [100.0, 200.0]), "nu": ("member", [0.2, 0.1])}
+    number = {"member": [0, 1]} if numbered else {}
+    data = xarray.Dataset(
+        {"u": (("member", "time", "z", "y", "x"), values)}, coords={**said, "time": [0.0, 1.0, 2.0], **number}
+    )
+    data.attrs["spacing"] = SPACING
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".zarr":
+        data.to_zarr(path, consolidated=False)
+    else:
+        data.to_netcdf(path, engine="h5netcdf")
+    opened = StoredEnsemble.open(path)
+    assert sorted(opened.space.names) == ["Re", "nu", "time"]
+    named = dict(zip(opened.space.names, opened.parameters[4], strict=True))
+    assert named == {"Re": 200.0, "nu": 0.1, "time": 1.0}
+    assert np.array_equal(opened.read(4)["u"].values, values[1, 1])
+    chosen = StoredEnsemble.open(path, Mapped(parameters=("Re", "time")))
+    assert chosen.parameters[4] == (200.0, 1.0)
+
+
 def without(write: Callable[[h5py.File], None], *names: str, **more: Any) -> Callable[[h5py.File], None]:
     def changed(file: h5py.File) -> None:
         write(file)

@@ -1,0 +1,110 @@
+"""The process that reads ADIOS2 files and streams for `insitu.readers.adios`, which it answers on its standard output.
+
+On damaged files the library ends its process, or waits for ever: of its own, that harms nobody.  A request is a JSON object in the
+first argument; an answer is the length of a JSON object (8 bytes, little-endian), that object, and the bytes of the arrays that it
+lists.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import struct
+import sys
+import time
+from pathlib import Path
+from typing import Any, BinaryIO
+
+sys.modules["torch"] = None  # type: ignore[assignment]  # adios2 loads it where it can, in seconds and much memory
+
+import adios2  # noqa: E402
+import numpy as np  # noqa: E402
+
+KINDS = ("float", "double", "int8_t", "uint8_t", "int16_t", "uint16_t", "int32_t", "uint32_t", "int64_t", "uint64_t")
+LONGEST = 64  # numbers of an attribute
+PAUSE = 0.1  # seconds between two looks for a stream that is not there yet
+
+
+def answer(out: BinaryIO, held: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
+    """Send a JSON object, and arrays after it."""
+    sent = {name: np.ascontiguousarray(values) for name, values in (arrays or {}).items()}
+    listed = [{"name": n, "shape": list(v.shape), "kind": v.dtype.str, "bytes": v.nbytes} for n, v in sent.items()]
+    told = json.dumps({**held, "arrays": listed}).encode()
+    out.write(struct.pack("<Q", len(told)) + told)
+    for values in sent.values():
+        out.write(values.data.cast("B"))
+    out.flush()
+
+
+def variables(stream: Any) -> dict[str, dict[str, Any]]:
+    """Shape, kind and number of steps of the variables that hold numbers; the shape of single ones is ()."""
+    found = {}
+    for name, about in stream.available_variables().items():
+        shape = [int(word) for word in about.get("Shape", "").split(",") if word.strip()]
+        is_single = about.get("SingleValue") == "true"
+        if about.get("Type") in KINDS and (shape or is_single):
+            kind = np.dtype(adios2.type_adios_to_numpy(about["Type"])).str
+            steps = int(about.get("AvailableStepsCount", "1"))
+            found[name] = {"shape": [] if is_single else shape, "kind": kind, "steps": steps}
+    return found
+
+
+def attributes(stream: Any) -> dict[str, Any]:
+    """Attributes that are numbers or words, none of them long."""
+    found: dict[str, Any] = {}
+    for name, about in stream.available_attributes().items():
+        if int(about.get("Elements", "1")) <= LONGEST and about.get("Type") in (*KINDS, "string"):
+            held = stream.read_attribute(name)
+            found[name] = held.tolist() if isinstance(held, np.ndarray | np.generic) else held
+    return found
+
+
+def describe(out: BinaryIO, path: str) -> None:
+    """All that a file says but its arrays: of single numbers the value at each step."""
+    with adios2.FileReader(path) as file:
+        steps, held = int(file.num_steps()), variables(file)
+        single = [n for n, about in held.items() if not about["shape"] and about["steps"] == steps]
+        values = {n: np.ravel(file.read(n, step_selection=[0, steps])).astype(float).tolist() for n in single}
+        answer(out, {"steps": steps, "variables": held, "attributes": attributes(file), "single": values})
+
+
+def read(out: BinaryIO, path: str, name: str, step: int) -> None:
+    """One array at one step."""
+    with adios2.FileReader(path) as file:
+        values = file.read(name, step_selection=[step, 1])
+        answer(out, {}, {name: np.asarray(values)})
+
+
+def follow(out: BinaryIO, path: str, engine: str, names: list[str]) -> None:
+    """The steps of a file that is being written, or of a stream, as they arrive; of arrays those called `names`, none for all."""
+    place = Path(path) / "md.idx" if engine == "BPFile" else Path(f"{path}.sst")
+    while not place.exists():
+        time.sleep(PAUSE)
+    io = adios2.Adios().declare_io("follow")
+    io.set_engine(engine)
+    with adios2.Stream(io, path, "r") as stream:
+        for _ in stream.steps():
+            held = variables(stream)
+            single = {n: float(np.ravel(stream.read(n))[0]) for n, about in held.items() if not about["shape"]}
+            chosen = [n for n, about in held.items() if len(about["shape"]) == 3 and (n in names or not names)]
+            about = {"step": int(stream.current_step()), "single": single, "attributes": attributes(stream)}
+            answer(out, about, {n: np.asarray(stream.read(n)) for n in chosen})
+
+
+def main() -> None:
+    request = json.loads(sys.argv[1])
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what the library prints is no answer
+    limit = request.pop("memory")
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    known: dict[str, Any] = {"describe": describe, "read": read, "follow": follow}
+    what = known[request.pop("what")]
+    try:
+        what(out, **request)
+    except (RuntimeError, ValueError, KeyError, TypeError, AttributeError, MemoryError, OSError) as error:
+        answer(out, {"error": f"{type(error).__name__}: {error}"[:500]})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""What a reader of one simulation code's output is: how it knows its files, what they say of themselves, how it reads a field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from insitu.readers.arrays import Arrays
+
+INTERPOLATIONS = ("nearest", "linear")
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How data that lie on no one regular grid are brought onto one.
+
+    Attributes
+    ----------
+    resolution : values along (x, y, z); None: as many as the reader chooses.
+    interpolation : "nearest", the value of the cell that contains a point, or "linear" between cell centres.
+    mesh : the file that holds the mesh, where those with the fields don't.
+    """
+
+    resolution: tuple[int, int, int] | None = None
+    interpolation: str = "nearest"
+    mesh: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.interpolation not in INTERPOLATIONS:
+            raise ValueError(f"interpolation must be one of {INTERPOLATIONS}, got {self.interpolation!r}")
+        if self.resolution is not None and (len(self.resolution) != 3 or min(self.resolution) < 2):
+            raise ValueError(f"resolution must be three numbers from 2 up (x, y, z), got {self.resolution}")
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What differs from the defaults, in JSON values."""
+        held = {
+            "resolution": self.resolution and list(self.resolution),
+            "interpolation": self.interpolation if self.interpolation != "nearest" else None,
+            "mesh": self.mesh and self.mesh.name,
+        }
+        return {key: value for key, value in held.items() if value}
+
+
+@dataclass(frozen=True)
+class Record:
+    """One state of the simulation in a file: where it lies there, and the numbers that the file says of it, by name.
+
+    Of numbers that tell states apart equally well, such as redshift and time, the first is the parameter.
+    """
+
+    index: tuple[int, ...] = ()
+    says: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How the files of one code are read.
+
+    Attributes
+    ----------
+    name : as `--reader` asks for it.
+    what : the files, in a few words.
+    recognizes : whether a file, or a folder that counts as one, is surely the code's; looks at little of it and raises nothing.
+    files : all files that hold what is read at a path, the one that stands for all of them first.
+    records : the states in a file; raises ValueError or OSError.
+    read : (path, array, index of a record, sampling) to anything that `render.to_grid` takes, with its place; `array` None
+        stands for the only one.  Raises ValueError, OSError, or ModuleNotFoundError that names the extra to install.
+    opens : in place of `read`: the arrays of a file, whose first axes are those of a record's index.
+    grows : whether states are added to a file that has some, which leaves those as they are.
+    samples : whether it takes a `Sampling` that is not the default.
+    units : of what records say, by name.
+    """
+
+    name: str
+    what: str
+    recognizes: Callable[[Path], bool]
+    records: Callable[[Path, Sampling], Sequence[Record]]
+    read: Callable[[Path, str | None, tuple[int, ...], Sampling], Any] | None = None
+    opens: Callable[[Path], AbstractContextManager[Arrays]] | None = None
+    files: Callable[[Path], Sequence[Path]] = lambda path: (path,)
+    grows: bool = False
+    samples: bool = False
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+def chosen_array(array: str | None, names: Sequence[str], what: str = "the file") -> str:
+    """The array that is asked for, or the only one; raises ValueError listing them."""
+    if array is None and len(names) == 1:
+        return names[0]
+    if array is None:
+        raise ValueError(f"name the array to render (--array): {what} has {', '.join(names) or 'none'}")
+    if array not in names:
+        raise ValueError(f"no array {array!r}: {what} has {', '.join(names) or 'none'}")
+    return array

@@ -1,0 +1,202 @@
+"""Members told apart by what their files say of themselves: the states that a code's files hold, each a row of the table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from catalogs.words import shortened
+from insitu.readers.codes import listed_readers, reader_of
+from insitu.readers.files import is_field_file
+from insitu.readers.folders import files_below, is_folder_file
+from insitu.readers.reader import Reader, Record, Sampling
+from insitu.readers.tables import Row, Table, distinct
+
+LOOKED_AT = 16  # files, spread over all, that show of which code they are
+SAME = 1e-9  # relative deviation at which a number of a table still names the state of a file
+
+
+def dumps_below(folder: Path, name: str = "") -> list[Path]:
+    """The dumps of one code in a folder, or the folder itself where it is one; `name` says of which code.
+
+    Raises ValueError where there are none, or of several codes.
+    """
+    if is_folder_file(folder):
+        return [folder]
+    found: dict[str, list[Path]] = {}
+    for path in files_below(folder, deep=False):
+        reader = reader_of(path)
+        if reader is not None and name in ("", reader.name):
+            found.setdefault(reader.name, []).append(path)
+    if len(found) > 1:
+        raise ValueError(f"{folder} has dumps of several codes, {', '.join(found)}: choose one by --reader")
+    if not found:
+        raise no_ensemble(str(folder))
+    return next(iter(found.values()))
+
+
+def table_of_files(paths: Sequence[Path]) -> Table:
+    """Files that nothing but their contents tells apart; raises FileNotFoundError naming those that are absent."""
+    absent = [str(path) for path in paths if not is_field_file(path)]
+    if absent:
+        raise FileNotFoundError(f"there is no file {shortened(absent, 10)}")
+    return Table(tuple(Row(path, {}) for path in paths), {})
+
+
+def no_ensemble(source: str) -> ValueError:
+    """The error that says what an ensemble may be."""
+    return ValueError(
+        f"{source} is no ensemble: name a table of files (.csv), a pattern of files such as 'run_{{Re}}.vti', one HDF5, netCDF or "
+        f"Zarr file, or files or a folder of one code: {listed_readers()}"
+    )
+
+
+def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
+    """The one reader of some files, of which not all are looked at; raises ValueError where they are of several codes."""
+    some = paths[:: max(1, len(paths) // LOOKED_AT)]
+    readers = {reader.name if reader else "": reader for reader in (reader_of(path, name) for path in some)}
+    if len(readers) > 1:
+        raise ValueError(
+            f"the files are of several kinds, {sorted(readers)}: name one kind at a time, or choose by --reader"
+        )
+    return next(iter(readers.values()))
+
+
+def members_of(
+    listed: Callable[[bool], Table], name: str, sampling: Sampling, wanted: Sequence[str] = ()
+) -> tuple[Table, str]:
+    """The members of files, and the name of the code that wrote them, "" where none did.
+
+    `listed` gives the files with what a table or a pattern says of them: all of it (False), or what the files leave open (True).
+    """
+    found = listed(True)
+    reader = reader_for([row.path for row in found.rows], name)
+    if reader is None:
+        return listed(False).only(wanted), ""
+    return with_states(found, reader, sampling, wanted), reader.name
+
+
+def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequence[str] = ()) -> Table:
+    """The members of a table, one for each state that its files hold.
+
+    Parameters
+    ----------
+    reader : how the files are read.
+    wanted : the parameters, of the table or that files say; by default those of the table, and of what files say whatever else
+        tells members apart.
+
+    What a row says of a file with several states, and the file says of each another, chooses among these; else the row holds.
+    Raises ValueError naming the file.
+    """
+    rows: list[Row] = []
+    told: list[Mapping[str, float]] = []
+    seen: set[tuple[object, ...]] = set()
+    firsts: dict[Path, Path] = {}  # of every file that belongs to another's
+    for row in table.rows:
+        if row.path not in firsts:
+            firsts |= _first_files(row.path, reader)
+        first = firsts[row.path]
+        for record in _states(first, row.parameters, reader, sampling):
+            key = (first, record.index, *row.parameters.values())
+            if key not in seen:  # files of one state, such as those of several ranks, may all be named
+                seen.add(key)
+                rows.append(replace(row, path=first, index=record.index))
+                told.append(record.says)
+    chosen = _chosen(rows, told, wanted)
+    held = [
+        replace(row, parameters={name: {**says, **row.parameters}[name] for name in chosen})
+        for row, says in zip(rows, told, strict=True)
+    ]
+    named = [replace(row, name="") if _is_shared(row, held) else row for row in held]
+    return Table(distinct(named), {**reader.units, **table.units})
+
+
+def states_of(row: Row, name: str, sampling: Sampling, wanted: Sequence[str]) -> list[Row]:
+    """The members that a file holds, with the parameters `wanted`; `name` says of which code it is, if that can't be seen.
+
+    Raises ValueError where it says too little, or can't be read yet.
+    """
+    reader = reader_of(row.path, name)
+    if reader is not None:
+        return list(with_states(Table((row,), {}), reader, sampling, wanted).rows)
+    lacking = [parameter for parameter in wanted if parameter not in row.parameters]
+    if lacking:
+        raise ValueError(
+            f"{row.path}: its path does not say {lacking}, and it is of no code that is known: {listed_readers()}"
+        )
+    return [row]
+
+
+def files_beside(path: Path, name: str, sampling: Sampling) -> tuple[Path, ...]:
+    """What belongs to a file besides itself: those of other ranks, and that of the mesh."""
+    reader = reader_of(path, name)
+    parts = () if reader is None else tuple(part for part in reader.files(path) if part != path)
+    return parts if sampling.mesh is None else (*parts, sampling.mesh)
+
+
+def _first_files(path: Path, reader: Reader) -> dict[Path, Path]:
+    """The file that stands for all that belong to one, by each of these."""
+    try:
+        parts = reader.files(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    return dict.fromkeys([path, *parts], parts[0] if parts else path)
+
+
+def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sampling) -> list[Record]:
+    """The states of a file that a row means."""
+    try:
+        found = list(reader.records(path, sampling))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+    if len(found) == 1:
+        return found
+    telling = [name for name in given if len({record.says.get(name) for record in found}) > 1]
+    meant = [record for record in found if all(_is_same(record.says.get(name), given[name]) for name in telling)]
+    if not meant:
+        raise ValueError(
+            f"{path}: none of its {len(found)} states has {dict(given)}; the first says {dict(found[0].says)}"
+        )
+    return meant
+
+
+def _is_same(said: float | None, given: float) -> bool:
+    return said is None or math.isclose(said, given, rel_tol=SAME)
+
+
+def _chosen(rows: Sequence[Row], told: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:
+    """The names of the parameters."""
+    own = tuple(rows[0].parameters)
+    common = [name for name in told[0] if name not in own and all(name in says for says in told)]
+    if wanted:
+        unknown = [name for name in wanted if name not in (*own, *common)]
+        if unknown:
+            raise ValueError(f"--parameters {unknown} are none of {[*own, *common]}")
+        return tuple(wanted)
+    columns = [[row.parameters[name] for row in rows] for name in own]
+    chosen = list(own)
+    for name in common:
+        column = [says[name] for says in told]
+        # Redshift, time and step of one run tell its dumps apart equally well: one of them will do.
+        if len(set(column)) > 1 and not any(_is_as_telling(column, other) for other in columns):
+            chosen.append(name)
+            columns.append(column)
+    if not chosen:
+        said = ", ".join(f"{name} {told[0][name]:g}" for name in common) or "nothing"
+        raise ValueError(
+            f"nothing tells the members apart: the files say {said}, the same in all {len(rows)}; name parameters in a table or "
+            "a pattern, or choose one that files say by --parameters and give its --bounds"
+        )
+    return tuple(chosen)
+
+
+def _is_as_telling(column: Sequence[float], other: Sequence[float]) -> bool:
+    """Whether two columns are equal in the same rows."""
+    return len(set(zip(column, other, strict=True))) == len(set(column)) == len(set(other))
+
+
+def _is_shared(row: Row, rows: Sequence[Row]) -> bool:
+    """Whether several states have the name that their file has in a table."""
+    return bool(row.name) and sum(other.name == row.name for other in rows) > 1

@@ -1,0 +1,271 @@
+"""Snapshots of Xcompact3d: raw arrays in binary files, and an XDMF file that says what they are (the code's `visu.f90`).
+
+    data/snapshot-0010.xdmf, data/ux-0010.bin, data/pp-0010.bin, ...
+
+The files of its toolbox, which hold all snapshots and their times in one XDMF file, are read as well.  Arrays stay on disk until
+they are used.  The XML may come from strangers: entities are not expanded, and no file outside the XDMF file's folder is read.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, ParseError
+
+import numpy as np
+
+from insitu.field import Field
+from insitu.readers.arrays import LabelledArray, check_room
+from insitu.readers.printed import PrintedAxis
+from insitu.readers.reader import Reader, Record, Sampling, chosen_array
+
+SUFFIXES = {".xdmf", ".xmf"}
+LARGEST = 1 << 26  # bytes of an XDMF file
+MOST_ELEMENTS = 1_000_000
+DEEPEST = 32
+MARKS = (
+    re.compile(rb"<Xdmf\b"),
+    re.compile(rb"""TopologyType\s*=\s*["']3D(Co)?RectMesh"""),
+    re.compile(rb"""["']Binary["']"""),
+)
+ENDIANS = {"little": "<", "big": ">", "native": "="}
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A state of the simulation: the elements of its arrays by name, its mesh, and its time where that is known."""
+
+    name: str
+    time: float | None
+    arrays: dict[str, Element]
+    counts: tuple[int, int, int]  # of points along z, y, x
+    geometry: Element
+
+
+@dataclass(frozen=True)
+class RawArray:
+    """Where an array lies: its values follow each other in a file."""
+
+    path: Path
+    kind: np.dtype[Any]
+    begins: int
+    shape: tuple[int, int, int]  # z, y, x
+
+
+def recognizes(path: Path) -> bool:
+    """Whether it is an XDMF file of a rectilinear mesh whose arrays are raw."""
+    try:
+        if path.suffix.lower() not in SUFFIXES or not path.is_file() or path.stat().st_size > LARGEST:
+            return False
+        text = path.read_bytes()
+    except OSError:
+        return False
+    return all(mark.search(text) for mark in MARKS)
+
+
+def records(path: Path, sampling: Sampling) -> list[Record]:
+    """The snapshots of a file: their times, or else their numbers."""
+    found = []
+    for number, snapshot in enumerate(_snapshots(path)):
+        word = snapshot.name.strip()
+        says = {} if snapshot.time is None else {"time": snapshot.time}
+        found.append(
+            Record((number,), {**says, **({"snapshot": float(word)} if word.isdigit() and len(word) < 16 else {})})
+        )
+    return found
+
+
+def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field | LabelledArray:
+    """An array of a snapshot, by default of the first."""
+    snapshots = _snapshots(path)
+    (number,) = index or (0,)
+    if number >= len(snapshots):
+        raise ValueError(f"it has {len(snapshots)} snapshots, not {number + 1}")
+    snapshot = snapshots[number]
+    name = chosen_array(array, list(snapshot.arrays), f"snapshot {snapshot.name.strip()!r}")
+    try:
+        raw = _raw_array(path, snapshot.arrays[name])
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    on_points = raw.shape == snapshot.counts
+    if not on_points and raw.shape != tuple(n - 1 for n in snapshot.counts):
+        raise ValueError(f"{name} has {raw.shape} values on {snapshot.counts} points (z, y, x)")
+    check_room(math.prod(raw.shape) * raw.kind.itemsize, f"{name!r}")
+    values = np.memmap(raw.path, raw.kind, "r", raw.begins, raw.shape)  # [nz, ny, nx]
+    return _placed(values, snapshot, name, on_points)
+
+
+def _placed(values: Any, snapshot: Snapshot, name: str, on_points: bool) -> Field | LabelledArray:
+    steps, starts, axes = _mesh(snapshot)
+    half = 0.0 if on_points else 0.5
+    if steps is not None:
+        origin = tuple(start + half * step for start, step in zip(starts, steps, strict=True))
+        return Field(values, steps, origin, name, time=snapshot.time)  # type: ignore[arg-type]
+    along = [axis.values if on_points else axis.centers for axis in axes]
+    return LabelledArray(values, ("z", "y", "x"), dict(zip("xyz", along, strict=True)), name, time=snapshot.time)
+
+
+# ---- XDMF ------------------------------------------------------------------------------------------------------------
+
+
+def _snapshots(path: Path) -> list[Snapshot]:
+    """The snapshots of an XDMF file; raises ValueError where it is another one."""
+    root = _parsed(path)
+    domain = root.find("Domain") if root.tag == "Xdmf" else None
+    if domain is None:
+        raise ValueError("it is no XDMF file: there is no Xdmf/Domain in it")
+    grids: list[tuple[Element, float | None]] = []
+    for grid in domain.findall("Grid"):
+        if grid.get("GridType", "Uniform") == "Uniform":
+            grids.append((grid, _value(grid.find("Time"))))
+        elif grid.get("CollectionType") == "Temporal":
+            inner = grid.findall("Grid")
+            first, step = _hyperslab(grid.find("Time"))
+            times = [first + step * i for i in range(len(inner))] if step is not None else [None] * len(inner)
+            own = [_value(g.find("Time")) for g in inner]
+            grids += [(g, t if o is None else o) for g, t, o in zip(inner, times, own, strict=True)]
+        else:
+            raise ValueError(f"its grid {grid.get('Name')!r} is neither Uniform nor a collection in time")
+    if not grids:
+        raise ValueError("it has no snapshots: there is no Grid in it")
+    return [_snapshot(domain, grid, time) for grid, time in grids]
+
+
+def _parsed(path: Path) -> Element:
+    """The root of an XML file from a stranger; raises ValueError where it is none, or out of all proportion."""
+    from defusedxml import DefusedXmlException
+    from defusedxml.ElementTree import iterparse
+
+    if path.stat().st_size > LARGEST:
+        raise ValueError(f"it has {path.stat().st_size} bytes, more than an XDMF file of snapshots")
+    root, depth, count = None, 0, 0
+    try:
+        with path.open("rb") as file:
+            for event, element in iterparse(file, ("start", "end"), forbid_entities=True, forbid_external=True):
+                root = element if root is None else root
+                depth, count = depth + (1 if event == "start" else -1), count + 1
+                if depth > DEEPEST or count > 2 * MOST_ELEMENTS:
+                    raise ValueError(f"it nests more than {DEEPEST} elements, or has more than {MOST_ELEMENTS}")
+    except DefusedXmlException as error:
+        raise ValueError(f"its XML declares an entity, which could expand to anything: {error}") from None
+    except (ParseError, LookupError) as error:
+        raise ValueError(f"it is no XML: {error}") from None
+    if root is None:
+        raise ValueError("it is empty")
+    return root
+
+
+def _snapshot(domain: Element, grid: Element, time: float | None) -> Snapshot:
+    topology, geometry = (_referred(domain, grid, what) for what in ("Topology", "Geometry"))
+    counts = _counts(topology)
+    arrays = {}
+    for attribute in grid.findall("Attribute"):
+        item = attribute.find("DataItem")
+        if item is not None and attribute.get("Name"):
+            arrays[str(attribute.get("Name"))] = item
+    return Snapshot(grid.get("Name", ""), time, arrays, counts, geometry)
+
+
+def _referred(domain: Element, grid: Element, what: str) -> Element:
+    """The topology or geometry of a grid: its own, or the one of the domain that it refers to."""
+    found = grid.find(what)
+    if found is None or found.get("Reference"):
+        shared = domain.findall(what)
+        number = re.fullmatch(
+            rf"/Xdmf/Domain/{what}(?:\[(\d{{1,6}})\])?", (found.get("Reference") or "") if found is not None else ""
+        )
+        place = int(number[1] or 1) if number else 1
+        found = shared[place - 1] if 1 <= place <= len(shared) else None
+    if found is None:
+        raise ValueError(f"its grid {grid.get('Name')!r} has no {what}")
+    return found
+
+
+def _counts(element: Element) -> tuple[int, int, int]:
+    """The Dimensions of a topology or an array, (z, y, x)."""
+    words = (element.get("Dimensions") or element.get("NumberOfElements") or "").split()
+    if len(words) != 3 or not all(word.isdigit() and len(word) < 10 for word in words):
+        raise ValueError(f"Dimensions must be three numbers, z y x, got {' '.join(words)[:60]!r}")
+    nz, ny, nx = map(int, words)
+    return nz, ny, nx
+
+
+def _mesh(snapshot: Snapshot) -> tuple[Any, Any, Sequence[PrintedAxis]]:
+    """(spacing, origin) of an even mesh, (x, y, z); (None, None) of another, and its axes along x, y and z."""
+    kind = snapshot.geometry.get("Type") or snapshot.geometry.get("GeometryType") or ""
+    items = [(item.text or "").split() for item in snapshot.geometry.findall("DataItem")]
+    wanted = {"ORIGIN_DXDYDZ": [3, 3], "VXVYVZ": list(snapshot.counts[::-1])}.get(kind.upper())
+    if wanted is None or [len(words) for words in items] != wanted:
+        raise ValueError(
+            f"its geometry must be ORIGIN_DXDYDZ or VXVYVZ with {wanted or 'their'} numbers, got {kind[:40]!r}"
+        )
+    if kind.upper() == "ORIGIN_DXDYDZ":
+        origin, spacing = ([_finite(word, "origin and spacing") for word in reversed(words)] for words in items)
+        return tuple(spacing), tuple(origin), ()
+    axes = [PrintedAxis.of(words) for words in items]
+    steps = [axis.step for axis in axes]
+    if all(step is not None for step in steps):
+        return tuple(steps), tuple(axis.ends[0] for axis in axes), axes
+    return None, None, axes
+
+
+def _raw_array(path: Path, item: Element) -> RawArray:
+    """Where the values of a DataItem lie; raises ValueError where that is no raw file in the XDMF file's folder, or too short."""
+    if item.get("Format") != "Binary":
+        raise ValueError(
+            f"its values are stored as {item.get('Format')!r}, not Binary: for the ADIOS2 output of the code, name its .bp folder"
+        )
+    number, precision = item.get("NumberType") or item.get("DataType") or "Float", item.get("Precision", "4")
+    endian = ENDIANS.get(item.get("Endian", "native").lower())
+    if (number, precision) not in {("Float", "4"), ("Float", "8")} or endian is None:
+        raise ValueError(f"it must hold Float of 4 or 8 bytes, got {number} {precision}, {item.get('Endian')} endian")
+    kind, shape = np.dtype(f"{endian}f{precision}"), _counts(item)
+    seek = item.get("Seek", "0")
+    if not seek.isdigit() or len(seek) > 18:
+        raise ValueError(f"Seek must be a number of bytes, got {seek[:40]!r}")
+    folder, name = path.resolve().parent, (item.text or "").strip()
+    try:
+        other = (folder / name).resolve()
+        if not other.is_relative_to(folder):
+            raise ValueError(f"it lies in {name[:200]!r}, outside the folder of {path.name}: copy both into one folder")
+        if not name or not other.is_file():
+            raise ValueError(f"there is no file {name[:200]!r} beside {path.name}")
+        size = other.stat().st_size
+    except (OSError, RuntimeError) as error:  # too long a name, or a circle of links
+        raise ValueError(f"the file {name[:60]!r} is not readable: {error}") from None
+    claimed = int(seek) + math.prod(shape) * kind.itemsize
+    if claimed > size:
+        raise ValueError(
+            f"it claims {claimed} bytes, {other.name} has {size}: is it being written, or of another precision?"
+        )
+    return RawArray(other, kind, int(seek), shape)
+
+
+def _value(time: Element | None) -> float | None:
+    """The Value of a Time; None where there is none."""
+    word = None if time is None else time.get("Value")
+    return None if word is None else _finite(word)
+
+
+def _hyperslab(time: Element | None) -> tuple[float, float | None]:
+    """(first, step) of the times of a collection; step None where it does not say."""
+    item = time.find("DataItem") if time is not None and time.get("TimeType") == "HyperSlab" else None
+    words = [] if item is None else "".join(item.itertext()).split()
+    return (_finite(words[0]), _finite(words[1])) if len(words) in (2, 3) else (0.0, None)
+
+
+def _finite(word: str, what: str = "a time") -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{what} must be a finite number, got {word[:40]!r}")
+    return value
+
+
+READER = Reader("xcompact3d", "Xcompact3d, snapshot-<n>.xdmf beside its .bin files", recognizes, records, read)
