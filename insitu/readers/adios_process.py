@@ -7,6 +7,7 @@ lists.
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import resource
@@ -16,14 +17,20 @@ import time
 from pathlib import Path
 from typing import Any, BinaryIO
 
-sys.modules["torch"] = None  # type: ignore[assignment]  # adios2 loads it where it can, in seconds and much memory
-
-import adios2  # noqa: E402
-import numpy as np  # noqa: E402
+import numpy as np
 
 KINDS = ("float", "double", "int8_t", "uint8_t", "int16_t", "uint16_t", "int32_t", "uint32_t", "int64_t", "uint64_t")
 LONGEST = 64  # numbers of an attribute
 PAUSE = 0.1  # seconds between two looks for a stream that is not there yet
+
+
+@functools.cache
+def library() -> Any:
+    """The module adios2, kept from loading torch where that is installed: that takes seconds and much memory."""
+    sys.modules["torch"] = None  # type: ignore[assignment]
+    import adios2
+
+    return adios2
 
 
 def answer(out: BinaryIO, held: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
@@ -44,7 +51,7 @@ def variables(stream: Any) -> dict[str, dict[str, Any]]:
         shape = [int(word) for word in about.get("Shape", "").split(",") if word.strip()]
         is_single = about.get("SingleValue") == "true"
         if about.get("Type") in KINDS and (shape or is_single):
-            kind = np.dtype(adios2.type_adios_to_numpy(about["Type"])).str
+            kind = np.dtype(library().type_adios_to_numpy(about["Type"])).str
             steps = int(about.get("AvailableStepsCount", "1"))
             found[name] = {"shape": [] if is_single else shape, "kind": kind, "steps": steps}
     return found
@@ -62,7 +69,7 @@ def attributes(stream: Any) -> dict[str, Any]:
 
 def describe(out: BinaryIO, path: str) -> None:
     """All that a file says but its arrays: of single numbers the value at each step."""
-    with adios2.FileReader(path) as file:
+    with library().FileReader(path) as file:
         steps, held = int(file.num_steps()), variables(file)
         single = [n for n, about in held.items() if not about["shape"] and about["steps"] == steps]
         values = {n: np.ravel(file.read(n, step_selection=[0, steps])).astype(float).tolist() for n in single}
@@ -71,7 +78,7 @@ def describe(out: BinaryIO, path: str) -> None:
 
 def read(out: BinaryIO, path: str, name: str, step: int) -> None:
     """One array at one step."""
-    with adios2.FileReader(path) as file:
+    with library().FileReader(path) as file:
         values = file.read(name, step_selection=[step, 1])
         answer(out, {}, {name: np.asarray(values)})
 
@@ -81,9 +88,9 @@ def follow(out: BinaryIO, path: str, engine: str, names: list[str]) -> None:
     place = Path(path) / "md.idx" if engine == "BPFile" else Path(f"{path}.sst")
     while not place.exists():
         time.sleep(PAUSE)
-    io = adios2.Adios().declare_io("follow")
+    io = library().Adios().declare_io("follow")
     io.set_engine(engine)
-    with adios2.Stream(io, path, "r") as stream:
+    with library().Stream(io, path, "r") as stream:
         for _ in stream.steps():
             held = variables(stream)
             single = {n: float(np.ravel(stream.read(n))[0]) for n, about in held.items() if not about["shape"]}
@@ -96,6 +103,7 @@ def main() -> None:
     request = json.loads(sys.argv[1])
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the library prints is no answer
+    library()  # what it takes itself is not what files take
     limit = request.pop("memory")
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     known: dict[str, Any] = {"describe": describe, "read": read, "follow": follow}
