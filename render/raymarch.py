@@ -18,6 +18,7 @@ from render.grids import Grid
 from render.shaders import AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER
 
 RAYS_AT_ONCE = 4096
+ROUNDING = 1e-14  # of the values: double precision tells no smaller difference of two interpolated values from 0
 
 
 def march(grid: Grid, appearance: VolumeRendering, camera: Camera, sample_distance: float) -> NDArray[np.float64]:
@@ -84,13 +85,17 @@ def trilinear(grid: Grid, points: NDArray[np.float64]) -> tuple[NDArray[np.float
 
 
 def gradient(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Central differences over one spacing to either side, (..., 3), at world `points` (..., 3)."""
+    """Central differences over one spacing to either side, (..., 3), at world `points` (..., 3).
+
+    A difference within the rounding of the interpolation (`ROUNDING` of the values) is 0: constant regions have no slope.
+    """
     slopes = []
     for axis, spacing in enumerate(grid.spacing):
         offset = np.zeros(3)
         offset[axis] = spacing
         ahead, behind = trilinear(grid, points + offset)[0], trilinear(grid, points - offset)[0]
-        slopes.append((ahead - behind) / (2 * spacing))
+        told_apart = np.abs(ahead - behind) > ROUNDING * (np.abs(ahead) + np.abs(behind))
+        slopes.append(np.where(told_apart, ahead - behind, 0.0) / (2 * spacing))
     return np.stack(slopes, axis=-1)
 
 

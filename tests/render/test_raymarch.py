@@ -86,6 +86,21 @@ def test_the_gradient_of_a_linear_field_is_its_slope() -> None:
     np.testing.assert_allclose(gradient(grid, points), np.broadcast_to([2.0, -3.0, 0.25], (50, 3)), atol=1e-6)
 
 
+@pytest.mark.parametrize("value", [0.7, -1e-30, 1e30])
+def test_constant_regions_have_no_slope_though_interpolation_rounds(value: float) -> None:
+    grid = to_grid(np.full((7, 6, 5), value), spacing=(0.3, 0.7, 1.1))
+    points = np.random.default_rng(0).uniform(grid.bounds[0], grid.bounds[1], (1000, 3))
+    values = trilinear(grid, points)[0]
+    assert np.ptp(values) > 0  # so that the differences below are rounding, not zeros
+    np.testing.assert_array_equal(gradient(grid, points), 0.0)
+
+
+def test_a_slope_far_smaller_than_the_values_is_kept() -> None:
+    x = np.arange(5.0)
+    grid = to_grid(1e6 + np.broadcast_to(1e-3 * x, (5, 5, 5)))
+    np.testing.assert_allclose(gradient(grid, np.full((1, 3), 2.0)), [[1e-3, 0.0, 0.0]], rtol=1e-6, atol=0.0)
+
+
 def test_cells_at_holes_are_hidden_and_no_others() -> None:
     values = np.ones((4, 4, 4))
     values[1, 2, 3] = np.nan

@@ -63,6 +63,18 @@ def test_a_constant_field_is_a_homogeneous_medium(value: float) -> None:
     np.testing.assert_allclose(rgba, alpha * np.array([1 - clipped, 0, clipped, 1]), atol=1e-4)
 
 
+@pytest.mark.parametrize("value", [0.1, 0.3, 0.7, 0.9])
+def test_a_constant_region_has_ambient_light_only(value: float) -> None:
+    values = np.full((9, 10, 11), value)
+    values[:, :, 0] = 0.0  # the range drawn is not empty; seen from far beyond the other end
+    values[:, :, 1] = 1.0
+    grid = to_grid(values, spacing=(0.13, 0.11, 0.17))
+    transfer = TransferFunction(((0, 1, 0.5, 0), (1, 1, 0.5, 0)), ((0, 1.0), (1, 1.0)), 1e-3)
+    camera = Camera.look_at((9, 0.31, 0.47), (0.6, 0.53, 0.61), vertical_fov_degrees=3.0, width=16, height=16)
+    rgba = drawn(grid, VolumeRendering("flat", transfer, shaded=True), camera, 0.05)
+    np.testing.assert_allclose(rgba, np.broadcast_to([0.1, 0.05, 0, 1], rgba.shape), atol=1e-5)
+
+
 def test_opacity_does_not_depend_on_the_step(gyroid) -> None:
     transfer = TransferFunction(GRAY, ((0.0, 0.5), (1.0, 0.5)), 0.7)
     flat = to_grid(np.full(gyroid.shape, 0.5), spacing=(0.02, 0.4, 0.4))  # thin: 20 : 1
