@@ -35,7 +35,7 @@ SPACE = ParameterSpace((Parameter("w", 0.0, 1.0),))
 VOLUME = VolumeRendering(
     "dvr", TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
 )
-OPTIONS = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=2, width=32, height=32), sample_distance=0.1)
+OPTIONS = PlanOptions(SPACE, (VOLUME,), ViewPlan(frequency=3, width=32, height=32), sample_distance=0.1)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Killer:
         late = self.gathering <= self.rendering
         until = time.monotonic() + WAIT_SECONDS
         while time.monotonic() < until and not (victim := self._holder() if late else self._renderer()):
-            if late and state.members - state.members_done <= self._stored():
+            if not late and self._stored() == state.members:
                 return
             time.sleep(0.005)
         if victim and self._kill(victim):
@@ -96,8 +96,10 @@ class Killer:
 
     def _renderer(self) -> str:
         """That of a worker at work, while a member is half written."""
+        if not list(self.catalog.glob(".unfinished/*/dvr/*")):
+            return ""
         busy = [address for address, keys in self.engine.client.processing().items() if keys]
-        return self.chance.choice(busy) if busy and list(self.catalog.glob(".unfinished/*/dvr/*")) else ""
+        return self.chance.choice(busy) if busy else ""
 
     def _kill(self, address: str) -> bool:
         pid = self.engine.client.run(_pid, workers=[address], on_error="ignore").get(address)
@@ -115,7 +117,7 @@ def _pid() -> int:
 
 
 def killed_ensemble(workers: LocalCluster, catalog: Path, members: int, kills: int) -> tuple[EnsembleResult, Killer]:
-    """An ensemble of `members` during which up to `kills` workers are killed; raises RuntimeError unless each member is there once."""
+    """An ensemble of `members` while up to `kills` workers are killed; raises RuntimeError unless each member is there once."""
     with opened(workers.address, [catalog]) as engine:
         assert engine is not None
         killer = Killer(workers, engine, catalog, kills)

@@ -73,7 +73,7 @@ class Cluster:
         if not tasks:
             return
         running = {self._submitted(name, task): name for name, task in tasks.items()}
-        completed, hopeless = as_completed(list(running)), None
+        completed, hopeless = as_completed(list(running), loop=self.client.loop), None
         try:
             while running and hopeless is None:
                 batch = completed.next_batch(block=False) if completed.queue.qsize() else ()

@@ -15,6 +15,6 @@ pytest.importorskip("distributed", reason="Dask is not installed: pip install gs
 @pytest.mark.slow
 def test_an_ensemble_outlives_its_workers(tmp_path: Path) -> None:
     with local_cluster(tmp_path, workers=2) as workers:
-        result, killer = killed_ensemble(workers, tmp_path / "a.cdb", members=8, kills=4)
-    assert (killer.rendering, killer.gathering) == (2, 2)
-    assert len(result.rendered) + len(result.skipped) == 8
+        result, killer = killed_ensemble(workers, tmp_path / "a.cdb", members=12, kills=4)
+    assert min(killer.rendering, killer.gathering) >= 1
+    assert len(result.rendered) + len(result.skipped) == 12

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.local_cluster import LocalCluster, local_cluster
+from benchmarks.local_cluster import SETTINGS, LocalCluster, local_cluster
 from engines.address import opened
 from engines.cluster import Cluster
 from engines.engine import EngineError
@@ -69,7 +69,7 @@ def test_interrupted_it_begins_nothing_more(workers: LocalCluster, tmp_path: Pat
 
 
 def test_a_task_that_kills_every_worker_fails_in_plain_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(local_cluster.__globals__["SETTINGS"], "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    monkeypatch.setitem(SETTINGS, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
     with local_cluster(tmp_path, workers=1) as own, opened(own.address) as engine:
         _, failed = outcomes(engine, {"one": dask_tasks.die})
     assert "each worker that tried it died" in str(failed["one"])
