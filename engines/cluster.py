@@ -50,11 +50,6 @@ class Cluster:
         finally:
             client.close()
 
-    @property
-    def workers(self) -> int:
-        """How many there are now."""
-        return len(self.client.nthreads())
-
     def run(
         self,
         tasks: Mapping[str, Task],
