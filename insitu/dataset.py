@@ -14,6 +14,7 @@ from catalogs.catalog import Catalog
 from catalogs.exchange import import_nerf
 from catalogs.progress import Count, Rate
 from catalogs.scene import PlannedMember, Scene
+from engines.engine import Engine
 from insitu.agreement import disagreements, misplaced
 from insitu.ensemble import run_ensemble
 from insitu.fields import check_names
@@ -41,6 +42,7 @@ def make_dataset(
     *,
     workers: int | None = None,
     shard: tuple[int, int] | None = None,
+    engine: Engine | None = None,
     progress: Callable[[object], None] = lambda state: None,
     warn: Callable[[Warning], None] | None = None,
 ) -> DatasetResult:
@@ -62,7 +64,9 @@ def make_dataset(
         if scene.source["kind"] == "nerf":
             made, failures = _import(scene, folder, show)
         else:
-            made, failures = _render(scene, folder, workers=workers, shard=shard, progress=show, warn=warn)
+            made, failures = _render(
+                scene, folder, workers=workers, shard=shard, engine=engine, progress=show, warn=warn
+            )
     finally:
         stopwatch.record()
     members = len(Catalog.open(folder / CATALOG).members)

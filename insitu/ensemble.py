@@ -6,7 +6,7 @@ import os
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,8 @@ from catalogs.farthest import farthest_points
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember
 from catalogs.words import shortened
+from engines.engine import Engine
+from engines.executors import OnExecutor
 from insitu.agreement import SOURCE, agreeing_catalog, create_catalog, misplaced
 from insitu.callers import warn_caller
 from insitu.dumps import FieldSource, FileSource, Run, runs_of
@@ -75,7 +77,7 @@ def run_ensemble(
     *,
     workers: int | None = None,
     executor: Executor | None = None,
-    pool: WorkerPool | None = None,
+    engine: Engine | None = None,
     shard: tuple[int, int] | None = None,
     nan: str = "refuse",
     existing: Existing = "error",
@@ -94,9 +96,10 @@ def run_ensemble(
     members : all members of the ensemble; those already in the catalog are skipped.
     source : yields their fields, in the worker processes; of one run (see `RunSource`) all in the same process.
     workers : processes of the default pool (spawned, one thread each); by default one per available core.
-    executor : any `concurrent.futures.Executor` instead, such as mpi4py's or dask's; its workers must see the
+    executor : any `concurrent.futures.Executor` instead, such as mpi4py's; its workers must see the
         same file system.  Progress then moves by whole runs.
-    pool : workers that are there already and stay; then `workers` and `executor` do not matter.
+    engine : what is there already and stays, such as the `engines.cluster.Cluster` of many machines; then `workers` and `executor`
+        do not matter.
     shard : (i, n), i from 1 to n: take only every n-th run, starting with the i-th; where the source knows of no runs, every n-th
         member.  n machines that write to one shared catalog each take one.
     nan : as in `render_member`.
@@ -129,7 +132,7 @@ def run_ensemble(
         Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
         return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
     count = min(workers or available_cores(), len(todo))
-    with single_threaded(), nullcontext(pool) if pool else WorkerPool(count, executor) as hands:
+    with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
         kept = cache if source.expensive else None
         show, tell = progress or (lambda state: None), warn or warn_caller
         work = _Work(path, source, nan, kept, hands, show, tell, frozenset(changed))
@@ -157,6 +160,11 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def local_engine(count: int, executor: Executor | None) -> AbstractContextManager[Engine]:
+    """So many workers of our own, or an `executor`'s."""
+    return WorkerPool(count) if executor is None else nullcontext(OnExecutor(executor))
+
+
 @dataclass(frozen=True)
 class _Work:
     """One call of `run_ensemble`: what its tasks share."""
@@ -165,7 +173,7 @@ class _Work:
     source: FieldSource
     nan: str
     cache: Path | None
-    pool: WorkerPool
+    engine: Engine
     show: Callable[[EnsembleProgress], None]
     warn: Callable[[Warning], None]
     replaced: frozenset[str]  # stored members that are rendered anew
@@ -188,7 +196,7 @@ class _Work:
             for run in runs
             if names & {m.name for m in run}
         }
-        self.pool.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
+        self.engine.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
         if not found:
             raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
         create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
@@ -238,7 +246,7 @@ class _Work:
             name: partial(render_run, self.path, self.source, run, self.nan, self.cache, self.replaced)
             for name, run in by_task.items()
         }
-        self.pool.run(tasks, settle, failed, partial(self._tick, tracker), lambda error: isinstance(error, DiskError))
+        self.engine.run(tasks, settle, failed, partial(self._tick, tracker), lambda error: isinstance(error, DiskError))
         return rendered, there, failures
 
     def _tick(self, tracker: Tracker, reports: Iterable[Report]) -> None:

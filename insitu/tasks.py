@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.catalog import Catalog
+from catalogs.scene import PlannedMember
 from insitu.dumps import Dump, FieldSource, Run, dumps_of, identity_of, record_of
 from insitu.existing import Existing
 from insitu.field_cache import save_field
@@ -101,6 +102,9 @@ def render_run(
         except StopRequested:
             raise
         except Exception as error:
+            if name not in replaced and _is_stored(path, dump.member):  # meanwhile, by a worker that was thought dead
+                send(Report(name, "stored", 1.0))
+                continue
             hopeless = isinstance(error, OSError) and error.errno in STOPPING
             reason = _disk_reason(error, path) if hopeless else reason_of(error)
             outcomes.append(Outcome(name, failure=reason))
@@ -133,6 +137,11 @@ def _rendered(path: Path, source: FieldSource, dump: Dump, nan: str, existing: E
             appearances=member.appearances,
             existing=existing,
         )
+
+
+def _is_stored(path: Path, member: PlannedMember) -> bool:
+    catalog = Catalog.open(path)
+    return member.name in catalog and dict(catalog.member(member.name).parameters) == dict(member.parameters)
 
 
 def _disk_reason(error: Exception, path: Path) -> str:

@@ -13,14 +13,14 @@ from typing import Any
 from catalogs.catalog import Catalog
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.words import shortened
-from insitu.ensemble import EnsembleResult, available_cores, run_ensemble
+from insitu.ensemble import EnsembleResult, available_cores, local_engine, run_ensemble
 from insitu.existing import Existing
 from insitu.file_ensemble import FileEnsemble
 from insitu.identity import stamp
 from insitu.planning import PlanOptions, is_catalog
 from insitu.readers.tables import Row, matching, pattern_names
 from insitu.request import member_name
-from insitu.workers import WorkerPool, single_threaded
+from insitu.workers import single_threaded
 
 INTERVAL = 1.0  # seconds between two looks at the folder
 
@@ -186,7 +186,7 @@ def watch_folder(
     arrivals, path = arrivals or Arrivals(watching), Path(catalog)
     told: dict[str, str] = {}
     idle_since = clock.monotonic()
-    with single_threaded(), WorkerPool(workers or available_cores(), executor) as pool:
+    with single_threaded(), local_engine(workers or available_cores(), executor) as engine:
         while True:
             now = clock.monotonic()
             rows = _new(path, arrivals, now)
@@ -194,7 +194,7 @@ def watch_folder(
                 lot = replace(ensemble, rows=rows)
                 how: dict[str, Any] = {
                     "nan": nan,
-                    "pool": pool,
+                    "engine": engine,
                     "progress": progress,
                     "warn": warn,
                     "existing": existing,

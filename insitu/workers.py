@@ -11,16 +11,15 @@ import threading
 import time as clock
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-# One process per core scales better than threads within one: numpy's and Mesa's threads would fight over the cores.
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
+from engines.engine import ONE_THREAD, TICK_SECONDS
+
 KILLED = "its worker process was killed, twice; if memory ran out, take fewer workers"
 GRACE_SECONDS = 10.0
-TICK_SECONDS = 0.2
 
 
 class StopRequested(Exception):
@@ -49,7 +48,7 @@ _idle.set()
 def send(report: Report) -> None:
     """Pass `report` to the process that runs the ensemble; raises StopRequested where that was interrupted.
 
-    Does nothing in a foreign executor.
+    Does nothing in the workers of another engine.
     """
     if _parent is not None:
         reports, stop = _parent
@@ -59,27 +58,25 @@ def send(report: Report) -> None:
 
 
 class WorkerPool:
-    """Workers that take tasks and report on them: spawned processes of our own, or a foreign executor.
+    """The engine of this machine: spawned processes that take tasks and report on them.
 
     A context manager: on leaving it with an error, workers are asked to stop, then made to, and none stays behind.
     """
 
-    def __init__(self, count: int, executor: Executor | None = None) -> None:
-        self._count, self._foreign = count, executor
+    def __init__(self, count: int) -> None:
+        self._count = count
         self._context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
         self._before = {p.pid for p in multiprocessing.active_children()}
-        self._executor: Any = executor
+        self._executor: Any = None
         self._queue: Any = None
         self._stop: Any = None
 
     def __enter__(self) -> WorkerPool:
-        if self._foreign is None:
-            self._start()
+        self._start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._foreign is None:
-            self._end(at_once=kind is not None)
+        self._end(at_once=kind is not None)
 
     def run(
         self,
@@ -104,15 +101,14 @@ class WorkerPool:
                 tick(self._reports())
                 if any(isinstance(f.exception(), BrokenExecutor) for f in finished):
                     finished, _ = wait(running)  # the whole pool is gone
-                    if self._foreign is None:
-                        self._end(at_once=True)
-                        self._start()
+                    self._end(at_once=True)
+                    self._start()
                 for future in finished:
                     name, task, alone = running.pop(future)
                     error = future.exception()
                     if error is None:
                         done(name, future.result())
-                    elif isinstance(error, BrokenExecutor) and not alone and self._foreign is None:
+                    elif isinstance(error, BrokenExecutor) and not alone:
                         waiting.append((name, task, True))
                     else:
                         died = isinstance(error, BrokenExecutor)
@@ -127,7 +123,7 @@ class WorkerPool:
                 future.cancel()
 
     def _hand_out(self, waiting: deque[Any], running: dict[Future[Any], Any]) -> None:
-        while waiting and (self._foreign is not None or len(running) < self._count):
+        while waiting and len(running) < self._count:
             if running and waiting[0][2]:
                 return
             name, task, alone = waiting.popleft()

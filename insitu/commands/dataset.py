@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from insitu.commands.shell import NAMED_FILE, PATH, SHARD, WORKERS, command, fail_on, how_to_run
+from insitu.commands.shell import ENGINE, NAMED_FILE, PATH, SHARD, WORKERS, command, engine_at, fail_on, how_to_run
 
 
 @click.command()
@@ -14,13 +14,16 @@ from insitu.commands.shell import NAMED_FILE, PATH, SHARD, WORKERS, command, fai
 @click.option("--runs", default="runs", show_default=True, type=PATH, help="Folder of all results.")
 @WORKERS
 @SHARD
-def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None) -> None:
+@ENGINE
+def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None, engine: str | None) -> None:
     """Make the data set of SCENE (a TOML file); goes on where it was interrupted."""
     with command() as line:
         from catalogs.scene import Scene
         from insitu.dataset import make_dataset
 
-        result = make_dataset(Scene.load(scene), runs, **how_to_run(line, workers, shard))
+        loaded, how = Scene.load(scene), how_to_run(line, workers, shard)
+        with engine_at(engine, workers, runs) as where:
+            result = make_dataset(loaded, runs, **how, **where)
         fail_on(result.failures)
     if result.made:
         click.echo(f"{result.catalog}: {result.members} members, {result.made} new, {result.seconds:.0f} s in all")

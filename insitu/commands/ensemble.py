@@ -9,7 +9,7 @@ import click
 
 from insitu.commands import shell
 from insitu.commands.reading import Reading, appearances_of, pilots, reading_options, suggested
-from insitu.commands.shell import command, fail_on, how_to_run
+from insitu.commands.shell import command, engine_at, fail_on, how_to_run
 
 
 @click.command()
@@ -26,6 +26,7 @@ from insitu.commands.shell import command, fail_on, how_to_run
 @shell.NAN
 @shell.WORKERS
 @shell.SHARD
+@shell.ENGINE
 def ensemble(
     sources: tuple[str, ...],
     catalog: Path,
@@ -39,6 +40,7 @@ def ensemble(
     nan: str,
     workers: int | None,
     shard: str | None,
+    engine: str | None,
     **reading: Any,
 ) -> None:
     """Render a stored ensemble.
@@ -77,7 +79,8 @@ def ensemble(
             size = size or (None if known else 256)
             views = None if size is None else ViewPlan(width=size, height=size)
             options = PlanOptions(stored.space, given, views, target_decibels=target_decibels)
-        result = run_ensemble(catalog, members, stored, options, nan=nan, existing=existing, **how)
+        with engine_at(engine, workers, catalog) as where:
+            result = run_ensemble(catalog, members, stored, options, nan=nan, existing=existing, **how, **where)
         line.close()
         click.echo(repr(result))
         fail_on(result.failures)

@@ -21,6 +21,9 @@ NAN = click.option(
 )
 WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
 SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
+ENGINE = click.option(
+    "--engine", metavar="dask://HOST:PORT", help="Render on the workers of a Dask cluster, see docs/clusters.md."
+)
 CATALOG = click.option("--catalog", required=True, type=PATH, help="The .cdb folder to write.")
 SCENE = click.option("--scene", type=NAMED_FILE, help="Take appearances and views from this scene.")
 APPEARANCE = click.option(
@@ -50,6 +53,19 @@ def how_to_run(line: ProgressLine, workers: int | None, shard: str | None) -> di
         raise ValueError(f"--shard takes I/N, such as 1/4, got {shard!r}")
     part = int(index), int(count)
     return {"workers": workers, "shard": part, "progress": line, "warn": lambda note: line.say(f"Warning: {note}")}
+
+
+@contextmanager
+def engine_at(address: str | None, workers: int | None, folder: Path) -> Iterator[dict[str, Any]]:
+    """Arguments of `run_ensemble`: the engine at `address`, whose workers see the `folder` that is written to, or none."""
+    if address is not None and workers is not None:
+        raise ValueError(
+            "--workers are of this machine, those of --engine are as many as were started: give one of them"
+        )
+    from engines.address import opened
+
+    with opened(address, [folder]) as engine:
+        yield {} if engine is None else {"engine": engine}
 
 
 def fail_on(failures: Mapping[str, str]) -> None:

@@ -1,0 +1,29 @@
+"""How an engine is found by its address."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from engines.cluster import Cluster
+
+DASK = "dask://"
+
+
+@contextmanager
+def opened(address: str | None, folders: Sequence[Path] = ()) -> Iterator[Cluster | None]:
+    """The engine at an address such as "dask://10.0.0.1:8786"; None for None.
+
+    `folders` are those that the tasks read and write; every worker must see them.  Raises ValueError for what is no
+    address, EngineError where there is no such engine, or it is not fit.
+    """
+    if address is None:
+        yield None
+        return
+    place = address.removeprefix(DASK)
+    host, colon, port = place.rpartition(":")
+    if place == address or not (host and colon and port.isdecimal() and 0 < int(port) < 65536):
+        raise ValueError(f"--engine takes dask://HOST:PORT, the address of a Dask scheduler, got {address!r}")
+    with Cluster.connected(f"tcp://{place}", folders) as cluster:
+        yield cluster
