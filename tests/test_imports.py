@@ -17,6 +17,7 @@ FORBIDDEN = {
     "render": ("torch",),
     "insitu": ("torch",),
     "surrogate": ("vtk", "vtkmodules", "pyvista", "render", "insitu"),
+    "engines": ("torch", "vtk", "vtkmodules", "pyvista"),
     "native": ("torch", "vtk", "vtkmodules", "pyvista"),
 }
 

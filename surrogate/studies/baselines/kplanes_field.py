@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import grid_sample
 
+from surrogate.studies.baselines.lookup import bilinear
 from surrogate.studies.baselines.spherical_harmonics import COUNT, harmonics
 
 LOWEST = 0.1  # from which to which numbers planes are drawn uniformly
@@ -107,9 +107,8 @@ class Planes(nn.Module):
 
 def _product(planes: Tensor, coordinates: Tensor, pairs: Sequence[tuple[int, int]]) -> Tensor:
     """The product (C, N) of planes (B, C, height, width) at coordinates (D, N), of which each plane sees its pair: across, down."""
-    at = torch.stack([coordinates[list(side)] for side in zip(*pairs, strict=True)], dim=-1)[:, None]  # [B, 1, N, 2]
-    found = grid_sample(planes, at, mode="bilinear", padding_mode="border", align_corners=True)  # [B, C, 1, N]
-    return reduce(torch.mul, found.squeeze(2).unbind())
+    at = torch.stack([coordinates[list(side)] for side in zip(*pairs, strict=True)], dim=-1)  # [B, N, 2]
+    return reduce(torch.mul, bilinear(planes, at).unbind())
 
 
 def _variation(planes: Tensor) -> Tensor:

@@ -21,7 +21,9 @@ from typing import Literal
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import grid_sample, linear, relu, softplus
+from torch.nn.functional import linear, relu, softplus
+
+from surrogate.studies.baselines.lookup import bilinear
 
 Quantity = Literal["density", "color"]
 QUANTITIES: tuple[Quantity, Quantity] = ("density", "color")
@@ -194,8 +196,7 @@ def variation(grid: Tensor) -> Tensor:
 
 def _interpolated(grid: Tensor, at: Tensor) -> Tensor:
     """A grid (C, H, W) at (N, 2) in [-1, 1], along columns first: (C, N); the corners are the outermost entries' middles."""
-    found = grid_sample(grid[None], at[None, None], mode="bilinear", padding_mode="border", align_corners=True)
-    return found[0, :, 0]
+    return bilinear(grid[None], at[None])[0]
 
 
 def _uniform(random: np.random.Generator, bound: float, shape: tuple[int, ...]) -> Tensor:
