@@ -1,4 +1,4 @@
-"""The `catalogs` command: check, show, import and browse Cinema databases."""
+"""The `catalogs` command: check, show, import, export and browse Cinema databases."""
 
 from __future__ import annotations
 
@@ -91,6 +91,36 @@ def nerf(
             progress=partial(line.count, "importing"),
         )
     click.echo(repr(made))
+
+
+@main.command()
+@CATALOG
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option("--format", "kind", required=True, type=click.Choice(["colmap", "nerf"]), help="Whose layout.")
+@click.option("--appearance", help="Whose pictures; needed where there are several.")
+@click.option("--members", metavar="A,B,...", help="Names of members; all by default.")
+@click.option(
+    "--background", metavar="R,G,B", help="Color behind the pictures; by default colmap gets black, nerf alpha."
+)
+def export(
+    path: Path, directory: Path, kind: str, appearance: str | None, members: str | None, background: str | None
+) -> None:
+    """Write pictures and cameras of PATH into the new folder DIRECTORY, for programs that read COLMAP's or NeRF's files."""
+    from catalogs.catalog import Catalog
+    from catalogs.exchange import export as run
+    from catalogs.progress import ProgressLine
+
+    with _plain_errors(), ProgressLine() as line:
+        made = run(
+            Catalog.open(path),
+            directory,
+            kind,  # type: ignore[arg-type]
+            appearance=appearance,
+            members=members.split(",") if members else (),
+            background=None if background is None else _numbers("--background", background, 3),
+            progress=partial(line.count, "exporting"),
+        )
+    click.echo(f"{made}: written")
 
 
 @main.command()

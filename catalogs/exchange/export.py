@@ -1,0 +1,146 @@
+"""A catalog's pictures in a new folder, as other programs read them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs import durable
+from catalogs.catalog import Catalog, Member
+from catalogs.exchange import colmap_text, transforms_text
+from catalogs.exchange.selection import Picture, Selection
+from catalogs.exchange.transforms import ExchangeError
+from catalogs.images import write_image
+from catalogs.words import shortened
+
+Kind = Literal["colmap", "nerf"]
+Progress = Callable[[int, int], None]
+WRITERS = 4
+BLACK = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a kind of data set is laid out.
+
+    Attributes
+    ----------
+    check : raises ExchangeError for what the files can't say.
+    place : a picture's file, relative to the folder.
+    texts : all other files, by path relative to the folder.
+    """
+
+    check: Callable[[Selection], None]
+    place: Callable[[Picture], str]
+    texts: Callable[[Selection], Iterator[tuple[str, str]]]
+
+
+LAYOUTS: Mapping[str, Layout] = {
+    "colmap": Layout(lambda selection: None, colmap_text.place, colmap_text.texts),
+    "nerf": Layout(transforms_text.check, transforms_text.place, transforms_text.texts),
+}
+
+
+def export(
+    catalog: Catalog,
+    directory: str | os.PathLike[str],
+    kind: Kind,
+    *,
+    appearance: str | None = None,
+    members: Sequence[str] = (),
+    background: Sequence[float] | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Path:
+    """Write pictures and cameras of a catalog into the new folder `directory`, which appears when all of it is on disk.
+
+    Parameters
+    ----------
+    kind : "nerf": `transforms_{train,val,test}.json`, as D-NeRF and ViSNeRF have them, of all members together.  "colmap": for each
+        member a folder `<member>/` with `images/` and `sparse/0/`, as the official code of 3D Gaussian splatting reads it.
+    appearance : whose pictures; needed where members show several, since neither layout can tell them apart.
+    members : names; all by default.
+    background : RGB in [0, 1] to put behind the pictures.  By default "nerf" keeps their alpha, and "colmap", whose readers
+        differ in what they make of it, gets black.
+    progress : called with pictures done and in all.
+
+    Raises ExchangeError, before anything is written, where the folder is there already or the layout can't say what the
+    catalog holds; CatalogError for unknown members; ImageError for a damaged picture, after which nothing is left.
+    """
+    directory = Path(directory)
+    if directory.exists():
+        raise ExchangeError(f"{directory} is there already: choose a new folder")
+    if background is not None and catalog.plan.background is not None:
+        raise ExchangeError(
+            f"the pictures of {catalog.path} stand on {catalog.plan.background} already: give no background"
+        )
+    shown = _members(catalog, members)
+    selection = Selection(catalog, shown, _appearance(catalog, shown, appearance))
+    layout = LAYOUTS[kind]
+    layout.check(selection)
+    behind = BLACK if background is None and kind == "colmap" and catalog.plan.background is None else background
+    partial = durable.partial_name(directory)
+    durable.make_folder(directory.parent)
+    partial.mkdir()
+    try:
+        for name, text in layout.texts(selection):
+            (partial / name).parent.mkdir(parents=True, exist_ok=True)
+            durable.write(partial / name, text.encode())
+        _write_pictures(selection, partial, layout.place, behind, progress)
+        durable.commit_folder(partial, directory)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return directory
+
+
+def over(rgba: NDArray[np.uint8], background: Sequence[float]) -> NDArray[np.uint8]:
+    """Opaque 8-bit RGBA [H, W, 4]: premultiplied `rgba` over a colour in [0, 1], rounded to the nearest."""
+    alpha = rgba[..., 3:].astype(np.float64) / 255.0  # [H, W, 1]
+    colors = rgba[..., :3] + (1.0 - alpha) * 255.0 * np.asarray(background, dtype=np.float64)  # [H, W, 3]
+    return np.concatenate([np.rint(colors).clip(0, 255), np.full_like(alpha, 255.0)], axis=2).astype(np.uint8)
+
+
+def _write_pictures(
+    selection: Selection,
+    folder: Path,
+    place: Callable[[Picture], str],
+    background: Sequence[float] | None,
+    progress: Progress,
+) -> None:
+    def write(picture: Picture) -> None:
+        rgba = selection.catalog.image(picture.member, selection.appearance, picture.view)
+        path = folder / place(picture)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_image(path, rgba if background is None else over(rgba, background))
+
+    total = sum(len(member.cameras) for member in selection.members)
+    with ThreadPoolExecutor(WRITERS) as pool:
+        for done, _ in enumerate(pool.map(write, selection.pictures()), 1):
+            progress(done, total)
+
+
+def _members(catalog: Catalog, names: Sequence[str]) -> tuple[Member, ...]:
+    members = tuple(map(catalog.member, dict.fromkeys(names))) if names else catalog.members
+    if not members:
+        raise ExchangeError(f"{catalog.path} has no members yet")
+    return members
+
+
+def _appearance(catalog: Catalog, members: Sequence[Member], name: str | None) -> str:
+    known = catalog.appearance_names
+    if name is None and len(known) > 1:
+        raise ExchangeError(f"{catalog.path} shows {shortened(known, 8)}: name the appearance to export")
+    name = known[0] if name is None else name
+    for member in members:
+        if name not in member.appearances:
+            raise ExchangeError(
+                f"member {member.name} of {catalog.path} does not show {name!r}; it shows {shortened(member.appearances)}"
+            )
+    return name

@@ -1,0 +1,41 @@
+"""The pictures of a catalog that are exported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from catalogs.cameras import Camera
+from catalogs.catalog import Catalog, Member
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One picture: its member, view, camera, and its split, the strictest of its member's and its view's."""
+
+    member: Member
+    view: int
+    split: str
+
+    @property
+    def camera(self) -> Camera:
+        return self.member.cameras[self.view]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Some members of a catalog, as one appearance shows them."""
+
+    catalog: Catalog
+    members: tuple[Member, ...]
+    appearance: str
+
+    def pictures(self) -> Iterator[Picture]:
+        """All, member by member."""
+        for member in self.members:
+            yield from self.of(member)
+
+    def of(self, member: Member) -> list[Picture]:
+        """Those of one member."""
+        setting = self.catalog.plan.setting(self.appearance)
+        return [Picture(member, view, member.row_split(view, setting)) for view in range(len(member.cameras))]
