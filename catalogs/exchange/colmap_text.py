@@ -14,7 +14,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from catalogs.appearance import VolumeRendering
 from catalogs.cameras import Camera
@@ -56,6 +55,8 @@ def _lens(camera: Camera) -> str:
 
 def _posed(picture: Picture, lenses: list[str]) -> str:
     """Two lines: number, quaternion w x y z, translation, lens and name; and of points that were matched, none."""
+    from scipy.spatial.transform import Rotation  # here, so that commands that export nothing don't wait for SciPy
+
     x, y, z, w = Rotation.from_matrix(picture.camera.rotation).as_quat().tolist()
     pose = (w, x, y, z, *picture.camera.world_to_camera[:3, 3].tolist())
     lens = lenses.index(_lens(picture.camera)) + 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, Member
+from catalogs.words import shortened
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,9 @@ class Selection:
     catalog: Catalog
     members: tuple[Member, ...]
     appearance: str
+
+    def __repr__(self) -> str:
+        return f"<Selection of {shortened([member.name for member in self.members])} of {self.catalog.path}, {self.appearance}>"
 
     def pictures(self) -> Iterator[Picture]:
         """All, member by member."""

@@ -18,6 +18,8 @@ from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog
 from catalogs.check import Finding
 from catalogs.durable import Stamp
+from catalogs.exchange import selection
+from catalogs.exchange.export import LAYOUTS
 from catalogs.exchange.nerf import ImportedMember
 from catalogs.exchange.transforms import Frame
 from catalogs.journal import Stamps
@@ -88,6 +90,9 @@ SHOWN: list[tuple[Any, str]] = [
     (FRAME, "r_0.png"),
     (ImportedMember("a", (0.1, 0.2), "train", (FRAME,) * 100, ("train",) * 100), "a"),
     (Picture(np.zeros((64, 64, 3), np.uint8), "below"), "below"),
+    (LAYOUTS["nerf"], "check="),
+    (selection.Picture(MEMBER, 3, "train"), "view=3"),
+    (selection.Selection(Catalog(Path("flow.cdb"), PLAN), (MEMBER,) * 1000, "dvr"), "(1000 in all) of flow.cdb, dvr"),
     (PngHeader(8, 6, 8, 2, False), "8"),
     (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
     (Finding("data.csv", "is missing"), "is missing"),
