@@ -27,11 +27,13 @@ HEADLIGHT = """
 """
 
 
-def surface_scene(grid: Grid, appearance: Isosurface, placement: Placement) -> Any:
-    """A vtkRenderer that shows the isosurface; None where the field has none."""
+def surface_scene(
+    grid: Grid, appearance: Isosurface, placement: Placement, left_out: NDArray[np.bool_] | None = None
+) -> Any:
+    """A vtkRenderer that shows the isosurface, but in grid cells `left_out` (see `extract`); None where the field has none."""
     from vtkmodules.vtkRenderingCore import vtkActor, vtkLight, vtkPolyDataMapper, vtkRenderer
 
-    surface = extract(grid, appearance.isovalue, placement)
+    surface = extract(grid, appearance.isovalue, placement, left_out)
     if not surface.GetNumberOfPolys():
         return None
     mapper = vtkPolyDataMapper()
@@ -51,11 +53,13 @@ def surface_scene(grid: Grid, appearance: Isosurface, placement: Placement) -> A
     return renderer
 
 
-def extract(grid: Grid, isovalue: float, placement: Placement) -> Any:
+def extract(
+    grid: Grid, isovalue: float, placement: Placement, left_out: NDArray[np.bool_] | None = None
+) -> Any:
     """The surface as vtkPolyData: triangles with point normals, in the unit sphere of `placement`.
 
     The flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central differences; grid cells
-    with a hole at a corner have none.
+    with a hole at a corner have none, nor have those `left_out`, (nz, ny, nx) by their first corner.
     """
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
@@ -68,8 +72,11 @@ def extract(grid: Grid, isovalue: float, placement: Placement) -> Any:
     contour.ComputeScalarsOff()
     contour.Update()
     surface = contour.GetOutput()
-    if grid.holes is not None and surface.GetNumberOfPolys():
-        surface = _without_holes(surface, grid.holes, placement)
+    if grid.holes is not None:
+        hidden = hidden_cells(grid.holes)[..., 0] > 0
+        left_out = hidden if left_out is None else hidden | left_out
+    if left_out is not None and surface.GetNumberOfPolys():
+        surface = _without_cells(surface, left_out, placement)
     return surface
 
 
@@ -122,18 +129,17 @@ def _sum(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return total
 
 
-def _without_holes(surface: Any, holes: NDArray[np.bool_], placement: Placement) -> Any:
-    """`surface` without the triangles in grid cells that touch a hole (each triangle lies in one cell)."""
+def _without_cells(surface: Any, left_out: NDArray[np.bool_], placement: Placement) -> Any:
+    """`surface` without the triangles in some grid cells (each triangle lies in one cell)."""
     from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray, vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 
     points = vtk_to_numpy(surface.GetPoints().GetData())  # [P, 3]
     triangles = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 3)  # [T, 3]
     middles = points[triangles].mean(axis=1, dtype=np.float64)  # [T, 3]
-    cells = ((middles - placement.low) / placement.spacing).astype(np.int64)  # [T, 3] as x, y, z
-    cells = np.clip(cells, 0, np.array(holes.shape[::-1]) - 2)
-    hidden = hidden_cells(holes)[..., 0]  # [nz, ny, nx]
-    kept = triangles[hidden[tuple(cells[:, ::-1].T)] == 0]
+    cells = ((middles - placement.origin) / placement.spacing).astype(np.int64)  # [T, 3] as x, y, z
+    cells = np.clip(cells, 0, np.array(left_out.shape[::-1]) - 2)
+    kept = triangles[~left_out[tuple(cells[:, ::-1].T)]]
     polygons = vtkCellArray()
     polygons.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(kept, dtype=np.int64).reshape(-1), deep=True))
     left = vtkPolyData()

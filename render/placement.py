@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
+from render.blocks import Lattice
 from render.grids import Grid
 
 
@@ -23,22 +24,29 @@ class Placement:
     ----------
     center : (3,) world units; the middle of the box.
     scale : world units per local unit; the bounding radius.
-    spacing : (3,) local units.
+    spacing, origin : (3,) local units, of the samples.
     low, high : corners (3,) of the box, local units.
     """
 
     center: NDArray[np.float64]
     scale: float
     spacing: NDArray[np.float64]
+    origin: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     @classmethod
-    def of(cls, grid: Grid) -> Placement:
-        """The placement of `grid`."""
-        low, high = grid.bounds
-        half = (high - low) / 2 / grid.bounding_radius
-        return cls(grid.center, grid.bounding_radius, np.array(grid.spacing) / grid.bounding_radius, -half, half)
+    def of(cls, grid: Grid, whole: Lattice | None = None) -> Placement:
+        """The placement of `grid`; of a block of a `whole`, with whose box in the unit sphere."""
+        low, high = grid.bounds if whole is None else whole.bounds
+        center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        origin = (np.array(grid.origin) - center) / radius
+        half = (high - low) / 2 / radius
+        return cls(center, radius, np.array(grid.spacing) / radius, -half if whole is None else origin, -half, half)
+
+    def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World points (..., 3) in local units."""
+        return (points - self.center) / self.scale
 
     def camera(self, camera: Camera) -> Camera:
         """The camera that sees the local box as `camera` sees the world's."""

@@ -9,17 +9,43 @@ exactly, cut each ray into equal steps from entry to exit and sample each in its
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction
+from catalogs.cameras import Camera
+from render.placement import Placement
 
 # Shaded volumes: Phong weights of a headlight at the eye (the values of VTK's volume property).
 AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER = 0.1, 0.7, 0.2, 10.0
 
 DEEP = 50.0  # unit distances in the radius of a box from which on opacities below 1e-6 can be seen in the picture
 OPAQUE = 1.0 - 1.0 / 8192.0  # where a ray ends early: what is left changes no 8-bit value
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How a ray is cut into steps, as GLSL.
+
+    Attributes
+    ----------
+    begin : sets the first sample's g_dataPos, g_dirStep, g_lengthStep, g_currentT and g_terminatePointMax.
+    declarations : what `begin` and `sample` need outside of functions.
+    sample : run before each sample.
+    visible : a condition that a sample must fulfil besides.
+    towards_eye : the unit vector from a sample to the eye.
+    """
+
+    begin: str
+    declarations: str = ""
+    sample: str = ""
+    visible: str = ""
+    towards_eye: str = "normalize(in_eyePosObjs[0].xyz - ip_vertexPos)"
+
 
 # Steps, in units of g_dirStep, from the entry to the slab exit (Kay & Kajiya 1986), made a whole number.
 EQUAL_STEPS = """
@@ -35,9 +61,82 @@ EQUAL_STEPS = """
   g_lengthStep = in_sampleDistance * inside / steps;
 """
 
+# The same of a block: the ray of the pixel, the same in every block that it crosses, and of its steps through the whole those
+# that may lie in the block's space, one too many at either end.  What `tell_rays` tells are uniforms.
+BLOCK_DECLARATIONS = """
+vec3 ray, at;
+float entry;
+vec2 through(vec3 low, vec3 high)
+{
+  vec3 slope = mix(vec3(1e-20), ray, greaterThan(abs(ray), vec3(1e-20)));
+  vec3 a = (low - eye) / slope;
+  vec3 b = (high - eye) / slope;
+  vec3 near = min(a, b);
+  vec3 far = max(a, b);
+  return vec2(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
+}
+"""
+BLOCK_STEPS = """
+  ray = normalize(rayAcross * gl_FragCoord.x + rayUp * gl_FragCoord.y + rayCorner);
+  vec2 whole = through({low}, {high});
+  entry = max(whole.x, 0.0);
+  float inside = max(whole.y - entry, 0.0);
+  float steps = max(ceil(inside / {distance} - 1e-3), 1.0);
+  g_lengthStep = inside / steps;
+  vec2 own = (through(ownLow, ownHigh) - entry) / max(g_lengthStep, 1e-20) - 0.5;
+  g_currentT = max(floor(own.x) - 1.0, 0.0);
+  g_terminatePointMax = min(ceil(own.y) + 1.0, steps - 1.0) + 1.0;
+  g_dirStep = vec3(0.0);
+"""
+BLOCK_SAMPLE = """
+    at = eye + ray * (entry + (g_currentT + 0.5) * g_lengthStep);
+    g_dataPos = {scale} * at + {shift};
+"""
+OWNED = "all(greaterThanEqual(at, ownLow)) && all(lessThan(at, ownHigh))"
+
+
+def equal_steps() -> Steps:
+    """Equal steps from entry to exit of the box that is drawn."""
+    return Steps(EQUAL_STEPS)
+
+
+def steps_of_whole(shape: tuple[int, int, int], placement: Placement, distance: float) -> Steps:
+    """The equal steps, no longer than `distance` (local units), of the box of a whole; drawn of them are those in a block's space.
+
+    `shape` is that of the block's samples (z, y, x), which begin at the placement's origin.
+    """
+    counts = np.array(shape[::-1])
+    scale = 1.0 / (placement.spacing * counts)  # [3]: of textures, sample i lies at (i + 1/2) / n
+    shift = 0.5 / counts - placement.origin * scale
+    return Steps(
+        BLOCK_STEPS.format(low=_vector(placement.low), high=_vector(placement.high), distance=_number(distance)),
+        BLOCK_DECLARATIONS,
+        BLOCK_SAMPLE.format(scale=_vector(scale), shift=_vector(shift)),
+        OWNED,
+        "-ray",
+    )
+
+
+def tell_rays(shader: Any, camera: Camera, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+    """Give a block's shader property the local `camera` and the space from `low` to before `high` (3,) that is drawn, local units."""
+    across = np.array([1.0 / camera.fx, 0.0, 0.0])
+    up = np.array([0.0, -1.0 / camera.fy, 0.0])  # OpenGL's rows start at the bottom
+    corner = np.array([-camera.cx / camera.fx, (camera.height - camera.cy) / camera.fy, 1.0])
+    vectors = [row @ camera.rotation for row in (across, up, corner)]
+    uniforms = shader.GetFragmentCustomUniforms()
+    names = ("rayAcross", "rayUp", "rayCorner", "eye", "ownLow", "ownHigh")
+    for name, vector in zip(names, [*vectors, camera.position, low, high], strict=True):
+        uniforms.SetUniform3f(name, vector.tolist())
+
 
 def replacements(
-    transfer: TransferFunction, drawn: tuple[float, float], scale: float, *, shaded: bool, holes: bool
+    transfer: TransferFunction,
+    drawn: tuple[float, float],
+    scale: float,
+    *,
+    shaded: bool,
+    holes: bool,
+    steps: Steps,
 ) -> dict[str, str]:
     """VTK tag -> GLSL that takes its place, for a texture that holds `render.volume.texture_values`.
 
@@ -51,25 +150,30 @@ def replacements(
     unused = ("ComputeColor::Dec", "ComputeGradient::Dec", "ComputeGradientOpacity1D::Dec", "ComputeLighting::Dec")
     return {
         "//VTK::ComputeOpacity::Dec": (
-            functions + DEEP_FUNCTION + (LIGHTING if shaded else "") + (HIDDEN if holes else "")
+            functions
+            + DEEP_FUNCTION
+            + steps.declarations
+            + (LIGHTING.replace("TOWARDS_EYE", steps.towards_eye) if shaded else "")
+            + (HIDDEN if holes else "")
         ),
         "//VTK::BinaryMask::Impl": "",
         **{f"//VTK::{part}": "" for part in (*unused, "Shading::Init")},
-        "//VTK::Terminate::Init": EQUAL_STEPS,
+        "//VTK::Terminate::Init": steps.begin,
         "//VTK::Terminate::Impl": (
             f"if (++g_currentT >= g_terminatePointMax || g_fragColor.a > {_number(OPAQUE)}) break;\n"
         ),
-        "//VTK::Shading::Impl": _sample(scale / transfer.opacity_unit_distance, shaded, holes),
+        "//VTK::Shading::Impl": _sample(scale / transfer.opacity_unit_distance, shaded, holes, steps),
     }
 
 
-def _sample(exponent: float, shaded: bool, holes: bool) -> str:
+def _sample(exponent: float, shaded: bool, holes: bool, steps: Steps) -> str:
     """`exponent` is the number of unit distances in one unit of the scene, which has a radius of 1."""
     deep = exponent > DEEP
     visible = f"opacity > {'0.0' if deep else '1e-6'}" + (" && !hidden()" if holes else "")
+    visible += f" && {steps.visible}" if steps.visible else ""
     alpha = DEEP_ALPHA if deep else "1.0 - pow(max(1.0 - opacity, 0.0), g_lengthStep * {exponent})"
     lit = "lit(color)" if shaded else "color"
-    return f"""
+    return f"""{steps.sample}
     float value = clamp(texture3D(in_volume[0], g_dataPos).r, 0.0, 1.0);
     float opacity = opacityAt(value);
     if ({visible})
@@ -116,7 +220,7 @@ vec3 lit(vec3 color)
     texture3D(in_volume[0], g_dataPos + vec3(0.0, 0.0, cell.z)).r -
     texture3D(in_volume[0], g_dataPos - vec3(0.0, 0.0, cell.z)).r) / in_cellSpacing[0];
   float steepness = length(gradient);
-  vec3 towardsEye = normalize(in_eyePosObjs[0].xyz - ip_vertexPos);
+  vec3 towardsEye = TOWARDS_EYE;
   float facing = steepness > 0.0 ? min(abs(dot(gradient, towardsEye)) / steepness, 1.0) : 0.0;
   vec3 shade = ({AMBIENT} + {DIFFUSE} * facing) * color + vec3({SPECULAR} * pow(facing, {SPECULAR_POWER}));
   return clamp(shade, 0.0, 1.0);

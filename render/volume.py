@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from catalogs.appearance import TransferFunction, VolumeRendering
 from render.grids import Grid
 from render.placement import Placement
-from render.shaders import replacements
+from render.shaders import equal_steps, replacements, steps_of_whole
 from render.window import open_window
 
 FARTHEST = 1e6  # widths of the drawn range
@@ -18,13 +18,22 @@ NARROW = 1 / 256  # a field that spans less of its transfer function than this i
 
 
 def volume_scene(
-    grid: Grid, appearance: VolumeRendering, placement: Placement, sample_distance: float | None = None
+    grid: Grid,
+    appearance: VolumeRendering,
+    placement: Placement,
+    sample_distance: float | None = None,
+    *,
+    drawn: tuple[float, float] | None = None,
+    block: bool = False,
 ) -> Any:
     """A vtkRenderer that shows the volume; VTK draws its box and holds its texture, `render.shaders` is the inner loop.
 
     `sample_distance` is the longest distance between samples along a ray, world units (each ray is cut into equal steps
     no longer than this); by default half the smallest spacing.  Shaded volumes are lit by a headlight at the eye,
-    two-sided, by central differences of the field.
+    two-sided, by central differences of the field.  `drawn` is by default the grid's `drawn_range`.
+
+    A `block` is drawn as its part of the whole in whose box `placement` puts it: with the samples of the whole's rays that
+    lie in the space which it owns.  That, and the camera, must be told to the shader (`render.shaders.tell_rays`).
 
     Raises ValueError for a distance that is none and for a grid too long for this machine's OpenGL.
     """
@@ -40,7 +49,7 @@ def volume_scene(
             f"the grid has {max(grid.shape)} samples along one axis, but this machine's OpenGL takes "
             f"{longest}: render every second sample (field[::2, ::2, ::2], spacing doubled)"
         )
-    drawn = drawn_range(grid, appearance.transfer_function)
+    drawn = drawn_range(grid.range, appearance.transfer_function) if drawn is None else drawn
     mapper = vtkOpenGLGPUVolumeRayCastMapper()
     mapper.SetInputData(image_data(texture_values(grid, drawn), placement))
     if grid.holes is not None:
@@ -54,9 +63,9 @@ def volume_scene(
     volume.SetMapper(mapper)
     volume.SetProperty(_plain_property(appearance.shaded))
     shader = volume.GetShaderProperty()
-    code = replacements(
-        appearance.transfer_function, drawn, placement.scale, shaded=appearance.shaded, holes=grid.holes is not None
-    )
+    steps = equal_steps() if not block else steps_of_whole(grid.shape, placement, distance / placement.scale)
+    transfer, holes = appearance.transfer_function, grid.holes is not None
+    code = replacements(transfer, drawn, placement.scale, shaded=appearance.shaded, holes=holes, steps=steps)
     for tag, replacement in code.items():
         shader.AddFragmentShaderReplacement(tag, True, replacement, False)
     renderer = vtkRenderer()
@@ -77,12 +86,13 @@ def _plain_property(shaded: bool) -> Any:
     return form
 
 
-def drawn_range(grid: Grid, transfer: TransferFunction) -> tuple[float, float]:
+def drawn_range(values: tuple[float, float], transfer: TransferFunction) -> tuple[float, float]:
     """The values (low, high) that become 0 and 1 in the texture: the bounds of the transfer function.
 
-    Where the field spans a small part of them only, its own range, so that single precision resolves its gradient.
+    Where the field's `values`, smallest and largest, span a small part of them only, these, so that single precision resolves
+    its gradient.
     """
-    (low, high), (first, last) = grid.range, transfer.bounds
+    (low, high), (first, last) = values, transfer.bounds
     return (low, high) if 0.0 < high - low < NARROW * (last - first) else (first, last)
 
 
@@ -119,6 +129,6 @@ def image_data(values: NDArray[Any], placement: Placement) -> Any:
     image = vtkImageData()
     image.SetDimensions(*values.shape[2::-1])
     image.SetSpacing(*placement.spacing)
-    image.SetOrigin(*placement.low)
+    image.SetOrigin(*placement.origin)
     image.GetPointData().SetScalars(numpy_to_vtk(values.reshape(-1, values.shape[3])))
     return image

@@ -64,6 +64,20 @@ class Window:
 
     def draw(self, renderer: Any, width: int, height: int, *, float_output: bool = False) -> NDArray[Any]:
         """Draw `renderer` alone; premultiplied RGBA [height, width, 4], top row first, uint8 or float32 in [0, 1]."""
+        return self._draw(renderer, width, height, float_output)[0]
+
+    def draw_with_depths(
+        self, renderer: Any, width: int, height: int, *, float_output: bool = False
+    ) -> tuple[NDArray[Any], NDArray[np.float32]]:
+        """The same, and the depths [height, width], from 0 at the near plane to 1 at the far one, and 1 where nothing is."""
+        image, depths = self._draw(renderer, width, height, False, depths=True)
+        if float_output:  # drawn twice: the float picture's own depths can't be read back everywhere
+            image = self.draw(renderer, width, height, float_output=True)
+        return image, depths
+
+    def _draw(
+        self, renderer: Any, width: int, height: int, float_output: bool, *, depths: bool = False
+    ) -> tuple[NDArray[Any], Any]:
         if not self._usable_here():
             raise RuntimeError(
                 "the OpenGL window was opened before a fork: start worker processes with the 'spawn' method"
@@ -76,9 +90,10 @@ class Window:
             try:
                 self._window.Render()
                 image = self._read_float(width, height) if float_output else self._read_bytes(width, height)
+                found = self._read_depths(width, height)[::-1].copy() if depths else None
             finally:
                 renderer.DrawOff()
-        return image[::-1].copy()  # OpenGL's rows start at the bottom
+        return image[::-1].copy(), found  # OpenGL's rows start at the bottom
 
     @property
     def longest_volume(self) -> int:
@@ -137,6 +152,14 @@ class Window:
         pixels = vtkUnsignedCharArray()
         self._window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, pixels)
         return vtk_to_numpy(pixels).reshape(height, width, 4)
+
+    def _read_depths(self, width: int, height: int) -> NDArray[np.float32]:
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkCommonCore import vtkFloatArray
+
+        depths = vtkFloatArray()
+        self._window.GetZbufferData(0, 0, width - 1, height - 1, depths)
+        return vtk_to_numpy(depths).reshape(height, width)
 
 
 _opening = threading.Lock()

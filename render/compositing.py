@@ -1,0 +1,47 @@
+"""Pictures of blocks put together into one of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """What one piece adds to a picture.
+
+    Attributes
+    ----------
+    rows, columns : the part of the picture that it covers.
+    image : premultiplied RGBA [h, w, 4] there, uint8, or float32 in [0, 1].
+    depths : [h, w] float32, growing with the distance, of surfaces; None of a volume.
+    """
+
+    rows: slice
+    columns: slice
+    image: NDArray[np.uint8] | NDArray[np.float32]
+    depths: NDArray[np.float32] | None = None
+
+
+def over(layers: Iterable[Layer], height: int, width: int) -> NDArray[np.float32]:
+    """Volumes one behind the other, front to back: premultiplied RGBA [height, width, 4] float32 (Porter & Duff 1984, "over")."""
+    image = np.zeros((height, width, 4), dtype=np.float32)
+    for layer in layers:
+        here = image[layer.rows, layer.columns]
+        here += (np.float32(1.0) - here[..., 3:]) * layer.image
+    return np.minimum(image, np.float32(1.0), out=image)
+
+
+def nearest(layers: Iterable[Layer], height: int, width: int, dtype: str) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Opaque surfaces: of each pixel the layer that lies nearest; [height, width, 4] of a `dtype`, "uint8" or "float32"."""
+    image = np.zeros((height, width, 4), dtype=dtype)
+    depths = np.ones((height, width), dtype=np.float32)
+    for layer in layers:
+        here, before = depths[layer.rows, layer.columns], image[layer.rows, layer.columns]
+        assert layer.depths is not None
+        nearer = layer.depths < here
+        here[nearer], before[nearer] = layer.depths[nearer], layer.image[nearer]
+    return image
