@@ -53,9 +53,7 @@ def surface_scene(
     return renderer
 
 
-def extract(
-    grid: Grid, isovalue: float, placement: Placement, left_out: NDArray[np.bool_] | None = None
-) -> Any:
+def extract(grid: Grid, isovalue: float, placement: Placement, left_out: NDArray[np.bool_] | None = None) -> Any:
     """The surface as vtkPolyData: triangles with point normals, in the unit sphere of `placement`.
 
     The flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central differences; grid cells

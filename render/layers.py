@@ -15,8 +15,8 @@ from render.isosurface import SUPERSAMPLING, surface_scene
 from render.partition import Piece
 from render.placement import Placement
 from render.shaders import tell_rays
-from render.volume import volume_scene
 from render.views import check_size
+from render.volume import volume_scene
 from render.window import aim, open_window
 
 BEYOND = 4.0  # local units: further than any corner of the unit sphere's box
@@ -88,9 +88,7 @@ class BlockRenderer:
         self.close()
 
 
-def owned_space(
-    whole: Lattice, piece: Piece, placement: Placement
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def owned_space(whole: Lattice, piece: Piece, placement: Placement) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(low, high) corners (3,), local units, of the space whose samples are a piece's; without end where the whole ends."""
     low, high = map(placement.local, region(whole, piece))
     ends = np.array(piece.stop[::-1]) >= np.array(whole.shape[::-1]) - 1  # [3], x, y, z

@@ -118,7 +118,7 @@ def steps_of_whole(shape: tuple[int, int, int], placement: Placement, distance: 
 
 
 def tell_rays(shader: Any, camera: Camera, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
-    """Give a block's shader property the local `camera` and the space from `low` to before `high` (3,) that is drawn, local units."""
+    """Tell a block's shader property the local `camera` and the space to draw, from `low` to before `high` (3,), local units."""
     across = np.array([1.0 / camera.fx, 0.0, 0.0])
     up = np.array([0.0, -1.0 / camera.fy, 0.0])  # OpenGL's rows start at the bottom
     corner = np.array([-camera.cx / camera.fx, (camera.height - camera.cy) / camera.fy, 1.0])
@@ -251,7 +251,7 @@ def _piecewise(signature: str, points: Sequence[tuple[float, Sequence[float]]]) 
     return f"{signature}(float x)\n{{\n  return {' + '.join(terms)};\n}}\n"
 
 
-def _vector(values: Sequence[float]) -> str:
+def _vector(values: Sequence[float] | NDArray[np.float64]) -> str:
     numbers = ", ".join(map(_number, values))
     return numbers if len(values) == 1 else f"vec{len(values)}({numbers})"
 
