@@ -14,10 +14,11 @@ How the table follows at a cost that does not grow, `catalogs.table` tells.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -255,16 +256,29 @@ class Catalog:
             split=split,
             cameras=self.plan.cameras if cameras is None else tuple(cameras),
             view_splits=self.plan.view_splits if view_splits is None else tuple(view_splits),
-            path=durable.partial_name(self.path / UNFINISHED / name),
+            path=self.path / UNFINISHED / name,
             provenance=provenance or {},
             appearances=known_appearances(appearances, self.plan.appearance_names),
         )
         self.update_table()
         self._refuse_duplicate(member, replace)
-        member.path.parent.mkdir(exist_ok=True)
-        durable.remove_abandoned(member.path.parent)
-        member.path.mkdir()
-        return MemberWriter(self, member, replace=replace)
+        durable.remove_abandoned(self.path / UNFINISHED)
+        return MemberWriter(self, dataclasses.replace(member, path=self.unfinished_folder(name)), replace=replace)
+
+    def unfinished_folder(self, name: str) -> Path:
+        """A new hidden folder for the member `name`, which `adopt` lets appear; one that its writer leaves is removed later."""
+        folder = durable.partial_name(self.path / UNFINISHED / name)
+        folder.parent.mkdir(exist_ok=True)
+        folder.mkdir()
+        return folder
+
+    def adopt(self, members: Sequence[Member]) -> None:
+        """Let members appear in one commit, whose folders, from `unfinished_folder`, hold all of them and are synced.
+
+        Raises CatalogError where a name or parameters are taken; then none of them appears.
+        """
+        with self._ready_for(members):
+            self._table.add(members)
 
     def image_path(self, member: Member | str, appearance: str, view: int) -> Path:
         """Path of an image file."""
@@ -336,16 +350,23 @@ class Catalog:
             raise CatalogError(f"member {member.name} lacks {len(missing)} images, first {missing[0]}: not stored")
         write_record(member, self.plan)
         durable.sync_tree(member.path)
-        with durable.locked(self.path / LOCK):
-            self._update_locked()
-            self._refuse_duplicate(member, replace)
-            self._table.clean_up()
-            if len(member.appearances) < len(self.plan.appearances):
-                self._raise_schema()
+        with self._ready_for([member], replace=replace):
             if member.name in self:
                 self._table.replace(member)
             else:
-                self._table.add(member)
+                self._table.add([member])
+
+    @contextlib.contextmanager
+    def _ready_for(self, members: Sequence[Member], *, replace: bool = False) -> Iterator[None]:
+        """Hold the lock, with a current table, for a commit of members that must not be there already."""
+        with durable.locked(self.path / LOCK):
+            self._update_locked()
+            for member in members:
+                self._refuse_duplicate(member, replace)
+            self._table.clean_up()
+            if any(len(member.appearances) < len(self.plan.appearances) for member in members):
+                self._raise_schema()
+            yield
 
     def _raise_schema(self) -> None:
         """Raise schema 1, whose readers expect every appearance of every member, to the next one."""

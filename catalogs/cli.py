@@ -1,4 +1,4 @@
-"""The `catalogs` command: check, show, import, export and browse Cinema databases."""
+"""The `catalogs` command: check, show, merge, import, export and browse Cinema databases."""
 
 from __future__ import annotations
 
@@ -50,6 +50,26 @@ def show(path: Path) -> None:
 
     with _plain_errors():
         click.echo(describe(path))
+
+
+@main.command()
+@click.argument("into", type=click.Path(file_okay=False, path_type=Path))
+@click.argument("sources", metavar="FROM...", nargs=-1, required=True, type=click.Path(path_type=Path))
+def merge(into: Path, sources: tuple[Path, ...]) -> None:
+    """Add the members of the catalogs FROM to the catalog INTO, which is made if it is not there.
+
+    All must be of one scene: equal parameters, views, appearances, variations and encoding.  A member that several have is
+    there once; where its pictures differ, nothing is written.  The catalogs FROM stay as they are; pictures are hard
+    links to theirs where the file system has those, else copies.  Run it again to go on after an interruption.
+    """
+    from catalogs.merge import merge as run
+    from catalogs.progress import Count, ProgressLine, Rate
+
+    with _plain_errors(), ProgressLine() as line:
+        rates = {"comparing": Rate(), "merging": Rate()}
+        made = run(into, sources, progress=lambda s, d, t: line(Count(s, d, t, rates[s](d), "members")))
+    copied = f"; {made.copied} files were copied, not linked" if made.copied else ""
+    click.echo(f"{into}: {made.added} members added, {made.same} found in several catalogs{copied}")
 
 
 @main.group(name="import")

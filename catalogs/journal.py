@@ -1,8 +1,8 @@
 """What a growing catalog remembers of its commits: a hidden file with a line for each member, derived and never trusted unseen.
 
-It answers in no time which member has some parameters, and whether `data.csv` is what the members make.  A line holds the member's
-name, a digest of its parameters, and the stamps that the table and the folder of members had after the commit; a checksum that
-covers all lines before it stands first.  Where the last line's stamps are not those on disk (a writer was killed between two
+It answers in no time which member has some parameters, and whether `data.csv` is what the members make.  A line holds a member's
+name and a digest of its parameters; the last one of a commit also the stamps that the table and the members' folder had after it; a
+checksum that covers all lines before it stands first.  Where the last stamps are not those on disk (a writer was killed between two
 steps, somebody removed a member by hand, an older program wrote), the journal is out of date and is written anew from the members.
 It is never synced: what a power cut leaves of it does not match and is not believed.
 """
@@ -13,7 +13,7 @@ import contextlib
 import hashlib
 import os
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -80,12 +80,18 @@ class Journal:
             self._read = _Read()
         return self._read.last
 
-    def append(self, parameters: Mapping[str, float], name: str, stamps: Stamps) -> None:
-        """Add a commit to a journal that was read to its end; does nothing where the disk refuses."""
-        line = _line(self._read.checksum, key_of(parameters), name, stamps)
+    def append(self, members: Sequence[tuple[str, str]], stamps: Stamps) -> None:
+        """Add a commit of (key, name) of one or more members to a journal that was read to its end.
+
+        Does nothing where the disk refuses.  Only the last line has stamps: without it, what stands before is not believed.
+        """
+        lines, checksum = [], self._read.checksum
+        for number, (key, name) in enumerate(members, start=1):
+            lines.append(_line(checksum, key, name, stamps if number == len(members) else None))
+            checksum = zlib.crc32(lines[-1], checksum)
         with contextlib.suppress(OSError):
-            durable.append(self._path, line)
-            self._read = _taken_in(self._read, line)
+            durable.append(self._path, b"".join(lines))
+            self._read = _taken_in(self._read, b"".join(lines))
 
     def write(self, members: Iterable[tuple[str, str]], stamps: Stamps) -> None:
         """Replace the journal: (key, name) of every member, and the stamps that they have now."""

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from catalogs import cinema, durable
@@ -105,12 +105,13 @@ class Table:
             if not path.is_file() or durable.read(path) != rows:
                 durable.replace(path, rows)
 
-    def add(self, member: Member) -> None:
-        """Let the whole, synced folder of a new member and its rows appear; the table must be current."""
-        with self._grown(durable.read(member.path / ROWS)):
-            durable.rename(member.path, self._members / member.name)
+    def add(self, members: Sequence[Member]) -> None:
+        """Let the whole, synced folders of new members and their rows appear in one commit; the table must be current."""
+        with self._grown(b"".join(durable.read(member.path / ROWS) for member in members)):
+            for member in members:
+                durable.rename(member.path, self._members / member.name)
             durable.sync(self._members)
-        self._journal.append(member.parameters, member.name, self._stamps())
+        self._record(members)
 
     def replace(self, member: Member) -> None:
         """Let the whole, synced folder of a member take the place of the one with its name; `member.path` then holds the old one.
@@ -123,7 +124,7 @@ class Table:
             rows = rows_in(self._members / member.name, self._plan)
         if rows == durable.read(member.path / ROWS):
             self._exchange(member)
-            self._journal.append(member.parameters, member.name, self._stamps())
+            self._record([member])
             return
         durable.replace(self._table, self.text(without=member.name))
         with durable.staged(self._table, self.text(also=member)):
@@ -170,6 +171,9 @@ class Table:
                 return
             partial.unlink()
         durable.copy(self._table, partial)
+
+    def _record(self, members: Sequence[Member]) -> None:
+        self._journal.append([(key_of(member.parameters), member.name) for member in members], self._stamps())
 
     def _write_journal(self, changed: int) -> None:
         (self._path / SPARE).unlink(missing_ok=True)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +32,12 @@ def make_plan(**changes: object) -> CatalogPlan:
         "bounds": ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
     }
     return CatalogPlan(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def small_plan() -> CatalogPlan:
+    """Two views are enough: every kind of file and of moment is there."""
+    whole = make_plan()
+    return make_plan(cameras=whole.cameras[:2], view_splits=whole.view_splits[:2])
 
 
 def picture(seed: int, height: int = 12, width: int = 16) -> NDArray[np.uint8]:
@@ -64,3 +73,12 @@ def catalog(tmp_path: Path) -> Catalog:
     add_member(made, "first", 120.0, seed=1)
     add_member(made, "second", 180.0, split="test", seed=2)
     return made
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """A folder in memory where the system has such a place, for tests that sync thousands of times."""
+    memory = Path("/dev/shm")
+    place = Path(tempfile.mkdtemp(dir=memory if os.access(memory, os.W_OK) else None))
+    yield place
+    shutil.rmtree(place)

@@ -6,27 +6,18 @@ import os
 import random
 import shutil
 import signal
-import tempfile
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from catalogs import cinema, durable
-from catalogs.catalog import Catalog, CatalogPlan
+from catalogs import durable
+from catalogs.catalog import Catalog
 from catalogs.check import check
-from catalogs.table import JOURNAL, SPARE
-from tests.catalogs.conftest import add_member, make_plan
+from tests.catalogs.conftest import add_member, small_plan
+from tests.support.mortal_disk import LOSSES, MortalDisk, check_consistent, contents, in_child
 
 MEMBERS = {"a": 110.0, "b": 150.0, "c": 190.0}
-LOSSES = ("before", "within", "after", "contents", "everything")
-
-
-def small_plan() -> CatalogPlan:
-    """Two views are enough: every kind of file and of moment is there."""
-    whole = make_plan()
-    return make_plan(cameras=whole.cameras[:2], view_splits=whole.view_splits[:2])
 
 
 def write_all(path: Path, names: tuple[str, ...] = tuple(MEMBERS), stored: Path | None = None) -> None:
@@ -38,161 +29,6 @@ def write_all(path: Path, names: tuple[str, ...] = tuple(MEMBERS), stored: Path 
             if stored is not None:
                 stored.write_text(stored.read_text() + name)
     catalog.rebuild_table()
-
-
-def contents(path: Path) -> dict[str, bytes]:
-    """Every file of a catalog, but what is derived and differs in times and inodes."""
-    files = (p for p in path.rglob("*") if p.is_file() and p.name not in (JOURNAL, SPARE))
-    return {str(p.relative_to(path)): p.read_bytes() for p in files}
-
-
-def check_consistent(path: Path) -> None:
-    """Whatever a reader sees now must be whole: each row's image, each member."""
-    if not (path / "catalog.json").is_file():
-        return
-    catalog = Catalog.open(path)
-    header, rows = cinema.parse((path / "data.csv").read_bytes().decode())
-    assert cinema.header_problems(header) == []
-    assert not rows or cinema.column_problems(header, rows) == []
-    assert all((path / row[-1]).is_file() for row in rows)
-    for member in catalog.members:
-        assert member.summary() is not None
-        for appearance in catalog.appearance_names:
-            catalog.images(member, appearance, threads=1)
-
-
-def in_child(work: Callable[[], None]) -> tuple[int, Callable[[], int]]:
-    """Start `work` in a forked child; returns its process number and what waits for its status."""
-    child = os.fork()
-    if child == 0:
-        try:
-            work()
-        except BaseException:
-            os._exit(3)
-        os._exit(0)
-    return child, lambda: os.waitpid(child, 0)[1]
-
-
-class MortalDisk:
-    """Stands in `durable`'s place at the door to the disk and dies at a chosen operation, with a chosen loss.
-
-    "before", "within" and "after" the operation the process is killed.  A power cut after it takes away, too, what
-    was not synced: the "contents" of files, or "everything", new names and renames as well.
-    """
-
-    def __init__(self, step: int, loss: str, root: Path) -> None:
-        self.count, self.step, self.loss, self.root = 0, step, loss, root
-        self.unsynced: set[int] = set()  # files by inode
-        self.new_names: dict[int, set[str]] = {}  # by folder's inode
-        self.renames: list[tuple[Path, Path, bytes | None]] = []
-        self.exchanges: list[tuple[Path, Path]] = []
-        self.write, self.append, self.sync = durable.write, durable.append, durable.sync
-        self.rename, self.link, self.exchange = durable.rename, durable.link, durable.exchange
-
-    def install(self) -> None:
-        durable.SYNCS_AT_ONCE = 1  # so that the operations come in one order
-        durable.write, durable.append, durable.sync = self._write, self._append, self._sync
-        durable.rename, durable.link, durable.exchange = self._rename, self._link, self._exchange
-
-    def remove(self) -> None:
-        durable.SYNCS_AT_ONCE = 16
-        durable.write, durable.append, durable.sync = self.write, self.append, self.sync
-        durable.rename, durable.link, durable.exchange = self.rename, self.link, self.exchange
-
-    def _write(self, path: Path, data: bytes) -> None:
-        def within() -> None:
-            self.write(path, data[: len(data) // 2])
-
-        def whole() -> None:
-            self.new_names.setdefault(path.parent.stat().st_ino, set()).add(path.name)
-            self.write(path, data)
-            self.unsynced.add(path.stat().st_ino)
-
-        self._operate(whole, within)
-
-    def _append(self, path: Path, data: bytes) -> None:
-        def within() -> None:
-            self.append(path, data[: len(data) // 2])
-
-        def whole() -> None:
-            if not path.exists():
-                self.new_names.setdefault(path.parent.stat().st_ino, set()).add(path.name)
-            self.append(path, data)
-            self.unsynced.add(path.stat().st_ino)
-
-        self._operate(whole, within)
-
-    def _link(self, source: Path, target: Path) -> None:
-        def whole() -> None:
-            self.new_names.setdefault(target.parent.stat().st_ino, set()).add(target.name)
-            self.link(source, target)
-
-        self._operate(whole, lambda: None)
-
-    def _exchange(self, first: Path, second: Path) -> None:
-        def whole() -> None:
-            self.exchange(first, second)
-            self.exchanges.append((first, second))
-
-        self._operate(whole, lambda: None)
-
-    def _sync(self, path: Path) -> None:
-        def whole() -> None:
-            self.sync(path)
-            node = path.stat().st_ino
-            self.unsynced.discard(node)
-            self.new_names.pop(node, None)
-            self.renames = [rename for rename in self.renames if rename[1].parent != path]
-            self.exchanges = [pair for pair in self.exchanges if pair[1].parent != path]
-
-        self._operate(whole, lambda: None)
-
-    def _rename(self, source: Path, target: Path) -> None:
-        def whole() -> None:
-            self.renames.append((source, target, target.read_bytes() if target.is_file() else None))
-            self.rename(source, target)
-
-        self._operate(whole, lambda: None)
-
-    def _operate(self, whole: Callable[[], None], within: Callable[[], None]) -> None:
-        self.count += 1
-        if self.count != self.step:
-            whole()
-            return
-        if self.loss == "within":
-            within()
-        elif self.loss != "before":
-            whole()
-        if self.loss == "everything":
-            self._lose_names()
-        if self.loss in ("contents", "everything"):
-            self._lose_contents()
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    def _lose_names(self) -> None:
-        for pair in self.exchanges:
-            self.exchange(*pair)
-        for source, target, replaced in reversed(self.renames):
-            os.replace(target, source)
-            if replaced is not None:
-                target.write_bytes(replaced)
-        for folder in [self.root, *(p for p in self.root.rglob("*") if p.is_dir())]:
-            for name in self.new_names.get(folder.stat().st_ino, ()):
-                (folder / name).unlink(missing_ok=True)
-
-    def _lose_contents(self) -> None:
-        for path in self.root.rglob("*"):
-            if path.is_file() and path.stat().st_ino in self.unsynced:
-                os.truncate(path, path.stat().st_size // 2)
-
-
-@pytest.fixture
-def folder() -> Iterator[Path]:
-    """In memory where the system has such a place: these tests sync thousands of times."""
-    memory = Path("/dev/shm")
-    place = Path(tempfile.mkdtemp(dir=memory if os.access(memory, os.W_OK) else None))
-    yield place
-    shutil.rmtree(place)
 
 
 @pytest.fixture

@@ -35,11 +35,11 @@ def test_what_others_append_is_taken_in(journal: Journal, tmp_path: Path) -> Non
     assert other.read() == journal.read() == stamps(1)
     assert other.table_before is None
     for number in (2, 3):
-        journal.append({"x": float(number + 1)}, f"m{number}", stamps(number))
+        journal.append([(key_of({"x": float(number + 1)}), f"m{number}")], stamps(number))
     assert other.read() == stamps(3)
     assert set(other.names.values()) == {"a", "b", "m2", "m3"}
     assert other.table_before == stamps(2).table
-    other.append({"x": 9.0}, "again", Stamps(4, stamps(3).table))
+    other.append([(key_of({"x": 9.0}), "again")], Stamps(4, stamps(3).table))
     assert other.table_before == stamps(2).table, "the table is the same"
     assert journal.read() == Stamps(4, stamps(3).table)
 
@@ -65,7 +65,7 @@ def test_one_in_the_place_of_another_is_read_anew(journal: Journal, tmp_path: Pa
 
 @pytest.mark.parametrize("cut", range(1, 60, 7))
 def test_what_is_cut_off_is_not_believed(journal: Journal, tmp_path: Path, cut: int) -> None:
-    journal.append({"x": 3.0}, "c", stamps(2))
+    journal.append([(key_of({"x": 3.0}), "c")], stamps(2))
     path = tmp_path / "journal"
     os.truncate(path, path.stat().st_size - cut)
     assert Journal(path).read() in (None, stamps(1))
@@ -92,6 +92,20 @@ def test_a_disk_that_refuses_has_no_say(journal: Journal, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(durable, "append", refuse)
     monkeypatch.setattr(durable, "write", refuse)
-    journal.append({"x": 3.0}, "c", stamps(2))
+    journal.append([(key_of({"x": 3.0}), "c")], stamps(2))
     journal.write([], stamps(3))
     assert journal.read() == stamps(1)
+
+
+@pytest.mark.parametrize("lines", [0, 1, 2, 3])
+def test_a_commit_of_several_is_believed_when_its_last_line_is_there(journal: Journal, lines: int) -> None:
+    """A writer may die between two lines: then the journal must not claim to know all members."""
+    path, before = journal._path, journal._path.read_bytes()
+    journal.append([(key_of({"x": float(n)}), f"m{n}") for n in (3, 4, 5)], stamps(2))
+    assert journal.read() == stamps(2)
+    added = path.read_bytes()[len(before) :].splitlines(keepends=True)
+    assert len(added) == 3
+    path.write_bytes(before + b"".join(added[:lines]))
+    again = Journal(path)
+    assert again.read() == (stamps(2) if lines == 3 else stamps(1))
+    assert len(again.names) == 2 + lines

@@ -24,6 +24,7 @@ from catalogs.exchange.nerf import ImportedMember
 from catalogs.exchange.transforms import Frame
 from catalogs.journal import Stamps
 from catalogs.members import Member
+from catalogs.merge import Merged
 from catalogs.missing import MissingMember
 from catalogs.notebook.cards import Picture
 from catalogs.parameters import Parameter, ParameterSpace
@@ -96,6 +97,7 @@ SHOWN: list[tuple[Any, str]] = [
     (PngHeader(8, 6, 8, 2, False), "8"),
     (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
     (Finding("data.csv", "is missing"), "is missing"),
+    (Merged(12, 3, 0), "added=12"),
     (Access("0.0.0.0", "secret"), "0.0.0.0"),
     (Count("drawing", 1, 2, 0.5), "drawing"),
 ]
