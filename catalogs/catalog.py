@@ -18,7 +18,7 @@ import contextlib
 import dataclasses
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from catalogs import durable
 from catalogs.cameras import Camera
-from catalogs.description import DESCRIPTION, LOCK, SCHEMA, WITHOUT_FIELDS, write_description, write_empty
+from catalogs.description import DESCRIPTION, LOCK, SCHEMA, allow_fewer_appearances, write_empty
 from catalogs.images import ImageError, read_image, write_image
 from catalogs.journal import key_of
 from catalogs.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
@@ -333,10 +333,17 @@ class Catalog:
         with durable.locked(self.path / LOCK):
             self._table.rebuild()
 
-    def repair(self) -> None:
-        """`rebuild_table`, from rows that are derived anew from every member's record."""
+    def repair(self, set_aside: Callable[[], Mapping[str, Path]] = dict) -> None:
+        """`rebuild_table`, from rows that are derived anew from every member's record.
+
+        What `set_aside` names in `members/`, once nobody else writes, is moved to the paths that it gives.
+        """
         with durable.locked(self.path / LOCK):
-            self._table.derive_rows()
+            self._table.clean_up()
+            moves = set_aside()
+            self._table.derive_rows(without=moves)
+            if moves:
+                self._table.set_aside(moves)
             self._table.rebuild()
 
     def unfinished(self) -> list[Path]:
@@ -365,14 +372,8 @@ class Catalog:
                 self._refuse_duplicate(member, replace)
             self._table.clean_up()
             if any(len(member.appearances) < len(self.plan.appearances) for member in members):
-                self._raise_schema()
+                allow_fewer_appearances(self.path)
             yield
-
-    def _raise_schema(self) -> None:
-        """Raise schema 1, whose readers expect every appearance of every member, to the next one."""
-        record = read_json(self.path / DESCRIPTION)
-        if record["schema"] < WITHOUT_FIELDS:
-            write_description(self.path, {**record, "schema": WITHOUT_FIELDS})
 
     def _update_locked(self) -> None:
         if not self._table.is_current():

@@ -1,208 +1,273 @@
-"""Whether a Cinema database is what it says: every rule of specification D, and every image, one by one."""
+"""Whether a Cinema database is what it says: every rule of specification D, and every image, one by one.
+
+Table and members are gone through side by side, a row and a member at a time: of a catalog nothing stays in memory but the members'
+names.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import io
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import groupby, zip_longest
 from pathlib import Path
 
+import numpy as np
+
 from catalogs import cinema, durable
-from catalogs.appearance import shown_fields
 from catalogs.catalog import Catalog, CatalogError, Member
+from catalogs.damage import Shape, file_problem, images_of, rows_problem, summary_problem
 from catalogs.description import DESCRIPTION
-from catalogs.images import ImageError, read_stored
-from catalogs.members import ROWS, SUMMARY, read_record
-from catalogs.png import PngError, check_png
-from catalogs.table import MEMBERS, TABLE, derived_rows, rows_in
+from catalogs.journal import key_of
+from catalogs.members import read_record
+from catalogs.table import MEMBERS, TABLE, derived_rows, member_names, stray_names
 
 Progress = Callable[[int, int], None]
-Shape = tuple[int, int, int]
-IMAGES = {".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp"}
-READERS = 2
+READERS, AHEAD = 2, 64  # threads, and files that wait for them
+PIECE = 1 << 16  # bytes of a table that are read at once
 REPAIR = "`catalogs check --repair` rebuilds the table"
+ROWS_REPAIR = "`catalogs check --repair` writes it anew"
+TAKE_OUT = "take the folder of one of them out of members/, then `catalogs check --repair` rebuilds the table"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong: where (file, row, column) and what."""
+    """One thing that is wrong: where (file, row, column) and what; and the member that only rendering it again can mend."""
 
     place: str
     problem: str
+    member: str = ""
 
     def __str__(self) -> str:
         return f"{self.place}: {self.problem}"
 
 
-def check(path: Path, *, progress: Progress = lambda done, total: None) -> list[Finding]:
+@dataclass(frozen=True)
+class _File:
+    """A file that must be there: what says so; of a member's image also the member and the shape."""
+
+    name: str
+    place: str
+    member: str = ""
+    shape: Shape | None = None
+
+
+def check(path: Path, *, decode: bool = True, progress: Progress = lambda done, total: None) -> list[Finding]:
     """Everything that is wrong with the Cinema database at `path`, whoever made it; empty where nothing is.
 
-    The table is held to specification D (see `catalogs.cinema`); every image is decoded whole, once; where a `catalog.json`
-    stands beside the table, members, rows, image sizes and summaries must agree with it too.  URLs are not fetched.
+    The table is held to specification D (see `catalogs.cinema`); every image is decoded whole, once, or only looked for without
+    `decode`; where a `catalog.json` stands beside the table, members, rows, image sizes and summaries must agree with it
+    too.  URLs are not fetched, and nothing is written.
     """
     if not path.is_dir():
         return [Finding(str(path), "is no folder")]
     findings = [] if path.suffix == ".cdb" else [Finding(str(path), "a Cinema database's folder ends with .cdb")]
-    header, rows, problems = _read_table(path)
-    findings += problems
-    shapes: dict[str, Shape] = {}
-    if (path / DESCRIPTION).exists():
-        findings += _check_catalog(path, shapes)
-    return [*findings, *_check_files(path, _files(header, rows, shapes), shapes, progress)]
-
-
-def _read_table(path: Path) -> tuple[list[str], list[list[str]], list[Finding]]:
-    try:
-        header, rows = cinema.parse(durable.read(path / TABLE).decode("utf-8"))
-    except FileNotFoundError:
-        return [], [], [Finding(TABLE, "is missing: it is the one file that every Cinema database has")]
-    except durable.SpecialFileError as error:
-        return [], [], [Finding(TABLE, str(error))]
-    except (UnicodeDecodeError, cinema.TableError) as error:
-        return [], [], [Finding(TABLE, str(error))]
-    problems = [*cinema.header_problems(header), *cinema.column_problems(header, rows)]
-    return header, rows, [Finding(TABLE, problem) for problem in problems]
-
-
-def _files(header: Sequence[str], rows: Sequence[Sequence[str]], members: Iterable[str]) -> dict[str, str]:
-    """What the table's cells name, and what the members must hold beside it: the places that say so, by file."""
-    columns = [(i, label) for i, label in enumerate(header) if cinema.is_file_column(label)]
-    named = {
-        row[i]: f"{TABLE} row {number}, column {label}"
-        for number, row in enumerate(rows, start=2)
-        for i, label in columns
-        if cinema.path_problem(row[i]) is None and not cinema.is_url(row[i])
-    }
-    return dict.fromkeys(members, "a member's image") | named
-
-
-def _check_files(
-    root: Path, files: Mapping[str, str], shapes: Mapping[str, Shape], progress: Progress
-) -> Iterator[Finding]:
+    total = _count(path)
     with ThreadPoolExecutor(READERS) as pool:
-        problems = pool.map(lambda name: _file_problem(root, name, shapes.get(name)), files)
-        for done, ((name, place), problem) in enumerate(zip(files.items(), problems, strict=True), start=1):
-            progress(done, len(files))
+        examined = _examined(pool, path, decode, _Check(path, findings).files())
+        for done, (file, problem) in enumerate(examined, start=1):
+            progress(done, max(done, total))
             if problem:
-                yield Finding(place, f"{name} {problem}")
+                findings.append(Finding(file.place, f"{file.name} {problem}", file.member))
+    return findings
 
 
-def _file_problem(root: Path, name: str, wanted: Shape | None) -> str | None:
-    """What is wrong with a file, which must have the `wanted` height, width and channels where these are known."""
-    path = root / name
-    if not path.is_file():
-        kind = durable.special(path)
-        return f"is {kind}, where a file belongs" if kind else "is missing"
-    if not path.resolve().is_relative_to(root.resolve()):
-        return "is a link that leaves the database"
+def _count(path: Path) -> int:
+    """How many files the table names, as far as lines tell."""
     try:
-        shape = _read_shape(path)
-    except (PngError, ImageError, OSError) as error:
-        return f"is damaged: {error}"
-    if shape is None:
-        return None if path.stat().st_size else "is empty"
-    if wanted is not None and shape != wanted:
-        return f"is {_size(shape)}; its camera makes {_size(wanted)}"
-    return None
+        with durable.opened(path / TABLE) as stream:
+            columns = stream.readline(PIECE).count(b"FILE")
+            return columns * sum(piece.count(b"\n") for piece in iter(lambda: stream.read(PIECE), b""))
+    except OSError:
+        return 0
 
 
-def _read_shape(path: Path) -> Shape | None:
-    """Height, width and channels of an image whose every byte was read; None for a file that is no image."""
-    if path.suffix.lower() == ".png":
-        header = check_png(path)
-        if header.is_plain_color:
-            return header.height, header.width, 4 if header.has_alpha else 3
-    if path.suffix.lower() not in {".png", *IMAGES}:
-        return None
-    height, width, channels = read_stored(path).shape
-    return height, width, channels
+def _examined(
+    pool: ThreadPoolExecutor, root: Path, decode: bool, files: Iterable[_File]
+) -> Iterator[tuple[_File, str | None]]:
+    """The files and what is wrong with each, in their order; few wait at a time, however many there are."""
+    waiting: deque[tuple[_File, Future[str | None]]] = deque()
+    for file in files:
+        waiting.append((file, pool.submit(file_problem, root, file.name, file.shape, decode=decode)))
+        if len(waiting) > AHEAD:
+            first, problem = waiting.popleft()
+            yield first, problem.result()
+    for file, problem in waiting:
+        yield file, problem.result()
 
 
-def _size(shape: Shape) -> str:
-    height, width, channels = shape
-    return f"{width}x{height} with {channels} channels"
+class _Check:
+    """Goes once through a database's table and members; what is wrong with them goes to `findings`."""
 
+    def __init__(self, path: Path, findings: list[Finding]) -> None:
+        self._path, self._findings = path, findings
+        self._catalog: Catalog | None = None
+        if (path / DESCRIPTION).exists():
+            try:
+                self._catalog = Catalog.open(path)
+            except CatalogError as error:
+                self._find(DESCRIPTION, str(error))
+        self._names = member_names(path) if self._catalog else []  # sorted
+        self._seen = bytearray(len(self._names))  # 1 for those that were looked at
+        self._keys = np.zeros(len(self._names), np.uint64)  # a part of each one's parameters' key
+        self._table_is_whole = True
+        self._strangers: set[str] = set()  # files that are no member's
 
-def _check_catalog(path: Path, shapes: dict[str, Shape]) -> Iterator[Finding]:
-    """What is wrong with `catalog.json` and the members; fills in the `shapes` that their images must have."""
-    try:
-        catalog = Catalog.open(path)
-    except CatalogError as error:
-        yield Finding("catalog.json", str(error))
-        return
-    if (path / MEMBERS).is_dir():
-        strays = {p for p in (path / MEMBERS).iterdir() if not p.name.startswith(".")} - set(catalog.member_paths())
-        yield from (Finding(f"{MEMBERS}/{p.name}", "is no member: it holds no member.json") for p in sorted(strays))
-    members = []
-    for folder in catalog.member_paths():
-        try:
-            members.append(read_record(folder, catalog.plan))
-        except CatalogError as error:
-            yield Finding(f"member {folder.name}", str(error))
-    for member in members:
-        yield from _check_member(catalog, member)
-        for appearance in member.appearances:
-            for view, camera in enumerate(member.cameras):
-                name = catalog.image_path(member, appearance, view).relative_to(path).as_posix()
-                shapes[name] = (camera.height, camera.width, 4)
-    yield from _check_duplicates(members)
-    yield from _check_table(catalog)
-
-
-def _check_member(catalog: Catalog, member: Member) -> Iterator[Finding]:
-    yield from _check_summaries(catalog, member)
-    try:
-        if durable.read(member.path / ROWS) == derived_rows(member, catalog.plan):
+    def files(self) -> Iterator[_File]:
+        """Every file that table or members name, once."""
+        if self._catalog is None:
+            yield from self._strange_files(*self._table())
             return
-        problem = f"{ROWS} is not what its member.json and the catalog's plan make"
-    except FileNotFoundError:
-        problem = f"{ROWS} is missing"
-    except OSError as error:
-        problem = str(error)
-    yield Finding(f"member {member.name}", f"{problem}: `catalogs check --repair` writes it anew")
+        for name in stray_names(self._path):
+            self._find(f"{MEMBERS}/{name}", "is no member: it holds no member.json", name)
+        header, rows = self._table()
+        listed = header == self._catalog.plan.header
+        if listed:
+            yield from self._listed(self._catalog, header, rows)
+        else:
+            if header:
+                labels = self._catalog.plan.header
+                self._find(TABLE, f"has the columns {header}, the catalog makes {labels}: {REPAIR}")
+            yield from self._strange_files(header, rows)
+        for number, name in enumerate(self._names):
+            if not self._seen[number]:
+                if listed and self._table_is_whole:
+                    self._find(f"member {name}", f"is stored but not in the table: {REPAIR}")
+                member = self._member(self._catalog, number)
+                if member is not None:
+                    for file, shape in images_of(self._catalog, member):
+                        yield _File(file, "a member's image", name, shape)
+        self._find_duplicates(self._catalog)
 
+    def _find(self, place: str, problem: str, member: str = "") -> None:
+        self._findings.append(Finding(place, problem, member))
 
-def _check_summaries(catalog: Catalog, member: Member) -> Iterator[Finding]:
-    """Whether the sidecar can be read and, where a catalog shows several fields, is of exactly those that the member shows."""
-    try:
-        kept = member.summaries()
-    except ValueError as error:
-        yield Finding(f"member {member.name}", str(error))
-        return
-    shown = shown_fields(a for a in catalog.plan.appearances if a.name in set(member.appearances))
-    if not kept or len(catalog.plan.fields) < 2 or set(kept) == set(shown):
-        return
-    yield Finding(f"member {member.name}", f"{SUMMARY} is of the fields {list(kept)}, the pictures of {list(shown)}")
+    def _table(self) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+        """Header and numbered rows of the table, empty where there is none; what is wrong with each is found as it comes."""
+        rows = self._readable_rows()
+        header = next(rows, [])
+        for problem in cinema.header_problems(header):
+            self._find(TABLE, problem)
+        return header, self._checked(header, rows)
 
+    def _readable_rows(self) -> Iterator[list[str]]:
+        """Header and rows up to where the table can't be read."""
+        try:
+            with durable.opened(self._path / TABLE) as stream:
+                text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
+                yield from cinema.read_rows(iter(lambda: text.read(PIECE), ""))
+                return
+        except FileNotFoundError:
+            self._find(TABLE, "is missing: it is the one file that every Cinema database has")
+        except (durable.SpecialFileError, UnicodeDecodeError, cinema.TableError) as error:
+            self._find(TABLE, str(error))
+        self._table_is_whole = False
 
-def _check_duplicates(members: Iterable[Member]) -> Iterator[Finding]:
-    first: dict[tuple[float, ...], str] = {}
-    for member in members:
-        other = first.setdefault(tuple(member.parameters.values()), member.name)
-        if other != member.name:
-            yield Finding(f"member {member.name}", f"has the parameters of member {other}")
+    def _checked(self, header: list[str], rows: Iterator[list[str]]) -> Iterator[tuple[int, list[str]]]:
+        columns, number = cinema.Columns(header), 1
+        for number, row in enumerate(rows, start=2):
+            for problem in columns.problems(number, row):
+                self._find(TABLE, problem)
+            yield number, row
+        if number == 1 and self._table_is_whole:
+            self._find(TABLE, cinema.NO_ROW)
 
+    def _strange_files(self, header: list[str], rows: Iterable[tuple[int, list[str]]]) -> Iterator[_File]:
+        """The files that rows name, each once, but for what lies in members' folders, which is looked at with them."""
+        for number, row in rows:
+            for label, cell in zip(header, row, strict=True):
+                known = not cinema.is_file_column(label) or cinema.path_problem(cell) or cinema.is_url(cell)
+                if known or cell in self._strangers or self._is_of_a_member(cell):
+                    continue
+                self._strangers.add(cell)
+                yield _File(cell, f"{TABLE} row {number}, column {label}")
 
-def _check_table(catalog: Catalog) -> Iterator[Finding]:
-    """Whether the table is what the members make, in any order: which of them it lacks or invents, and else where it differs."""
-    try:
-        header, rows = cinema.parse(durable.read(catalog.path / TABLE).decode())
-        wanted = {path.name: cinema.parse(rows_in(path, catalog.plan).decode()) for path in catalog.member_paths()}
-    except (OSError, ValueError):
-        return  # told already
-    labels = catalog.plan.header
-    if labels != header:
-        yield Finding(TABLE, f"has the columns {header}, the catalog makes {labels}: {REPAIR}")
-        return
-    column = header.index("member")
-    named = dict.fromkeys(row[column] for row in rows)
-    for name in sorted(named.keys() ^ wanted.keys()):
-        where = "stored but not in the table" if name in wanted else "in the table but not stored"
-        yield Finding(f"member {name}", f"is {where}: {REPAIR}")
-    if named.keys() != wanted.keys():
-        return
-    cells = [row for name in named for row in (wanted[name][0], *wanted[name][1])]
-    if cells != rows:
-        number = next((n for n, (a, b) in enumerate(zip(rows, cells, strict=False), start=2) if a != b), None)
-        where = f"{len(rows)} rows instead of {len(cells)}" if number is None else f"row {number} and maybe others"
-        yield Finding(TABLE, f"differs from what the members make ({where}): {REPAIR}")
+    def _is_of_a_member(self, name: str) -> bool:
+        parts = name.split("/")
+        return len(parts) > 2 and parts[0] == MEMBERS and self._number(parts[1]) is not None
+
+    def _number(self, name: str) -> int | None:
+        """Which of the stored members this is."""
+        place = bisect_left(self._names, name)
+        return place if place < len(self._names) and self._names[place] == name else None
+
+    def _listed(self, catalog: Catalog, header: list[str], rows: Iterator[tuple[int, list[str]]]) -> Iterator[_File]:
+        """The files of the members that the table lists, in its order.
+
+        Tells which members it invents, and else where it first differs from what the members make.
+        """
+        column = header.index("member")
+        unknown: dict[str, None] = {}
+        differences: list[str] = []
+        for name, lines in groupby(rows, key=lambda line: line[1][column]):
+            number = self._number(name)
+            if number is None:
+                unknown[name] = None
+                yield from self._strange_files(header, lines)
+            elif self._seen[number]:
+                differences += [f"member {name} has rows in several places"] * (not differences)
+                yield from self._strange_files(header, lines)
+            else:
+                member = self._member(catalog, number)
+                if member is None:
+                    yield from self._strange_files(header, lines)
+                else:
+                    yield from self._member_files(catalog, member, header, lines, differences)
+        for name in unknown:
+            self._find(f"member {name}", f"is in the table but not stored: {REPAIR}")
+        if differences and not unknown and all(self._seen):
+            self._find(TABLE, f"differs from what the members make ({differences[0]}): {REPAIR}")
+
+    def _member_files(
+        self,
+        catalog: Catalog,
+        member: Member,
+        header: list[str],
+        lines: Iterable[tuple[int, list[str]]],
+        differences: list[str],
+    ) -> Iterator[_File]:
+        """A listed member's images, and what else its rows name; the first row that is not the member's to `differences`."""
+        shapes = dict(images_of(catalog, member))
+        wanted = cinema.read_rows([derived_rows(member, catalog.plan).decode()])
+        for line, expected in zip_longest(lines, wanted):
+            if line is None or expected is None:
+                differences += [f"it has {'fewer' if line is None else 'more'} rows of member {member.name}"]
+            elif line[1] != expected:
+                differences += [f"row {line[0]} and maybe others"]
+            if line is not None:
+                file = line[1][-1]
+                if file in shapes:
+                    yield _File(file, f"{TABLE} row {line[0]}, column {header[-1]}", member.name, shapes.pop(file))
+                else:
+                    yield from self._strange_files(header, [line])
+            del differences[1:]
+        for file, shape in shapes.items():
+            yield _File(file, "a member's image", member.name, shape)
+
+    def _member(self, catalog: Catalog, number: int) -> Member | None:
+        """A stored member, after all that is wrong with its record, rows and summary; None where it can't be read."""
+        self._seen[number] = 1
+        place = f"member {self._names[number]}"
+        try:
+            member = read_record(catalog.path / MEMBERS / self._names[number], catalog.plan)
+        except (CatalogError, OSError) as error:
+            self._find(place, str(error), self._names[number])
+            return None
+        self._keys[number] = int(key_of(member.parameters)[:16], 16)
+        if problem := summary_problem(member, catalog.plan):
+            self._find(place, problem, member.name)
+        if problem := rows_problem(member, catalog.plan):
+            self._find(place, f"{problem}: {ROWS_REPAIR}")
+        return member
+
+    def _find_duplicates(self, catalog: Catalog) -> None:
+        _, places, counts = np.unique(self._keys, return_inverse=True, return_counts=True)
+        first: dict[str, str] = {}
+        for number in np.flatnonzero((counts[places] > 1) & (self._keys > 0)):
+            member = read_record(catalog.path / MEMBERS / self._names[number], catalog.plan)
+            other = first.setdefault(key_of(member.parameters), member.name)
+            if other != member.name:
+                self._find(f"member {member.name}", f"has the parameters of member {other}: {TAKE_OUT}")

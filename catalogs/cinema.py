@@ -27,7 +27,10 @@ import numpy as np
 Cell = str | int | float
 
 NEWLINE = "\r\n"  # RFC 4180, section 2.1
-CELL = re.compile(r'(?:"([^"]*(?:""[^"]*)*)"|([^",\r\n]*))(,|\r\n|\n|\Z)')  # RFC 4180, section 2
+CELL = re.compile(r'(?:"([^"]*+(?:""[^"]*+)*+)"|([^",\r\n]*+))(,|\r\n|\n|\Z)')  # RFC 4180, section 2
+LONGEST_CELL = 1 << 20  # characters, of a table that comes in pieces
+TYPE_NAMES = {int: "integers", float: "floats", str: "words"}
+NO_ROW = "the table has no row: specification D wants at least one"
 URL = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]*://")
 
 
@@ -58,32 +61,54 @@ def format_rows(rows: Iterable[Sequence[Cell]]) -> str:
 
 def parse(text: str) -> tuple[list[str], list[list[str]]]:
     """Header and rows of a table; raises TableError where it is no RFC 4180 or rows differ in length."""
-    if text.startswith("\ufeff"):
-        raise TableError("it begins with a byte order mark, which clients take for a part of the first label")
-    rows = list(_records(text))
-    if not rows or rows[0] == [""]:
+    rows = read_rows([text])
+    return next(rows), list(rows)
+
+
+def read_rows(chunks: Iterable[str]) -> Iterator[list[str]]:
+    """The header and then each row of a table that comes in pieces, in the memory of a piece and a row.
+
+    Raises TableError where it is no RFC 4180, has rows of another length than the header, or, if it comes in several pieces, a
+    cell of more than a million characters.
+    """
+    header: list[str] = []
+    for number, row in enumerate(_records(chunks), start=1):
+        if number == 1:
+            header = row
+            if header == [""]:
+                break
+        elif len(row) != len(header):
+            raise TableError(f"row {number} has {len(row)} cells, the header {len(header)}")
+        yield row
+    if header in ([], [""]):
         raise TableError("the table is empty: a header row must name its columns")
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(rows[0]):
-            raise TableError(f"row {number} has {len(row)} cells, the header {len(rows[0])}")
-    return rows[0], rows[1:]
 
 
-def _records(text: str) -> Iterator[list[str]]:
+def _records(chunks: Iterable[str]) -> Iterator[list[str]]:
     row: list[str] = []
-    number, place = 1, 0
-    while place < len(text):
-        cell = CELL.match(text, place)
-        if cell is None:
-            line = text.count("\n", 0, place) + 1
-            around = text[place : place + 30]
-            raise TableError(f"row {number}, line {line}: no RFC 4180: a stray quote or line end near {around!r}")
-        quoted, plain, end = cell.groups()
-        row.append(plain if quoted is None else quoted.replace('""', '"'))
-        place = cell.end()
-        if end != ",":
-            yield row
-            row, number = [], number + 1
+    number, line, text, place = 1, 1, "", 0
+    pieces = iter(chunks)
+    following: str | None = next(pieces, "")
+    if following and following.startswith("\ufeff"):
+        raise TableError("it begins with a byte order mark, which clients take for a part of the first label")
+    while following is not None:
+        line += text.count("\n", 0, place)
+        text, place = text[place:] + following, 0
+        following = next(pieces, None)
+        while place < len(text):
+            cell = CELL.match(text, place)
+            if following is not None and (cell is None or not cell[3]) and len(text) - place <= LONGEST_CELL:
+                break  # the cell may go on in the next piece
+            if cell is None or (following is not None and not cell[3]):
+                around = text[place : place + 30]
+                where = f"row {number}, line {line + text.count(chr(10), 0, place)}"
+                raise TableError(f"{where}: no RFC 4180: a stray quote or line end near {around!r}")
+            quoted, plain, end = cell.groups()
+            row.append(plain if quoted is None else quoted.replace('""', '"'))
+            place = cell.end()
+            if end != ",":
+                yield row
+                row, number = [], number + 1
     if row:  # the last cell was empty and no line end followed
         yield [*row, ""]
 
@@ -132,36 +157,44 @@ def reads_as_number(text: str) -> bool:
     return cell_type(text) is not str
 
 
-def column_problems(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def column_problems(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     """Every rule that the cells break, as sentences with row numbers (the header is row 1)."""
-    problems = [] if rows else ["the table has no row: specification D wants at least one"]
-    for index, label in enumerate(header):
-        cells = [row[index] for row in rows]
-        found = map(path_problem, cells) if is_file_column(label) else _type_problems(cells)
-        problems += [f"row {row}, column {label}: {problem}" for row, problem in enumerate(found, start=2) if problem]
-    return problems
+    columns, problems, number = Columns(header), [], 1
+    for number, row in enumerate(rows, start=2):
+        problems += columns.problems(number, row)
+    return problems if number > 1 else [NO_ROW]
 
 
-def _type_problems(cells: Iterable[str]) -> Iterator[str | None]:
-    """What is wrong with each cell of a column, or None."""
-    names = {int: "integers", float: "floats", str: "words"}
-    first: type | None = None
-    for cell in cells:
+class Columns:
+    """The rules that hold for the cells of a table's columns, of which rows are seen one after the other."""
+
+    def __init__(self, header: Sequence[str]) -> None:
+        self._labels = list(header)
+        self._types: list[type | None] = [None] * len(self._labels)  # of each column's first cell that is not empty
+
+    def problems(self, number: int, row: Sequence[str]) -> list[str]:
+        """Every rule that the next row, with this number, breaks, as sentences."""
+        found = []
+        for index, (label, cell) in enumerate(zip(self._labels, row, strict=True)):
+            problem = path_problem(cell) if is_file_column(label) else self._type_problem(index, cell)
+            if problem:
+                found.append(f"row {number}, column {label}: {problem}")
+        return found
+
+    def _type_problem(self, index: int, cell: str) -> str | None:
         if not cell:
-            yield None
-            continue
+            return None
         kind = cell_type(cell)
-        first = first or kind
+        first = self._types[index] = self._types[index] or kind
         if cell != cell.strip():
-            yield f"{cell!r} is padded with blanks"
-        elif kind is float and first is not int and math.isnan(float(cell)):
-            yield None
-        elif kind is not first:
-            yield f"{cell!r} stands among {names[first]}: a column has one type"
-        elif kind is float and math.isinf(float(cell)):
-            yield f"{cell} is no number that a client can place"
-        else:
-            yield None
+            return f"{cell!r} is padded with blanks"
+        if kind is float and first is not int and math.isnan(float(cell)):
+            return None
+        if kind is not first:
+            return f"{cell!r} stands among {TYPE_NAMES[first]}: a column has one type"
+        if kind is float and math.isinf(float(cell)):
+            return f"{cell} is no number that a client can place"
+        return None
 
 
 def path_problem(cell: str) -> str | None:

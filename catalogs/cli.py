@@ -23,23 +23,34 @@ def main() -> None:
 @main.command()
 @CATALOG
 @click.option(
-    "--repair", is_flag=True, help="First rebuild the table, and the members' rows, from the members' records."
+    "--repair",
+    is_flag=True,
+    help="Move members that must be rendered again into PATH/damaged, and rebuild all rows from the members' records.",
 )
 def check(path: Path, repair: bool) -> None:
-    """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong."""
+    """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong.
+
+    Without --repair nothing is written.  With it, members with missing, truncated or altered pictures, records or summaries are
+    moved into PATH/damaged, never deleted, so that rendering the scene again fills them in; what is wrong still is
+    printed, and decides about the exit status.
+    """
     from catalogs.catalog import Catalog
     from catalogs.check import check as run
     from catalogs.progress import ProgressLine
+    from catalogs.repair import Repaired, how_to_render_again
+    from catalogs.repair import repair as mend
 
     with _plain_errors(), ProgressLine() as line:
-        if repair:
-            Catalog.open(path).repair()
-        findings = run(path, progress=partial(line.count, "checking"))
-    for finding in findings:
-        click.echo(str(finding))
+        progress = partial(line.count, "checking")
+        done = mend(path, progress=progress) if repair else Repaired((), tuple(run(path, progress=progress)))
+    findings = done.findings
+    for told in (*done.set_aside, *findings):
+        click.echo(str(told))
+    if done.set_aside:
+        click.echo(how_to_render_again(Catalog.open(path), done.set_aside))
     if findings:
         raise click.ClickException(f"{path}: {len(findings)} finding{'s' * (len(findings) > 1)}")
-    click.echo(f"{path}: nothing wrong")
+    click.echo(f"{path}: nothing wrong{' any more' if repair else ''}")
 
 
 @main.command()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs import cinema, durable
-from catalogs.plan import CatalogError, CatalogPlan
+from catalogs.plan import CatalogError, CatalogPlan, read_json
 from catalogs.table import HIDDEN, MEMBERS, TABLE
 
 SCHEMA = 4  # 1 had no variations, and every member all appearances; 2 no fields; 3 no logarithmic scales
@@ -34,6 +34,13 @@ def _least_schema(plan: CatalogPlan) -> int:
         return SCHEMA
     fields = any(plan.fields) or not all(variation.continuous for variation in plan.variations)
     return WITHOUT_SCALES if fields else WITHOUT_FIELDS
+
+
+def allow_fewer_appearances(path: Path) -> None:
+    """Raise schema 1, whose readers expect every appearance of every member, to the next one."""
+    record = read_json(path / DESCRIPTION)
+    if record["schema"] < WITHOUT_FIELDS:
+        write_description(path, {**record, "schema": WITHOUT_FIELDS})
 
 
 def write_description(path: Path, record: Mapping[str, Any]) -> None:

@@ -22,8 +22,9 @@ Rows of members stand in the order of their commits; `rebuild` sorts them by the
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from catalogs import cinema, durable
@@ -64,9 +65,9 @@ class Table:
         """The member with these parameters, in the space's order, as of the last `is_current`."""
         return self._journal.names.get(key_of(parameters))
 
-    def text(self, *, also: Member | None = None, without: str = "") -> bytes:
+    def text(self, *, also: Member | None = None, without: Collection[str] = ()) -> bytes:
         """The header and the rows of every committed member, sorted by name, and of one about to be committed."""
-        folders = {path.name: path for path in member_paths(self._path) if path.name != without}
+        folders = {path.name: path for path in member_paths(self._path) if path.name not in without}
         if also is not None:
             folders[also.name] = also.path
         rows = [rows_in(folders[name], self._plan) for name in sorted(folders)]
@@ -98,12 +99,23 @@ class Table:
         for partial in self._partials():  # last: they say that the table is out of date
             partial.unlink(missing_ok=True)
 
-    def derive_rows(self) -> None:
+    def derive_rows(self, without: Collection[str] = ()) -> None:
         """Make every member's file of rows what follows from its record."""
-        for folder in member_paths(self._path):
+        for folder in (path for path in member_paths(self._path) if path.name not in without):
+            durable.remove_abandoned(folder)  # rows that a dead repair was writing
             path, rows = folder / ROWS, derived_rows(read_record(folder, self._plan), self._plan)
             if not path.is_file() or durable.read(path) != rows:
                 durable.replace(path, rows)
+
+    def set_aside(self, moves: Mapping[str, Path]) -> None:
+        """Move what stands among the members under these names elsewhere in the catalog; first the table lets go of it."""
+        durable.replace(self._table, self.text(without=moves))
+        for name, target in moves.items():
+            durable.make_folder(target.parent)
+            durable.rename(self._members / name, target)
+            durable.sync(target.parent)
+        durable.sync(self._members)
+        self._write_journal(durable.stamp(self._members).changed)
 
     def add(self, members: Sequence[Member]) -> None:
         """Let the whole, synced folders of new members and their rows appear in one commit; the table must be current."""
@@ -126,7 +138,7 @@ class Table:
             self._exchange(member)
             self._record([member])
             return
-        durable.replace(self._table, self.text(without=member.name))
+        durable.replace(self._table, self.text(without=[member.name]))
         with durable.staged(self._table, self.text(also=member)):
             self._exchange(member)
         self._write_journal(durable.stamp(self._members).changed)
@@ -188,9 +200,27 @@ class Table:
         return Stamps(durable.stamp(self._members).changed, durable.stamp(self._table))
 
 
+def member_names(catalog: Path) -> list[str]:
+    """Names of a catalog's committed members, sorted."""
+    return [name for name, is_member in _entries(catalog) if is_member]
+
+
+def stray_names(catalog: Path) -> list[str]:
+    """Names of what stands among the members and is none, sorted."""
+    return [name for name, is_member in _entries(catalog) if not is_member]
+
+
 def member_paths(catalog: Path) -> list[Path]:
     """Folders of a catalog's committed members, sorted by name."""
-    return sorted(record.parent for record in (catalog / MEMBERS).glob(f"[!.]*/{RECORD}"))
+    return [catalog / MEMBERS / name for name in member_names(catalog)]
+
+
+def _entries(catalog: Path) -> list[tuple[str, bool]]:
+    """What stands among the members, sorted by name, and whether it holds a record; hidden things aside."""
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(catalog / MEMBERS) as found:
+        names = sorted(entry.name for entry in found if not entry.name.startswith("."))
+        return [(name, os.path.exists(os.path.join(catalog, MEMBERS, name, RECORD))) for name in names]
+    return []
 
 
 def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
+import re
 import time
 
 import numpy as np
@@ -12,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from catalogs import cinema
+from tests.support.damage import memory_at_most
 
 text = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), min_size=1, max_size=20)
 cells = st.one_of(text, st.integers(-(2**60), 2**60), st.floats(allow_nan=False, allow_infinity=False))
@@ -124,6 +127,24 @@ def test_any_text_is_read_as_rfc_4180_says_or_refused(text: str) -> None:
     except cinema.TableError:
         return
     assert [header, *rows] == [row or [""] for row in csv.reader(io.StringIO(text, newline=""), strict=True)]
+
+
+@given(st.text(st.sampled_from('a1 ,"\r\n'), max_size=30), st.integers(1, 9))
+def test_a_table_in_pieces_is_the_same_table(text: str, size: int) -> None:
+    pieces = [text[i : i + size] for i in range(0, len(text), size)]
+    try:
+        whole = cinema.parse(text)
+    except cinema.TableError as error:
+        with pytest.raises(cinema.TableError, match=re.escape(str(error).partition(" near")[0])):
+            list(cinema.read_rows(pieces))
+        return
+    assert list(cinema.read_rows(pieces)) == [whole[0], *whole[1]]
+
+
+def test_a_cell_without_end_takes_no_unbounded_memory() -> None:
+    pieces = itertools.chain(['a,FILE\n"'], itertools.repeat("x" * 65536))
+    with pytest.raises(cinema.TableError, match="row 2, line 2"), memory_at_most(16 << 20):
+        list(cinema.read_rows(pieces))
 
 
 @pytest.mark.parametrize("value", [True, np.True_, float("nan"), float("inf"), np.float32("nan")])

@@ -32,6 +32,7 @@ from catalogs.plan import CatalogPlan
 from catalogs.png import PngHeader
 from catalogs.progress import Count
 from catalogs.quantity import Quantity
+from catalogs.repair import Repaired, SetAside
 from catalogs.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
 from catalogs.splits import Splits
 from catalogs.summary import FieldSummary
@@ -98,6 +99,8 @@ SHOWN: list[tuple[Any, str]] = [
     (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
     (Finding("data.csv", "is missing"), "is missing"),
     (Merged(12, 3, 0), "added=12"),
+    (SetAside("a", Path("damaged/a"), ("dvr/000.png is missing",), PARAMETERS), "dvr/000.png is missing"),
+    (Repaired((), (Finding("data.csv", "is missing"),)), "is missing"),
     (Access("0.0.0.0", "secret"), "0.0.0.0"),
     (Count("drawing", 1, 2, 0.5), "drawing"),
 ]
