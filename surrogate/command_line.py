@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from catalogs.catalog import Catalog
     from surrogate.model import Surrogate
     from surrogate.settings import TrainingSettings
+    from surrogate.storage.runs import RunFolder
 
 RESULTS, MEASURED = Path("runs"), Path("docs/records")
 SCENE = click.argument("scene", metavar="SCENE|RUN", type=click.Path(path_type=Path))
@@ -84,9 +85,13 @@ class OpenRun:
         from surrogate.storage.runs import RunFolder
 
         with one_line_errors():
-            run = RunFolder.open(path)
-            beside = run.folder if records is None else records / run.name
-            return cls(run.name, run.settings, run.catalog, run.folder, beside, path)
+            return cls.of_run(RunFolder.open(path), records)
+
+    @classmethod
+    def of_run(cls, run: RunFolder, records: Path | None = None) -> OpenRun:
+        """A run whose folder is open; raises as `RunFolder` does."""
+        beside = run.folder if records is None else records / run.name
+        return cls(run.name, run.settings, run.catalog, run.folder, beside, run.folder)
 
     @property
     def is_of_catalog(self) -> bool:

@@ -220,6 +220,7 @@ class TrainingSettings:
     simulation_size, visualization_size : of F_sim and of F_vis, whose keys begin with `visualization_`.
     device : where training computes, "auto" being a GPU where torch and gsplat can use one, else "cpu".
     checkpoint_seconds : time between checkpoints.
+    batch : pictures of a step; rates are multiplied by its square root.
     """
 
     seed: int = _setting(0, NOT_NEGATIVE)
@@ -241,6 +242,7 @@ class TrainingSettings:
     compression: Compression = Compression()
     validation: Validation = Validation()
     checkpoint_seconds: float = _setting(30.0, POSITIVE)
+    batch: int = _setting(1, ONE_OR_MORE, optional=True)
 
     def __init__(self, /, **values: Any) -> None:
         """Settings by the keys of the `[training]` table; those that are absent keep their defaults.

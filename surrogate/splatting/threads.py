@@ -14,11 +14,13 @@ PROCESS = os.getpid()
 def cores() -> int:
     """How many threads a kernel takes: as many as this process may use cores, but one in a forked child.
 
-    Who forks shares the cores among the children already.
+    Who forks shares the cores among the children already.  Processes that `torchrun` starts on a machine share its cores.
     """
     if os.getpid() != PROCESS:
         return 1
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    together = os.environ.get("LOCAL_WORLD_SIZE", "1") if "TORCHELASTIC_RUN_ID" in os.environ else "1"
+    return max(1, found // int(together))
 
 
 @contextmanager

@@ -37,9 +37,20 @@ class Checkpoint:
 
     def save(self, directory: Path) -> None:
         """Replace the checkpoint in `directory` atomically; one file, so that its parts can't disagree."""
-        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.tensors.items()}
         metadata = {"record": json.dumps(self.record)}
-        durable.replace(directory / CHECKPOINT, safetensors.torch.save(tensors, metadata))
+        durable.replace(directory / CHECKPOINT, safetensors.torch.save(dict(self.in_main_memory().tensors), metadata))
+
+    def in_main_memory(self) -> Checkpoint:
+        """The same with tensors in main memory, which nobody differentiates."""
+        return Checkpoint({n: t.detach().cpu().contiguous() for n, t in self.tensors.items()}, self.record)
+
+    def digest(self) -> str:
+        """A SHA-256 over names and bytes of all tensors."""
+        found = hashlib.sha256()
+        for name, tensor in sorted(self.in_main_memory().tensors.items()):
+            found.update(name.encode())
+            found.update(tensor.numpy().tobytes())
+        return found.hexdigest()
 
     @classmethod
     def load(cls, directory: Path) -> Checkpoint | None:

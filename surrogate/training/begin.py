@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import tomllib
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
 from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, seen_by_run, with_chosen_splits
 from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
 
 MOST_CALMED = 3  # times that a training which diverged begins anew
@@ -65,31 +67,34 @@ def read_settings(path: Path) -> dict[str, Any]:
     return found
 
 
-def begin(path: Path, folder: Path, asked: Asked, *, elapsed: Callable[[], float] = lambda: 0.0) -> RunFolder:
+def begin(
+    path: Path,
+    folder: Path,
+    asked: Asked,
+    *,
+    elapsed: Callable[[], float] = lambda: 0.0,
+    ranks: Ranks = ALONE,
+) -> RunFolder:
     """The run of the catalog at `path` in `folder`: the one that is there, or a new one as it is `asked` for.
 
-    A catalog that was moved is found again.  `elapsed` says how many seconds of a budget in minutes are spent already.  Raises
-    ValueError, with nothing written, where the folder holds a run that something else was asked for, of another catalog or of a
-    scene, and where the catalog can't be learnt from; RuntimeError where another process is at work there.
+    A catalog that was moved is found again.  `elapsed` says how many seconds of a budget in minutes are spent already.  Of several
+    processes that will train together, `ranks`, all call this: they measure the speed, and the first one reads and writes `folder`.
+
+    Raises ValueError, with nothing written, where the folder holds a run that something else was asked for, of another catalog or
+    of a scene, and where the catalog can't be learnt from; RuntimeError where another process is at work there.
     """
-    catalog, known = Catalog.open(path), RunRecord.load(folder)
+    catalog = Catalog.open(path)
+    known = ranks.by_first(lambda: _known(folder, catalog, asked))
     if known is not None:
-        return _found(RunFolder(folder, known), catalog, asked)
-    if (
-        (folder / BESIDE).exists()
-        or models.exists(folder / "surrogate")
-        or (folder / "surrogate" / CHECKPOINT).exists()
-    ):
-        raise ValueError(
-            f"{folder} holds the results of a scene, or of an earlier version: choose another folder with -o"
-        )
+        return RunFolder(folder, known)
     first = TrainingSettings(**asked.settings)
     seen = with_chosen_splits(catalog, first.appearance, asked.hold_out, first.seed)
-    Source(first, seen)  # says what can't be learnt
-    folder.mkdir(parents=True, exist_ok=True)
+    Source(first, seen, ranks)  # says what can't be learnt
+    ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
     try:
-        with locked(folder):
-            settings, chosen = budgeted(asked.settings, seen, asked.whole_budget, elapsed)
+        with ExitStack() as held:
+            ranks.by_first(lambda: held.enter_context(locked(folder)))
+            settings, chosen = budgeted(asked.settings, seen, asked.whole_budget, elapsed, ranks)
             record = RunRecord(
                 path_between(folder, path),
                 settings.to_json(),
@@ -98,11 +103,18 @@ def begin(path: Path, folder: Path, asked: Asked, *, elapsed: Callable[[], float
                 asked.to_json(),
                 chosen,
             )
-            record.save(folder)
+            made = ranks.by_first(lambda: _saved(record, folder))
     except BaseException:
-        _remove_empty(folder)
+        if ranks.is_first:
+            _remove_empty(folder)
         raise
-    return RunFolder.open(folder)
+    return RunFolder(folder, made)
+
+
+def _saved(record: RunRecord, folder: Path) -> RunRecord | None:
+    """The record as it is read again, with when and where it was made."""
+    record.save(folder)
+    return RunRecord.load(folder)
 
 
 def calmer(run: RunFolder) -> RunFolder | None:
@@ -118,6 +130,22 @@ def calmer(run: RunFolder) -> RunFolder | None:
         mark = fingerprint(settings, run.catalog)
         replace(known, settings=settings.to_json(), fingerprint=mark, chosen=chosen).save(run.folder)
     return RunFolder.open(run.folder)
+
+
+def _known(folder: Path, catalog: Catalog, asked: Asked) -> RunRecord | None:
+    """What is known of the run that is there, if nothing else is asked for; None where there is none."""
+    known = RunRecord.load(folder)
+    if known is not None:
+        return _found(RunFolder(folder, known), catalog, asked).record
+    if (
+        (folder / BESIDE).exists()
+        or models.exists(folder / "surrogate")
+        or (folder / "surrogate" / CHECKPOINT).exists()
+    ):
+        raise ValueError(
+            f"{folder} holds the results of a scene, or of an earlier version: choose another folder with -o"
+        )
+    return None
 
 
 def _found(run: RunFolder, catalog: Catalog, asked: Asked) -> RunFolder:

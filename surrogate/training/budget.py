@@ -25,6 +25,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.content import changing_share, visible_pixels
 from surrogate.training.data import ImageRow, TrainingData, load_examples, training_rows, validation_rows
 from surrogate.training.loop import StageRun, mean_psnr
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage, new_deformation, simulation_stage
 from surrogate.training.state import Fitted
@@ -92,15 +93,21 @@ class Pace:
 
 
 def budgeted(
-    given: Mapping[str, Any], catalog: Catalog, budget: Budget, elapsed: Callable[[], float] = lambda: 0.0
+    given: Mapping[str, Any],
+    catalog: Catalog,
+    budget: Budget,
+    elapsed: Callable[[], float] = lambda: 0.0,
+    ranks: Ranks = ALONE,
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     """The settings that a budget and the keys that are `given` lead to, and what they were chosen from.
 
     `elapsed` says how many seconds of the budget's minutes are spent already.  A budget in steps leads to the same settings on
-    every machine.  Raises ValueError where keys are given that the budget decides on, or the time is too short.
+    every machine.  Several processes, `ranks`, measure together and come to the same.
+
+    Raises ValueError where keys are given that the budget decides on, or the time is too short.
     """
     settings = TrainingSettings(**given)
-    source = Source(settings, catalog)
+    source = Source(settings, catalog, ranks)
     if budget.minutes is None and budget.steps is None:
         return settings, {}
     decided = [key for key in STEP_KEYS if given.get(key)]
@@ -129,7 +136,7 @@ class Worth:
     changing: float
 
     def gaussians(self, steps: float | None = None) -> int:
-        """How many are worth having in so many steps of stages 1 and 2; without any, in just enough."""
+        """How many are worth having in so many steps of one image, in stages 1 and 2; without any, in just enough."""
         part = 1.0 if steps is None else steps / self.enough_steps
         more = part**0.5 if self.changing <= ALIKE else 1.0
         enough = min((PER_PIXEL * self.visible) ** 0.5, LARGEST)
@@ -156,13 +163,17 @@ def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
     """The given settings with so many steps over all stages, and with what follows from them where it is not given."""
     stages = 1 + len(source.variations)
     each = max(1, steps // stages)
+    seen, moving = (
+        each * source.settings.batch,
+        each * math.sqrt(source.settings.batch),
+    )  # images; steps at the usual rates
     joint = source.field is not None or given.get("canonical_steps") == 0
     canonical = 0 if joint else min(MOST_CANONICAL, round(CANONICAL_SHARE * each))
     follows = {
         **_design(source),
-        "gaussians": worth.gaussians(each),
+        "gaussians": worth.gaussians(seen),
         "validation_interval": min(MOST_BETWEEN, max(1, steps // VALIDATIONS)),
-        **_calm_rates(each),
+        **_calm_rates(moving),
     }
     lengths = {"canonical_steps": canonical, "deformation_steps": each - canonical}
     return TrainingSettings(**{**follows, **given, **lengths, **({"visualization_steps": each} if stages > 1 else {})})
@@ -177,8 +188,8 @@ def _in_time(
     worth, is_first = _worth(source, rows[0]), True
     tried = TrainingSettings(**{"gaussians": worth.gaussians(), **_design(source), **given})
     while True:
-        pace = measure_pace(Source(tried, source.catalog), rows)
-        left = seconds - elapsed() - SPARE - pace.load * images
+        pace = measure_pace(Source(tried, source.catalog, source.ranks), rows)
+        left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
         compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
         overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
         steps = int((left - PICTURES * pace.draw * compressing) / (pace.mean_step * (1.0 + overhead / len(rows))))
@@ -209,7 +220,7 @@ def _design(source: Source) -> dict[str, Any]:
     return {} if source.field is None else {"latent_size": MODES_OF_VALUES}
 
 
-def _calm_rates(steps: int) -> dict[str, Any]:
+def _calm_rates(steps: float) -> dict[str, Any]:
     """Rates of F_sim for so many steps of a stage: the longer rates stay high, the lower they must be.
 
     An ensemble of strongly different members diverged at the usual ones in 33,288 steps; at 0.3 of them it was trained in 43,268.
@@ -234,7 +245,7 @@ def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]]) -> Pace:
         started = time.perf_counter()
         examples = load_examples(source.catalog, few, source.normalization, variation)
         seconds += time.perf_counter() - started
-        loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values))
+        loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values, source.ranks))
     load = seconds / sum(len(data.examples) for data in loaded)
     gaussians = source.initial_gaussians(loaded[0])
     fitted = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
@@ -243,13 +254,13 @@ def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]]) -> Pace:
     for variation in source.variations:
         stages.append(visualization_stage(*fitted, new_visualization(*fitted, variation, source), settings))
     step, *varied = (_seconds(stage, settings, data) for stage, data in zip(stages, loaded, strict=True))
-    return Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0]), load)
+    return source.ranks.agreed(Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0]), load))
 
 
 def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData) -> float:
     """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
     run, taken = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
-    while run.step < MOST_STEPS and (len(taken) < LEAST_STEPS or sum(taken) < LEAST_SECONDS):
+    while run.step < MOST_STEPS and data.ranks.agreed(len(taken) < LEAST_STEPS or sum(taken) < LEAST_SECONDS):
         started = time.perf_counter()
         run.advance()
         taken.append(time.perf_counter() - started)
@@ -260,5 +271,5 @@ def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingD
     """Of a picture that is judged, deformation included."""
     some, background = data.examples[:LEAST_DRAWN], data.background or WHITE
     started = time.perf_counter()
-    mean_psnr(fitted.at, some, Rasterizer.of(settings), background)
+    mean_psnr(fitted.at, some, Rasterizer.of(settings), background, data.ranks)
     return (time.perf_counter() - started) / len(some)

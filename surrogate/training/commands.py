@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,8 @@ from surrogate.command_line import RUN, RUNS, OpenRun, kind_of, load_surrogate, 
 
 if TYPE_CHECKING:
     from surrogate.model import Surrogate
-    from surrogate.storage.runs import RunFolder
+    from surrogate.storage.runs import RunFolder, RunRecord
+    from surrogate.training.ranks import Ranks
 
 
 @click.command()
@@ -55,16 +58,20 @@ def train(
         raise click.ClickException(
             f"{', '.join(wrong)}: for a catalog only; {source} is a {kind}, which says all of this itself"
         )
-    if kind == "catalog":
-        with one_line_errors(RuntimeError):
-            run = _begun(source, output or runs / source.resolve().stem, settings, file, **asked)
-        opened = OpenRun.open(run.folder, runs)
-    else:
-        opened = OpenRun.open(source, runs)
-    _train(opened)
+    from surrogate.training.ranks import launched
+
+    with one_line_errors(RuntimeError), launched() as ranks:
+        if kind == "catalog":
+            run = _begun(source, output or runs / source.resolve().stem, settings, file, ranks, **asked)
+            opened = OpenRun.of_run(run)
+        else:
+            opened = OpenRun.open(source, runs)
+        _train(opened, ranks)
 
 
-def _begun(source: Path, folder: Path, words: tuple[str, ...], file: Path | None, **asked: Any) -> RunFolder:
+def _begun(
+    source: Path, folder: Path, words: tuple[str, ...], file: Path | None, ranks: Ranks, **asked: Any
+) -> RunFolder:
     """The run of a catalog, begun or found; says what was chosen for it."""
     from surrogate.settings import values_of_words
     from surrogate.storage.runs import RECORD
@@ -76,50 +83,58 @@ def _begun(source: Path, folder: Path, words: tuple[str, ...], file: Path | None
     chosen |= values_of_words(words)
     chosen |= {name: asked[name] for name in ("appearance", "seed") if asked[name] is not None}
     wanted = Asked(Budget(asked["minutes"], asked["steps"]), asked["hold_out"], chosen)
-    is_new = not (folder / RECORD).is_file()
+    is_told = ranks.is_first and not (folder / RECORD).is_file()
     with ProgressLine() as line:
-        if is_new:
+        if is_told:
             line("looking at the catalog, and how fast this machine is")
-        run = begin(source, folder, wanted, elapsed=seconds_of_process)
-    for text in opening(run) if is_new else ():
+        run = begin(source, folder, wanted, elapsed=seconds_of_process, ranks=ranks)
+    for text in opening(run) if is_told else ():
         click.echo(text)
     return run
 
 
-def _train(opened: OpenRun) -> None:
+def _train(opened: OpenRun, ranks: Ranks) -> None:
     from surrogate.model import Surrogate
     from surrogate.training.telling import closing
 
-    if Surrogate.exists(opened.model):
-        _trained(opened)  # which looks whether it is this one
-        opened.keep_record()
+    is_finished = ranks.by_first(lambda: Surrogate.exists(opened.model))
+    surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
+    if not ranks.is_first:
+        return
+    opened.keep_record()
+    if is_finished:
         click.echo(f"{opened.model}: nothing to do")
         return
-    surrogate, opened = _trained(opened)
-    opened.keep_record()
     click.echo(f"{surrogate!r} after {surrogate.training['seconds']:.0f} s -> {opened.model}")
-    with one_line_errors():
-        for text in closing(surrogate, opened.catalog, opened.folder):
-            click.echo(text)
+    for text in closing(surrogate, opened.catalog, opened.folder):
+        click.echo(text)
 
 
-def _trained(opened: OpenRun) -> tuple[Surrogate, OpenRun]:
+def _trained(opened: OpenRun, ranks: Ranks) -> tuple[Surrogate, OpenRun]:
     """The surrogate and the run that it is of; a catalog's training that diverges begins anew with lower rates."""
     from surrogate.storage.runs import RunFolder
-    from surrogate.training.begin import calmer
     from surrogate.training.loop import Diverged
     from surrogate.training.run import train as run
 
     while True:
-        with one_line_errors(RuntimeError), ProgressLine() as line:
+        with ProgressLine(None if ranks.is_first else io.StringIO()) as line:
             try:
-                return run(opened.settings, opened.catalog, opened.model, progress=line), opened
+                return run(opened.settings, opened.catalog, opened.model, progress=line, ranks=ranks), opened
             except Diverged as error:
-                again = calmer(RunFolder.open(opened.folder)) if opened.is_of_catalog else None
-                if again is None:
-                    raise
+                record = ranks.by_first(partial(_calmer, opened, error))
                 line.say(f"{str(error).split(':')[0]}: it begins anew with half the rates of F_sim")
-        opened = OpenRun.open(opened.folder, opened.folder.parent)
+        opened = OpenRun.of_run(RunFolder(opened.folder, record))
+
+
+def _calmer(opened: OpenRun, error: Exception) -> RunRecord | None:
+    """The record of a catalog's run that begins anew; raises `error` where none does."""
+    from surrogate.storage.runs import RunFolder
+    from surrogate.training.begin import calmer
+
+    again = calmer(RunFolder.open(opened.folder)) if opened.is_of_catalog else None
+    if again is None:
+        raise error
+    return again.record
 
 
 @click.command()

@@ -19,6 +19,7 @@ from catalogs.catalog import Catalog, Member
 from catalogs.parameters import ParameterSpace
 from catalogs.variations import Setting, Variation
 from surrogate.gaussians import Normalization
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.value_loss import KnownValues
 
 
@@ -72,13 +73,15 @@ class TrainingData:
     """The images that a run learns from, and the few that it is validated on.
 
     `background` (3,) is the colour that opaque images show behind the volume, None where images have alpha.  `values` are
-    the fields' own at points, None where nothing is learnt of them.
+    the fields' own at points, None where nothing is learnt of them.  Of the images of a step, and of those that are judged, each of
+    the processes `ranks` draws its share.
     """
 
     examples: Sequence[Example]
     validation: Sequence[Example]
     background: tuple[float, float, float] | None
     values: KnownValues | None = None
+    ranks: Ranks = ALONE
 
     def with_base(self, base: TrainingData, count: int) -> TrainingData:
         """The same and the images of the `base` appearance, where all `count` visualization parameters are zero."""

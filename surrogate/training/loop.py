@@ -19,6 +19,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.losses import deformation_size, image_loss
 from surrogate.training.optimizer import Adam
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.relocation import ScreenGradients, plan_relocation, relocate
 from surrogate.training.sampling import HardExamples, ShuffledEpochs
 from surrogate.training.stages import Stage
@@ -51,12 +52,17 @@ class Diverged(ValueError):
 
 
 class StageRun:
-    """Optimizes a stage's tensors in place, from its first step or from where another run's `memory()` was taken."""
+    """Optimizes a stage's tensors in place, from its first step or from where another run's `memory()` was taken.
+
+    Each step learns from `settings.batch` images, of which each of the processes `data.ranks` draws its share.  The gradient is the
+    mean of theirs, and rates are multiplied by the square root of their number (Malladi et al. 2022, "On the SDEs and scaling rules
+    for adaptive gradient algorithms").  `pausing` says whether any process asked for a pause in the last step.
+    """
 
     def __init__(
         self, stage: Stage, settings: TrainingSettings, data: TrainingData, memory: LoopMemory | None = None
     ) -> None:
-        self.stage, self.settings, self.data = stage, settings, data
+        self.stage, self.settings, self.data, self.pausing = stage, settings, data, False
         self.step = 0 if memory is None else memory.step
         self._adam = Adam(stage.tensors, stage.rates, self.step, stage.shared)
         first = next(iter(stage.tensors.values()))
@@ -76,38 +82,88 @@ class StageRun:
                 else:
                     own.copy_(memory.tensors[name])
 
-    def advance(self) -> float:
-        """One step: draw, compare, move, and relocate where it is due.  Returns the loss.
+    def advance(self, pause: bool = False) -> float:
+        """One step: draw, compare, move, and relocate where it is due.  Returns the mean loss of its images.
 
-        Raises ValueError where training has diverged.
+        `pause` asks all processes for a pause after it.  Raises ValueError where training has diverged.
         """
-        settings, item = self.settings, self._order[self.step]
-        example = self.data.examples[item]
+        batch, ranks = self.settings.batch, self.data.ranks
+        items = [self._order[self.step * batch + place] for place in range(batch)]
+        step = _Step.begin(batch, pause, self._screen_gradients)
+        failure: Exception | None = None
+        try:
+            for place in ranks.share(batch):
+                self._learn(items[place], place, step)
+        except Exception as error:  # which the others would else wait for
+            if ranks.count == 1:
+                raise
+            failure = error
+            step.failed[:] = 1.0
+        self._add_up(step)
+        if step.failed.any():
+            ranks.raise_any(failure, Diverged)
+        self.pausing = bool(step.pause.any())
+        if self._hard is not None:
+            for item, of_image in zip(items, step.errors.tolist(), strict=True):
+                self._hard.tell(item, of_image)
+        decay, warmth = self.settings.rates.final_factor ** (self.step / self.stage.steps), self.stage.warmth(self.step)
+        self._adam.step(math.sqrt(batch) * decay, dict.fromkeys(self.stage.warming, warmth))
+        self.step += 1
+        if self.stage.per_gaussian:
+            self._relocate(step.shown)
+        value = sum(step.losses.tolist()) / batch
+        if not math.isfinite(value):
+            raise self._diverged(f"the loss is {value}")
+        return value
+
+    def _learn(self, item: int, place: int, step: _Step) -> None:
+        """Add to the gradients, and to what the step knows, what one image of it says: that at `place` in the batch."""
+        settings, example = self.settings, self.data.examples[item]
         carriers = self.stage.carried_at(example.parameters)
         gaussians = carriers.drawn(self.stage.function_at(example.parameters))
         picture = self._drawn(gaussians, example)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
         loss = image_loss(picture, target, ssim_weight=settings.loss.ssim_weight)
-        if self._hard is not None:
-            self._hard.tell(item, float(loss.detach()))
+        step.errors[place] = loss.detach()
         if settings.loss.deformation_penalty and self.stage.rest_at is not None:
             size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
             loss = loss + settings.loss.deformation_penalty * size
         if self.data.values is not None and self.step % INTERVAL == 0 and isinstance(carriers, FieldGaussians):
-            known = self.data.values.loss(carriers, example.member, self.step)
+            known = self.data.values.loss(carriers, example.member, self.step * settings.batch + place)
             loss = loss + INTERVAL * settings.loss.values * known
-        loss.backward()
-        if self._screen_gradients is not None:
-            self._screen_gradients.add(gaussians.means.detach(), self.stage.tensors["means"].grad, example.camera)
-        decay, warmth = settings.rates.final_factor ** (self.step / self.stage.steps), self.stage.warmth(self.step)
-        self._adam.step(decay, dict.fromkeys(self.stage.warming, warmth))
-        self.step += 1
-        if self.stage.per_gaussian:
-            self._relocate(gaussians)
-        value = float(loss.detach())
-        if not math.isfinite(value):
-            raise self._diverged(f"the loss is {value}")
-        return value
+        step.losses[place] = loss.detach()
+        step.shown.append(gaussians)
+        if step.pulls is None:
+            (loss / settings.batch).backward()
+        else:
+            self._count_pulls(loss, gaussians, example, step.pulls)
+
+    def _count_pulls(self, loss: Tensor, gaussians: Gaussians, example: Example, pulls: ScreenGradients) -> None:
+        """Add to the gradients, and count how one image pulls at the Gaussians on the screen."""
+        means = self.stage.tensors["means"]
+        before, means.grad = means.grad, None
+        (loss / self.settings.batch).backward()
+        if means.grad is not None:
+            pulls.add(gaussians.means.detach(), self.settings.batch * means.grad, example.camera)
+        if before is not None:
+            means.grad = before if means.grad is None else before.add_(means.grad)
+
+    def _add_up(self, step: _Step) -> None:
+        """Let all processes know the sums of their gradients, and of what each knows of the step."""
+        if self.data.ranks.count > 1:
+            tensors = list(self.stage.tensors.values())
+            moved = torch.tensor([float(tensor.grad is not None) for tensor in tensors])
+            for tensor in tensors:
+                tensor.grad = torch.zeros_like(tensor) if tensor.grad is None else tensor.grad
+            told = [*step.tensors(), moved]
+            on_device = [tensor.to(tensors[0].device) for tensor in told]
+            self.data.ranks.add(*(tensor.grad for tensor in tensors if tensor.grad is not None), *on_device)
+            for own, summed in zip(told, on_device, strict=True):
+                own.copy_(summed)
+            for tensor, any_moved in zip(tensors, moved.tolist(), strict=True):
+                tensor.grad = tensor.grad if any_moved else None
+        if step.pulls is not None and self._screen_gradients is not None:
+            self._screen_gradients.include(step.pulls)
 
     def finish(self) -> None:
         """All steps that are left."""
@@ -120,7 +176,7 @@ class StageRun:
         A tensor, or a Gaussian of the next picture, is not finite; one that is seen is huge; or none is seen, where the picture
         is not faint.
         """
-        example = self.data.examples[self._order[self.step]]
+        example = self.data.examples[self._order[self.step * self.settings.batch]]
         with torch.no_grad():
             gaussians = self.stage.gaussians_at(example.parameters)
         shown, floor = as_drawn(gaussians), self.settings.splatting.alpha_floor
@@ -145,10 +201,12 @@ class StageRun:
         self.require_finite()
         if not self.data.validation:
             return None
-        return mean_psnr(self.stage.gaussians_at, self.data.validation, self._rasterizer, self._background)
+        shown, ranks = self.data.validation, self.data.ranks
+        return mean_psnr(self.stage.gaussians_at, shown, self._rasterizer, self._background, ranks)
 
     def memory(self) -> LoopMemory:
         """What a run with the same stage, its tensors as they are now, settings and data goes on with."""
+        self.data.ranks.maximum(self._peaks)
         tensors = {"peaks": self._peaks}
         for name, moments in self._adam.moments().items():
             tensors |= {f"moments.{which}.{name}": tensor for which, tensor in moments.tensors().items()}
@@ -165,21 +223,56 @@ class StageRun:
             raise
 
     @torch.no_grad()
-    def _relocate(self, gaussians: Gaussians) -> None:
+    def _relocate(self, shown: Sequence[Gaussians]) -> None:
         """Take note of the opacities that were just drawn, and relocate dead Gaussians where that is due."""
         settings, gradients, peaks = self.settings.relocation, self._screen_gradients, self._peaks
-        torch.maximum(peaks.mul_(settings.peak_decay), gaussians.opacities(), out=peaks)
+        peaks.mul_(settings.peak_decay)
+        for gaussians in shown:
+            torch.maximum(peaks, gaussians.opacities(), out=peaks)
         if not settings.interval or self.step % settings.interval or self.step > settings.stop * self.stage.steps:
             return
+        self.data.ranks.maximum(peaks)  # until now each process knows what it drew itself
         random = generator(self.settings.seed, "relocation", self.step)
         wanted = None if gradients is None else gradients.above(settings.gradient_threshold)
-        relocation = plan_relocation(peaks, settings.dead_opacity, random, wanted)
+        relocation = self.data.ranks.by_first(lambda: plan_relocation(peaks, settings.dead_opacity, random, wanted))
         if relocation is not None:
+            relocation = relocation.to(peaks.device)
             rows = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())
             peaks[relocation.moved] = peaks[relocation.sources]
         if gradients is not None:
             gradients.forget()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Step:
+    """What a process knows of a step of B images: of its own share, until the sums over all processes are known.
+
+    Attributes
+    ----------
+    shown : the Gaussians of its own images.
+    losses, errors : of each image (B,), and the part of it that compares pictures.
+    pause, failed : (1,), in how many processes a pause is asked for, and drawing failed.
+    pulls : at the Gaussians on the screen; None where nobody asks.
+    """
+
+    shown: list[Gaussians]
+    losses: Tensor
+    errors: Tensor
+    pause: Tensor
+    failed: Tensor
+    pulls: ScreenGradients | None
+
+    @classmethod
+    def begin(cls, batch: int, pause: bool, like: ScreenGradients | None) -> _Step:
+        """Before the first image."""
+        pulls = None if like is None else ScreenGradients.none(len(like.totals), like.totals)
+        return cls([], torch.zeros(batch), torch.zeros(batch), torch.full((1,), float(pause)), torch.zeros(1), pulls)
+
+    def tensors(self) -> list[Tensor]:
+        """All that is added up."""
+        pulls = [] if self.pulls is None else list(self.pulls.tensors().values())
+        return [self.losses, self.errors, self.pause, self.failed, *pulls]
 
 
 def first_infinite(tensors: Mapping[str, Tensor]) -> str:
@@ -227,14 +320,17 @@ def mean_psnr(
     examples: Sequence[Example],
     rasterizer: Rasterizer,
     background: Sequence[float],
+    ranks: Ranks = ALONE,
 ) -> float:
     """Mean PSNR (dB) over images, full frame, over `background` (3,), pictures cut to [0, 1].
 
-    `gaussians_at` gives the Gaussians at normalized parameters (P,).
+    `gaussians_at` gives the Gaussians at normalized parameters (P,).  Each of the processes `ranks` draws its share.
     """
-    scores = []
-    for example in examples:
+    scores = torch.zeros(len(examples), dtype=torch.float64)  # [I], each known to the process that drew it
+    for place in ranks.share(len(examples)):
+        example = examples[place]
         picture = rasterizer.draw_over(gaussians_at(example.parameters), example.camera, background)  # [H, W, 4]
         target = np.divide(example.compared()[..., :3], 255.0, dtype=np.float32)  # [H, W, 3]
-        scores.append(psnr(target, picture[..., :3].clamp(0.0, 1.0).cpu().numpy()))
-    return sum(scores) / len(scores)
+        scores[place] = psnr(target, picture[..., :3].clamp(0.0, 1.0).cpu().numpy())
+    ranks.add(scores)
+    return float(sum(scores.tolist()) / len(scores))

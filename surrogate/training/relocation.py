@@ -34,6 +34,10 @@ class Relocation:
     sources: Tensor  # [D] int64
     sharing: Tensor  # [D] int64
 
+    def to(self, device: torch.device) -> Relocation:
+        """The same on another device."""
+        return Relocation(self.moved.to(device), self.sources.to(device), self.sharing.to(device))
+
 
 def plan_relocation(
     peaks: Tensor, dead_opacity: float, random: np.random.Generator, wanted: Tensor | None = None
@@ -44,7 +48,7 @@ def plan_relocation(
 
     No source is shared by so many that these would be nearly dead again (below twice `dead_opacity`): a crowd of faint
     Gaussians would else be shared out again and again (CloverLeaf, 40,000 Gaussians: 48 dB fell to 27).  Dead Gaussians for
-    which there is no room stay where they are.  None where nothing moves.
+    which there is no room stay where they are.  None where nothing moves; else in main memory.
     """
     opacities = peaks.cpu().numpy().astype(np.float64)  # [N]
     dead = np.flatnonzero(~(opacities >= dead_opacity))
@@ -59,7 +63,7 @@ def plan_relocation(
     admitted = _place_in_group(sources) < room[sources]
     moved, sources = dead[admitted], sources[admitted]
     sharing = 1 + np.bincount(sources, minlength=len(opacities))[sources]  # [D]
-    return Relocation(*(torch.from_numpy(rows).to(peaks.device) for rows in (moved, sources, sharing)))
+    return Relocation(*(torch.from_numpy(rows) for rows in (moved, sources, sharing)))
 
 
 def _place_in_group(values: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -144,6 +148,11 @@ class ScreenGradients:
         sizes = gradients.norm(dim=1) * depths.abs() * (camera.width / (2.0 * camera.fx))  # [N]
         self.totals.add_(sizes)
         self.pictures.add_((sizes > 0).to(self.pictures.dtype))
+
+    def include(self, more: ScreenGradients) -> None:
+        """Count the pictures that others have counted."""
+        self.totals.add_(more.totals)
+        self.pictures.add_(more.pictures)
 
     def above(self, threshold: float) -> Tensor:
         """The mean of each Gaussian (N,), zero where it does not exceed `threshold`."""

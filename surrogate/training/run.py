@@ -3,12 +3,16 @@
 A run that was killed and taken up again ends bit for bit where an undisturbed one does (on the same machine): every
 random choice is a function of the seed and the step, a checkpoint holds everything else, the kernels give the same result
 for any number of threads, and torch, whose share of a step is small, runs on one.
+
+Several processes may train together (`surrogate.training.ranks`).  The first of them reads and writes the run's folder; with the
+same batch, any number of processes goes on with what another number began.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +28,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
 from surrogate.training import earlier
 from surrogate.training.data import TrainingData
+from surrogate.training.ranks import ALONE, Ranks, require_own_gpu
 from surrogate.training.session import Interruption, ProgressReport, Session
 from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation
@@ -38,35 +43,63 @@ def train(
     directory: str | os.PathLike[str],
     *,
     progress: ProgressReport = lambda _: None,
+    ranks: Ranks = ALONE,
 ) -> Surrogate:
     """Fit a surrogate to the training images of `catalog` and keep it in `directory`.
 
     A finished run is loaded and nothing is done; an interrupted one goes on from its last checkpoint.  SIGINT and
-    SIGTERM write a checkpoint first and then act as ever.
+    SIGTERM write a checkpoint first and then act as ever.  Where several processes train together, each calls this with its
+    `ranks`, and gets the same surrogate.
 
     Raises ValueError where `directory` holds a run of other settings or another catalog (nothing is overwritten), or
-    the catalog has nothing to learn from, or training diverges; RuntimeError where another process is training there.
+    the catalog has nothing to learn from, or training diverges; RuntimeError where another process is training there, or one
+    of `ranks` is lost, or is not like the first.
     """
     directory = Path(directory)
-    source = Source(settings, catalog)
+    source = Source(settings, catalog, ranks)
     for variation in source.variations:
         kind_of(variation, settings)  # says at once what can't be had
     mark = fingerprint(settings, catalog)
-    if Surrogate.exists(directory):
+    _require_like_the_first(ranks, mark)
+    if ranks.by_first(lambda: Surrogate.exists(directory)):
         return _finished(directory, mark)
-    directory.mkdir(parents=True, exist_ok=True)
-    with locked(directory), one_torch_thread():
-        if Surrogate.exists(directory):  # another process has just finished it
+    with ExitStack() as held, one_torch_thread():
+        is_finished, checkpoint = ranks.by_first(lambda: _claimed(directory, mark, held))
+        if is_finished:  # by another process, just now
             return _finished(directory, mark)
-        checkpoint = Checkpoint.load(directory)
-        if checkpoint is not None:
-            _check_mark(checkpoint.record["fingerprint"], mark, directory)
-        session = Session(settings, directory, mark, _steps(source), progress, Interruption())
+        session = Session(settings, directory, mark, _steps(source), progress, Interruption(), ranks=ranks)
         surrogate = _trained(source, checkpoint, session)
-        surrogate.save(directory)
-        (directory / CHECKPOINT).unlink(missing_ok=True)
+        ranks.by_first(lambda: _keep(surrogate, directory))
         session.interruption.act()  # what was asked for during the last choices
     return surrogate
+
+
+def _claimed(directory: Path, mark: str, held: ExitStack) -> tuple[bool, Checkpoint | None]:
+    """Lock the folder as long as `held`; whether its surrogate is finished, else the checkpoint there."""
+    directory.mkdir(parents=True, exist_ok=True)
+    held.enter_context(locked(directory))
+    if Surrogate.exists(directory):
+        return True, None
+    checkpoint = Checkpoint.load(directory)
+    if checkpoint is not None:
+        _check_mark(checkpoint.record["fingerprint"], mark, directory)
+    return False, checkpoint
+
+
+def _keep(surrogate: Surrogate, directory: Path) -> None:
+    surrogate.save(directory)
+    (directory / CHECKPOINT).unlink(missing_ok=True)
+
+
+def _require_like_the_first(ranks: Ranks, mark: str) -> None:
+    """Raise RuntimeError where a process has other settings, another catalog or another version than the first."""
+    if ranks.count > 1:
+        first = ranks.agreed((mark, code(), torch.__version__))
+        same = first == (mark, code(), torch.__version__)
+        wrong = (
+            f"process {ranks.rank} has other settings, another catalog, or another version of this project or of torch"
+        )
+        ranks.raise_any(None if same else RuntimeError(f"{wrong} than the first one: let all have the same"))
 
 
 def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) -> Surrogate:
@@ -78,7 +111,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
     session.before, session.processor_before = state.seconds, state.processor_seconds
     with session.interruption:
         for step in steps[state.done :]:
-            state = step(state, session)
+            state = step(_same(state, session), session)
             state = replace(state, done=state.done + 1)
     state = state.to(torch.device("cpu"))
     catalog = source.catalog.plan
@@ -93,7 +126,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
             "fingerprint": session.fingerprint,
             "appearance": source.appearance,
             "seconds": session.seconds,
-            "processor_seconds": session.processor_seconds,
+            "processor_seconds": session.processor_seconds(),
             "commit": commit(),
             "code_version": code(),
             "steps": _steps(source),
@@ -109,11 +142,22 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
 def _begun(source: Source, data: TrainingData, checkpoint: Checkpoint | None, steps: Sequence[Step]) -> TrainingState:
     """The state that training goes on from."""
     device = chosen_device(source.settings.device)
+    require_own_gpu(source.ranks, device)
     if checkpoint is not None and "done" in checkpoint.record:
         return TrainingState.load(checkpoint).to(device)
     gaussians = source.initial_gaussians(data)
     first = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), source.settings)).to(device)
     return TrainingState(first) if checkpoint is None else earlier.state_of(checkpoint, first, source, steps)
+
+
+def _same(state: TrainingState, session: Session) -> TrainingState:
+    """The first process's state: other processors may have come to others in what each computes by itself."""
+    ranks = session.ranks
+    if ranks.count == 1:
+        return state
+    device = state.fitted.gaussians.means.device
+    checkpoint = ranks.by_first(lambda: state.checkpoint(session.fingerprint).in_main_memory())
+    return state if ranks.is_first else TrainingState.load(checkpoint).to(device)
 
 
 def _steps(source: Source) -> int:

@@ -15,6 +15,8 @@ import numpy as np
 
 from catalogs.progress import Rate, joined, per_second, time_left
 from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import Checkpoint
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.state import TrainingState
 
 REPORT_SECONDS = 0.5
@@ -89,6 +91,10 @@ class Interruption:
         if self.received is signal.SIGTERM:
             raise SystemExit(128 + signal.SIGTERM)
 
+    def join(self, received: Sequence[signal.Signals | None]) -> None:
+        """Take what other processes `received` for received here, where nothing was."""
+        self.received = self.received or next(filter(None, received), None)
+
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.received = signal.Signals(number)
         self._restore()
@@ -101,9 +107,9 @@ class Interruption:
 
 @dataclass(eq=False, repr=False)
 class Session:
-    """One process that trains in `directory`, for `steps` steps over all stages.
+    """One process that trains in `directory`, for `steps` steps over all stages, together with the others of `ranks`.
 
-    Others spent `before` seconds, and `processor_before` of all cores; None where that is not known.
+    Earlier ones spent `before` seconds, and `processor_before` of all cores; None where that is not known.
     """
 
     settings: TrainingSettings
@@ -114,6 +120,7 @@ class Session:
     interruption: Interruption
     before: float = 0.0
     processor_before: float | None = 0.0
+    ranks: Ranks = ALONE
 
     def __post_init__(self) -> None:
         self._processor_started = time.process_time()
@@ -125,24 +132,37 @@ class Session:
         """That training has taken so far, in this process and those before."""
         return self.before + time.perf_counter() - self._started
 
-    @property
     def processor_seconds(self) -> float | None:
-        """The same, of all cores together; None where it is not known."""
-        if self.processor_before is None:
-            return None
-        return self.processor_before + time.process_time() - self._processor_started
+        """The same, of all cores of all processes together; None where it is not known."""
+        own = time.process_time() - self._processor_started
+        everyone = sum(self.ranks.gathered(own))
+        return None if self.processor_before is None else self.processor_before + everyone
 
     @property
-    def checkpoint_is_due(self) -> bool:
-        """Whether the last one is old, or training is to stop."""
-        return self.interruption.requested or time.perf_counter() - self._saved > self.settings.checkpoint_seconds
+    def pause_is_due(self) -> bool:
+        """Whether this process asks for a checkpoint: the first one because the last is old, any because training is to stop."""
+        is_old = time.perf_counter() - self._saved > self.settings.checkpoint_seconds
+        return self.interruption.requested or (self.ranks.is_first and is_old)
 
     def save(self, state: TrainingState) -> None:
-        """Keep a checkpoint, and then stop where that was asked for."""
-        now = replace(state, seconds=self.seconds, processor_seconds=self.processor_seconds)
-        now.checkpoint(self.fingerprint).save(self.directory)
+        """Keep a checkpoint, and then stop where that was asked of any process.
+
+        Raises RuntimeError, with nothing kept, where processes hold other numbers.
+        """
+        checkpoint = replace(state, seconds=self.seconds, processor_seconds=self.processor_seconds()).checkpoint(
+            self.fingerprint
+        )
+        self._require_equal(checkpoint)
+        self.ranks.by_first(lambda: checkpoint.save(self.directory))
         self._saved = time.perf_counter()
+        self.interruption.join(self.ranks.gathered(self.interruption.received))
         self.interruption.act()
+
+    def _require_equal(self, checkpoint: Checkpoint) -> None:
+        """Raise RuntimeError where what is to be kept is not the same in all processes."""
+        if self.ranks.count > 1:
+            marks = self.ranks.gathered(checkpoint.digest())
+            self.ranks.by_first(lambda: _require_one(marks))
 
     @property
     def report_is_due(self) -> bool:
@@ -165,3 +185,13 @@ class Session:
         self._reported, rate = time.perf_counter(), self._rate(step)
         loss = float(np.mean(losses[-200:])) if losses else curve[-1]["loss"]
         self.progress(TrainingProgress(stage, step, steps, rate, loss, psnr, (steps - step) / rate if rate else None))
+
+
+def _require_one(marks: Sequence[str]) -> None:
+    """Raise RuntimeError naming the processes whose marks differ from the first one's."""
+    others = ", ".join(str(rank) for rank, mark in enumerate(marks) if mark != marks[0])
+    if others:
+        raise RuntimeError(
+            f"process {others} of this training came to other numbers than the first one: let all run on processors of one kind; "
+            "the last checkpoint stays"
+        )

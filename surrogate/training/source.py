@@ -29,6 +29,7 @@ from surrogate.training.data import (
     training_rows,
     validation_rows,
 )
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.value_loss import KnownValues
 
 DECADE = 10.0  # between the bounds of a parameter
@@ -40,15 +41,21 @@ DECISION_IMAGES = 48  # validation images that choices about a model are made on
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The catalog as one run sees it.
+    """The catalog as one run sees it, which the processes `ranks` train together.
 
     Raises ValueError where it has nothing to learn from, or not what the settings ask for.
     """
 
     settings: TrainingSettings
     catalog: Catalog
+    ranks: Ranks = ALONE
 
     def __post_init__(self) -> None:
+        if self.settings.batch < self.ranks.count:
+            raise ValueError(
+                f"{self.ranks.count} processes can't share steps of batch = {self.settings.batch} pictures: say "
+                f"batch = {self.ranks.count} or more in the scene's [training] table, or as KEY=VALUE of a catalog"
+            )
         names = [a.name for a in self.catalog.plan.appearances]
         if self.appearance not in names:
             raise ValueError(f"training.appearance must be one of the catalog's {names}, got {self.appearance!r}")
@@ -98,7 +105,7 @@ class Source:
         """All images that training needs, decoded: of the base appearance, or of a variation without it."""
         learnt = self._loaded(training_rows(self.catalog, self._shown(variation)), variation)
         watched = self._validation(self.settings.validation.images, variation)
-        return TrainingData(learnt, watched, self.catalog.plan.background, self.values)
+        return TrainingData(learnt, watched, self.catalog.plan.background, self.values, self.ranks)
 
     def decision_images(self, variation: Variation | None = None) -> list[Example]:
         """The validation images that choices about the model are made on; none where the settings want none."""

@@ -58,7 +58,7 @@ class Optimize:
             return replace(state, loop=run.memory(), losses=tuple(losses), curve=tuple(curve))
 
         while run.step < self.until:
-            losses.append(run.advance())
+            losses.append(run.advance(session.pause_is_due))
             done, name = self.before + run.step, run.stage.name
             if run.step == run.stage.steps or (interval and run.step % interval == 0):
                 mean, psnr = float(np.mean(losses)), run.validate()
@@ -66,7 +66,7 @@ class Optimize:
                 losses.clear()
             if session.report_is_due:
                 session.report(name, done, losses, curve)
-            if session.checkpoint_is_due:
+            if run.pausing:
                 run.require_finite()  # the checkpoint before stays
                 session.save(now())
         return replace(now().copy(), loop=run.memory() if run.step < run.stage.steps else None)
@@ -172,7 +172,7 @@ def _in_fewest_bits(
     for i, visualization in enumerate(shown):
         images = source.decision_images(visualization.variation) if visualization.tensors() else []
         if images:
-            evaluator = Evaluator(source.settings, TrainingData([], images, background))
+            evaluator = Evaluator(source.settings, TrainingData([], images, background, ranks=source.ranks))
             shown[i], own, choice = precision_of_visualization(visualization, fitted, evaluator)
             encodings |= {f"visualization{i}.{name}": encoding for name, encoding in own.items()}
             found.append(choice)

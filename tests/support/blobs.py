@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from catalogs.appearance import ImportedImages
 from catalogs.cameras import Camera, icosphere
+from catalogs.catalog import Catalog, CatalogPlan
 from catalogs.parameters import Parameter, ParameterSpace
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
@@ -62,3 +66,34 @@ class Blobs:
         near = Camera(matrix, camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
         drawn = Rasterizer(backend="reference").draw(self.gaussians(p), near)
         return torch.cat([drawn.color, drawn.alpha[..., None]], dim=2).to(torch.float32).numpy().clip(0.0, 1.0)
+
+
+def stored(
+    path: Path,
+    blobs: Blobs = Blobs(),
+    *,
+    members: Sequence[tuple[str, float]] = (("train", 0.0), ("train", 0.5), ("train", 1.0)),
+    view_splits: Sequence[str] = ("train",) * 10 + ("validation", "test"),
+    background: tuple[float, float, float] | None = None,
+    blank: bool = False,
+) -> Catalog:
+    """An ensemble of blobs as a catalog: members (split, p), the first views of the icosphere, blank or on a background."""
+    cameras = blobs.cameras()[: len(view_splits)]
+    plan = CatalogPlan(
+        space=blobs.space,
+        appearances=(ImportedImages("drawn"),),
+        cameras=cameras,
+        view_splits=tuple(view_splits),
+        bounds=blobs.bounds,
+        background=background,
+    )
+    catalog = Catalog.create(path, plan)
+    for i, (split, p) in enumerate(members):
+        with catalog.begin_member(f"member-{i}", {"p": p}, split=split) as writer:
+            for view, camera in enumerate(cameras):
+                picture = np.zeros((blobs.size, blobs.size, 4), np.float32) if blank else blobs.picture(p, camera)
+                if background is not None:
+                    picture[..., :3] += (1.0 - picture[..., 3:]) * np.array(background, np.float32)
+                    picture[..., 3] = 1.0
+                writer.write_image("drawn", view, picture)
+    return Catalog.open(path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
@@ -13,6 +13,7 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.data import Example
+from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.state import Fitted
 
 HOPELESS = 1.0  # dB: an attribute that costs more at once is not tried with fine-tuning
@@ -130,7 +131,8 @@ def choose_gaussians(fitted: Fitted, evaluator: Evaluator) -> tuple[Fitted, Choi
 def _pruned(fitted: Fitted, evaluator: Evaluator, enough: float) -> Fitted:
     """The most important Gaussians, as few as reach `enough` dB at once."""
     examples = evaluator.data.examples
-    weights = importance(fitted.at, examples[:: max(1, len(examples) // WEIGHED)], evaluator.rasterizer)
+    some, ranks = examples[:: max(1, len(examples) // WEIGHED)], evaluator.data.ranks
+    weights = importance(fitted.at, some, evaluator.rasterizer, ranks)
     order = torch.argsort(weights, descending=True, stable=True)  # [N]
 
     def kept(count: int) -> Fitted:
@@ -154,18 +156,24 @@ def least(low: int, high: int, will_do: Callable[[int], bool]) -> int:
 
 
 def importance(
-    gaussians_at: Callable[[Tensor], Gaussians], examples: Iterable[Example], rasterizer: Rasterizer
+    gaussians_at: Callable[[Tensor], Gaussians],
+    examples: Sequence[Example],
+    rasterizer: Rasterizer,
+    ranks: Ranks = ALONE,
 ) -> Tensor:
     """The sum of each Gaussian's weights T alpha over all pixels of the examples' views, (N,); their images are not read.
 
-    A picture is linear in the colours with those weights, so they are the gradient of its sum by one channel.
+    A picture is linear in the colours with those weights, so they are the gradient of its sum by one channel.  Each of the
+    processes `ranks` draws its share of the views.
     """
-    total = torch.zeros(0)
-    for example in examples:
+    with torch.no_grad():
+        total = torch.zeros_like(gaussians_at(examples[0].parameters).opacity_logits)  # [N]
+    for example in (examples[place] for place in ranks.share(len(examples))):
         with torch.no_grad():
             deformed = gaussians_at(example.parameters)
         colors = deformed.means.new_zeros(len(deformed), 3, requires_grad=True)
         drawn = rasterizer.draw(replace(deformed, colors=colors), example.camera)
         (by_colors,) = torch.autograd.grad(drawn.color[..., 0].sum(), colors)
-        total = by_colors[:, 0] if not len(total) else total + by_colors[:, 0]
+        total += by_colors[:, 0]
+    ranks.add(total)
     return total

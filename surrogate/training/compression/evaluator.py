@@ -46,7 +46,8 @@ class Evaluator:
 
     def psnr_of(self, gaussians_at: Callable[[Tensor], Gaussians]) -> float:
         """The same for the Gaussians at normalized parameters (P,)."""
-        return mean_psnr(gaussians_at, self.data.validation, self.rasterizer, self.data.background or WHITE)
+        data = self.data
+        return mean_psnr(gaussians_at, data.validation, self.rasterizer, data.background or WHITE, data.ranks)
 
     def measure(self, fitted: Fitted, psnr: float | None = None, megabytes: float | None = None) -> Measured:
         """Quality, size and speed of a model."""

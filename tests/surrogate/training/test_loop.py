@@ -103,8 +103,8 @@ def test_it_says_where_and_what_helps(
 def test_the_last_good_checkpoint_stays(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     catalog, steps, advance = make_catalog(SMALL, view_splits=("train",) * 3), [], StageRun.advance
 
-    def spoilt(run: StageRun) -> float:
-        loss = advance(run)
+    def spoilt(run: StageRun, pause: bool) -> float:
+        loss = advance(run, pause)
         steps.append(run.step)
         if len(steps) == 5:
             with torch.no_grad():
@@ -124,8 +124,8 @@ def test_what_diverges_in_the_last_step_is_no_model(
 ) -> None:
     catalog, advance = make_catalog(SMALL, view_splits=("train",) * 3), StageRun.advance
 
-    def spoilt(run: StageRun) -> float:
-        loss = advance(run)
+    def spoilt(run: StageRun, pause: bool) -> float:
+        loss = advance(run, pause)
         if (run.stage.name, run.step) == ("deformation", 20):
             with torch.no_grad():
                 run.stage.tensors["deformation.latents"][0] = torch.nan

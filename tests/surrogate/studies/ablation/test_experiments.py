@@ -100,7 +100,7 @@ def test_what_diverges_in_its_last_step_is_said(
 ) -> None:
     advance = StageRun.advance
 
-    def spoilt(run: StageRun) -> float:
+    def spoilt(run: StageRun, pause: bool = False) -> float:
         loss = advance(run)
         with torch.no_grad():
             next(iter(run.stage.tensors.values()))[0] = torch.nan
