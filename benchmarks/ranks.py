@@ -181,7 +181,8 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     if given.measure:
         with launched() as ranks:
             found = measure(catalog, *given.measure, ranks, 8 if given.quick else 200)
-            print(json.dumps(found) if ranks.is_first else "")
+            if ranks.is_first:
+                print(json.dumps(found))
         return
     images, seeds = (40, 1) if given.quick else (given.images, given.seeds)
     say = say or stopwatch()
