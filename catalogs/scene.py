@@ -25,7 +25,7 @@ from catalogs.quantity import Quantity, quantities_from, quantities_of
 from catalogs.variations import Family, Variation, variation_kind
 from catalogs.words import member_line, shortened
 
-SOURCES = ("simulation", "hdf5", "files", "nerf", "catalog")
+SOURCES = ("simulation", "loop", "hdf5", "files", "nerf", "catalog")
 OF_A_CATALOG = {
     "name",
     "title",
@@ -130,7 +130,7 @@ class Scene:
     Attributes
     ----------
     name : names the folder of its results, `runs/<name>`.
-    source : the `[source]` table; its `kind` is one of `SOURCES`.
+    source : the `[source]` table; its `kind` is one of `SOURCES`, "loop" where a simulation brings its members to the hook.
     space : the ensemble's parameters; empty where the source's file states them (`hdf5`).
     members : what a simulation must run; empty where the source's file holds the members.
     validation_members : how many training members of a file become validation members.
@@ -236,7 +236,7 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     else:
         validation_members = int(plan.pop("validation", 0))
         if plan:
-            raise ValueError(f"members come from the source's file: only seed and validation apply, got {sorted(plan)}")
+            raise ValueError(f"members come from the source: only seed and validation apply, got {sorted(plan)}")
     appearances = tuple(appearance_from_json(record) for record in tables.get("appearance", ()))
     variations = tables.get("variation", [])
     if not isinstance(variations, list) or not all(isinstance(record, dict) for record in variations):

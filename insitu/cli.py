@@ -7,6 +7,7 @@ import click
 from catalogs.version import version_option
 from insitu.commands.dataset import dataset
 from insitu.commands.ensemble import ensemble
+from insitu.commands.library import library
 from insitu.commands.probe import probe
 from insitu.commands.watch import watch
 
@@ -17,5 +18,5 @@ def main() -> None:
     """Render simulations while they run, into Cinema databases."""
 
 
-for command in (dataset, ensemble, watch, probe):
+for command in (dataset, ensemble, watch, probe, library):
     main.add_command(command)

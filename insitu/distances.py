@@ -12,14 +12,14 @@ from catalogs.plan import CatalogPlan
 from catalogs.variations import Variation
 
 if TYPE_CHECKING:
-    from insitu.fields import Fields
+    from insitu.fields import MemberFields
     from render.quality import SampleDistance
 
 CORNERS = 6  # settings of a variation whose sample distance is measured; the finest serves the whole variation
 
 
 def measured_distances(
-    fields: Fields,
+    fields: MemberFields,
     appearances: Sequence[Appearance],
     variations: Sequence[Variation],
     cameras: Sequence[Camera],
@@ -29,7 +29,7 @@ def measured_distances(
     from render.quality import choose_for_ensemble
 
     return {
-        a.name: choose_for_ensemble(fields.shown_by(a), a, cameras, target_decibels)
+        a.name: choose_for_ensemble(fields.drawable(a), a, cameras, target_decibels)
         for a in _measured(appearances, variations)
     }
 
@@ -44,7 +44,7 @@ def finest_of_families(
 
 
 def member_distances(
-    fields: Fields, shown: Sequence[Appearance], plan: CatalogPlan
+    fields: MemberFields, shown: Sequence[Appearance], plan: CatalogPlan
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The sample distances of a member, by volume rendering, and what deserves a warning about them.
 
@@ -53,7 +53,6 @@ def member_distances(
     small pictures, and refined for this member if need be.
     """
     from render.quality import HARDER, checked_sample_distance
-    from render.steepness import mean_change
 
     told = plan.provenance
     planned: dict[str, float] = dict(told.get("sample_distances", {}))
@@ -62,10 +61,10 @@ def member_distances(
         return planned, ()
     known, notes, found = told.get("measured_changes", {}), [], {}
     for appearance in _measured(shown, plan.variations):
-        grid = fields.shown_by(appearance)
-        if mean_change(grid, appearance.transfer_function) <= HARDER * known.get(appearance.name, 0.0):
+        field = fields.drawable(appearance)
+        if field.mean_change(appearance.transfer_function) <= HARDER * known.get(appearance.name, 0.0):
             continue
-        checked = checked_sample_distance(grid, appearance, plan.cameras, planned[appearance.name], target)
+        checked = checked_sample_distance(field, appearance, plan.cameras, planned[appearance.name], target)
         if checked.note:
             found[appearance.name] = checked
             notes.append(checked.note)

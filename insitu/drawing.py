@@ -9,14 +9,13 @@ from typing import Any
 from catalogs.appearance import VolumeRendering, field_of, shown_fields
 from catalogs.catalog import CatalogPlan, MemberWriter
 from insitu.blank import PictureNote, note_on_pictures
-from insitu.fields import Fields
+from insitu.fields import MemberFields
 from insitu.rendered import PeakMemory
 from insitu.request import MemberRequest
-from insitu.summarize import summarize_shown
 
 
 def write_member(
-    fields: Fields,
+    fields: MemberFields,
     request: MemberRequest,
     distances: Mapping[str, float],
     plan: CatalogPlan,
@@ -28,17 +27,12 @@ def write_member(
 
     Returns figures for `RenderedMember`, and what deserves a warning about the pictures.
     """
-    from render import render_views
-
     started, written, images = clock.perf_counter(), 0.0, 0
     covered: set[str] = set()  # appearances
     for appearance in request.shown:
-        pictures = render_views(
-            fields.shown_by(appearance),
-            appearance,
-            plan.cameras,
-            sample_distance=distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None,
-            float_output=plan.image_format == "exr",
+        distance = distances.get(appearance.name) if isinstance(appearance, VolumeRendering) else None
+        pictures = fields.drawable(appearance).pictures(
+            appearance, plan.cameras, distance, float_output=plan.image_format == "exr"
         )
         for view, rgba in enumerate(pictures):
             before = clock.perf_counter()
@@ -49,7 +43,7 @@ def write_member(
             memory.sample()
             progress(images)
     rendered = clock.perf_counter() - started - written
-    summaries = summarize_shown({name: fields.grids[name] for name in shown_fields(request.shown)}, plan)
+    summaries = fields.summaries(shown_fields(request.shown), plan)
     memory.sample()
     writer.write_summaries(summaries)
     notes = [note_on_pictures(a, summaries[field_of(a)], blank=a.name not in covered) for a in request.shown]

@@ -4,20 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from catalogs.appearance import Appearance, check_fields, field_of, shown_fields
 from catalogs.numbers import finite
+from catalogs.plan import CatalogPlan
 from catalogs.quantity import Quantity
+from catalogs.summary import FieldSummary
 from insitu.boxes import Box, box_of, same_box
+from insitu.summarize import Part, summarize_shown
 from render.datasets import to_grid
 from render.labelled import chosen as one_of_set
 from render.labelled import is_labelled, is_labelled_set
 
 if TYPE_CHECKING:
     from render.grids import Grid
+    from render.quality import Drawable
+
+
+class MemberFields(Protocol):
+    """The fields of a member, be they in this process or in the blocks of several."""
+
+    @property
+    def box(self) -> Box:
+        """The world box that they all fill."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of how their samples were made."""
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Smallest and largest finite value by name."""
+
+    @property
+    def quantities(self) -> Mapping[str, Quantity]:
+        """The names and units that the data state."""
+
+    def drawable(self, appearance: Appearance) -> Drawable:
+        """The field that an appearance shows."""
+
+    def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
+        """What is kept of the fields of these names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +78,19 @@ class Fields:
         return self.grids[field_of(appearance)]
 
     @property
-    def ranges(self) -> dict[str, tuple[float, float]]:
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
         """Smallest and largest finite value by name."""
         return {name: grid.range for name, grid in self.grids.items()}
+
+    def drawable(self, appearance: Appearance) -> Drawable:
+        """See `MemberFields`."""
+        from render.quality import WholeField
+
+        return WholeField(self.shown_by(appearance))
+
+    def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
+        """See `MemberFields`."""
+        return summarize_shown({name: Part.all_of(self.grids[name]) for name in names}, plan)
 
 
 def as_fields(

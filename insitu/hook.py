@@ -22,11 +22,12 @@ from insitu.agreement import agreeing_catalog, create_catalog, notes_on_member
 from insitu.background import Background, members_held
 from insitu.boxes import Box
 from insitu.callers import warn_caller
+from insitu.decomposed import Blocks
 from insitu.distances import member_distances
 from insitu.drawing import write_member
 from insitu.existing import EXISTING, Existing, stored_name, under_stored_name
 from insitu.failures import ON_ERROR, Failures, OnError, named_disk_errors, tell
-from insitu.fields import Fields, as_fields, time_of
+from insitu.fields import MemberFields, as_fields, time_of
 from insitu.planning import (
     PlanOptions,
     Space,
@@ -37,13 +38,15 @@ from insitu.planning import (
     variations_from,
 )
 from insitu.queued import queue_member
+from insitu.ranks import ALONE, lead, ranks_of, together
 from insitu.rendered import PeakMemory, RenderedMember
 from insitu.request import MemberRequest, member_request, with_time
+from insitu.share import Ghosts
 from render.datasets import ResamplingWarning
 
 NAN = ("refuse", "transparent")
 # What `render_member` hands on to the method of its name; the rest goes to `Session`.
-OF_MEMBER = ("name", "split", "time", "spacing", "origin", "array", "dims")
+OF_MEMBER = ("name", "split", "time", "spacing", "origin", "array", "dims", "ghosts")
 
 
 class Session:
@@ -72,6 +75,11 @@ class Session:
     `on_error="warn"`.  What is wrong with the arguments of the session itself, or with the catalog that it finds, is raised at
     once all the same, before the run has begun; from then on nothing is, but KeyboardInterrupt and SystemExit.
 
+    With `comm`, a communicator of mpi4py, the ranks of a simulation render their members together, each from its own block of the
+    field: all make the session and call `render_member` and `has` in the same order, and get the same results and errors.  The
+    catalog is that of rank 0, whose arguments hold, and which alone has `catalog`, `results` and `failures`.  A block comes with
+    its spacing and the origin of its first sample; neighbours may both have the samples between them, or ghost layers.
+
     Examples
     --------
     >>> with insitu.Session("tgv.cdb", space={"Re": (1500, 2500)}, appearances=[volume]) as session:  # doctest: +SKIP
@@ -99,26 +107,31 @@ class Session:
         background: bool | int = False,
         progress: Callable[[int], None] | None = None,
         warn: Callable[[Warning], None] | None = None,
+        comm: Any = None,
     ) -> None:
-        self.path = Path(catalog)
-        self._options = PlanOptions(
-            space=space_from(space),
-            appearances=appearances_from(appearances),
-            views=views,
-            bounds=bounds,
-            target_decibels=target_decibels,
-            sample_distance=sample_distance,
-            image_format=image_format,
-            provenance=provenance or {},
-            variations=variations_from(variations),
-            fields=fields or {},
+        self.path, self._ranks = Path(catalog), ranks_of(comm)
+        self._options = together(
+            self._ranks,
+            lambda: PlanOptions(
+                space=space_from(space),
+                appearances=appearances_from(appearances),
+                views=views,
+                bounds=bounds,
+                target_decibels=target_decibels,
+                sample_distance=sample_distance,
+                image_format=image_format,
+                provenance=provenance or {},
+                variations=variations_from(variations),
+                fields=fields or {},
+            ),
         )
         self._nan = one_of(nan, NAN, "nan")
         self._existing, self._on_error = one_of(existing, EXISTING, "existing"), one_of(on_error, ON_ERROR, "on_error")
         self._progress, self._warn = progress or (lambda images: None), warn or warn_caller
         self._failures = Failures(self.path)
         self._said: set[tuple[str, str]] = set()
-        self._catalog = agreeing_catalog(self.path, self._options)
+        self._catalog: Catalog | None = None
+        lead(self._ranks, self._find_catalog)
         self._results: list[RenderedMember] = []
         self._background = self._started(members_held(background))
 
@@ -145,10 +158,13 @@ class Session:
 
     def has(self, parameters: Mapping[str, float], *, time: float | None = None) -> bool:
         """Whether the catalog has a member with these parameters; with `existing="skip"` it would be skipped."""
-        catalog = self._known_catalog()
-        if catalog is None:
-            return False
-        return catalog.find(with_time(parameters, time, catalog.plan.space)[0]) is not None
+
+        def found() -> bool:
+            catalog = self._known_catalog()
+            return catalog is not None and catalog.find(with_time(parameters, time, catalog.plan.space)[0]) is not None
+
+        known: bool = lead(self._ranks, found)
+        return known
 
     @property
     def results(self) -> tuple[RenderedMember, ...]:
@@ -180,6 +196,7 @@ class Session:
         origin: Sequence[float] | None = None,
         array: str | None = None,
         dims: Sequence[str] | None = None,
+        ghosts: Ghosts = 0,
         nan: str | None = None,
         provenance: Mapping[str, Any] | None = None,
         appearances: Sequence[str] | None = None,
@@ -190,13 +207,46 @@ class Session:
 
         `appearances` names those of the catalog's that this member is shown with, all by default.  `nan`, `existing` and
         `on_error` are by default the session's.
+
+        With `comm`, `field` is this rank's block, or None.  `ghosts` says how many layers around it are its neighbours': one number
+        for every side, (x, y, z) numbers, or (x, y, z) pairs (before, after).  They are not shown, but help where blocks fill no
+        grid and are resampled.
         """
+        asked = {"name": name, "split": split, "provenance": provenance, "appearances": appearances}
+        place: dict[str, Any] = {"spacing": spacing, "origin": origin, "array": array, "dims": dims}
+        at = time_of(field) if time is None else time
+        if self._ranks is ALONE:
+            if ghosts:
+                raise ValueError(
+                    f"ghosts={ghosts!r} are layers of a block: pass comm= to the session, or cut them away"
+                )
+            return self._render_member(
+                field, parameters, at, existing, on_error, asked, {**place, "nan": nan or self._nan}
+            )
+        with Blocks(self._ranks, field, ghosts=ghosts, **place) as blocks:
+            rendered: RenderedMember = lead(
+                self._ranks,
+                lambda: self._render_member(
+                    blocks, parameters, at, existing, on_error, asked, {"nan": nan or self._nan}
+                ),
+                blocks.commands,
+            )
+            return rendered
+
+    def _render_member(
+        self,
+        field: Any,
+        parameters: Mapping[str, float],
+        time: float | None,
+        existing: Existing | None,
+        on_error: OnError | None,
+        asked: Mapping[str, Any],
+        place: Mapping[str, Any],
+    ) -> RenderedMember:
         existing = one_of(existing or self._existing, EXISTING, "existing")
         on_error = one_of(on_error or self._on_error, ON_ERROR, "on_error")
-        asked = {"name": name, "split": split, "provenance": provenance, "appearances": appearances}
-        place = {"spacing": spacing, "origin": origin, "array": array, "dims": dims, "nan": nan or self._nan}
         try:
-            request = self.request(parameters, time=time_of(field) if time is None else time, **asked)
+            request = self.request(parameters, time=time, **asked)
             result = self._skipped(request, existing)
             if result is None and self._background is not None:
                 return queue_member(
@@ -206,7 +256,7 @@ class Session:
         except Exception as error:
             if on_error == "raise":
                 raise
-            return self._failures.add(name, parameters, error, self._warn)
+            return self._failures.add(asked["name"], parameters, error, self._warn)
         self._settled(result.name, parameters, result)
         return result
 
@@ -221,8 +271,11 @@ class Session:
     def _known_catalog(self) -> Catalog | None:
         """The catalog, if there is one, be it that another process has made it meanwhile."""
         if self._catalog is None:
-            self._catalog = agreeing_catalog(self.path, self._options)
+            self._find_catalog()
         return self._catalog
+
+    def _find_catalog(self) -> None:
+        self._catalog = agreeing_catalog(self.path, self._options)
 
     def _skipped(self, request: MemberRequest, existing: Existing) -> RenderedMember | None:
         """The result for a member that is there and may stay; None for one to render.  Raises where it must not be there."""
@@ -235,7 +288,7 @@ class Session:
         started, memory, replace = clock.perf_counter(), PeakMemory(), existing == "replace"
         _, known = self._known()
         needed = known if self._catalog is None else request.shown  # a new catalog's sample distances need all fields
-        fields = as_fields(field() if callable(field) else field, needed, known=known, **place)
+        fields = _member_fields(field, needed, known, place)
         memory.sample()
         with named_disk_errors(request.name, self.path):
             catalog = self._catalog or self._created(fields)
@@ -276,6 +329,8 @@ class Session:
         """The renderer of a session that does not wait, unless no member is held."""
         if not held:
             return None
+        if self._ranks is not ALONE:
+            raise ValueError("background= and comm= can't be had together: every rank renders its own block")
         options = {option.name: getattr(self._options, option.name) for option in dataclasses.fields(self._options)}
         warn = partial(tell, warn=self._warn)
         options |= {"nan": self._nan}
@@ -290,7 +345,7 @@ class Session:
         if not result.skipped:
             self._results.append(result)
 
-    def _created(self, fields: Fields) -> Catalog:
+    def _created(self, fields: MemberFields) -> Catalog:
         """The catalog, made for its first member's fields."""
         pilot = measure_pilot(fields, self._options)
         for note in pilot.notes:
@@ -298,6 +353,15 @@ class Session:
         self._catalog = create_catalog(self.path, pilot, self._options)
         self._failures.record()
         return self._catalog
+
+
+def _member_fields(
+    field: Any, needed: Sequence[Appearance], known: Sequence[Appearance], place: Mapping[str, Any]
+) -> MemberFields:
+    """What is shown of a member, here or on all ranks."""
+    if isinstance(field, Blocks):
+        return field.take(needed, known=known, **place)
+    return as_fields(field() if callable(field) else field, needed, known=known, **place)
 
 
 def one_of(value: Any, known: Sequence[str], what: str) -> Any:
@@ -350,6 +414,7 @@ def render_member(
     image_format : "png" (8 bits, the default) or "exr" (float32).
     provenance : further JSON values to record in a new catalog.
     progress, warn : as in `Session`.
+    comm, ghosts : of a field in blocks, one on each rank of an MPI communicator; see `Session` and its `render_member`.
 
     Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
     to the transfer function's range, and the texture), once each further field, and one image at a time.  Where float32 does not

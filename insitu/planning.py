@@ -35,7 +35,7 @@ from insitu.distances import finest_of_families, measured_distances
 from insitu.summarize import value_range
 
 if TYPE_CHECKING:
-    from insitu.fields import Fields
+    from insitu.fields import MemberFields
     from render.quality import SampleDistance
 
 Space = ParameterSpace | Parameter | Iterable[Parameter] | Mapping[str, Any]
@@ -207,7 +207,7 @@ class Pilot:
     changes: Mapping[str, float] = field(default_factory=dict)
 
 
-def measure_pilot(fields: Fields, options: PlanOptions) -> Pilot:
+def measure_pilot(fields: MemberFields, options: PlanOptions) -> Pilot:
     """Measure one member: its box, its ranges and, unless given, the sample distances that its pictures need."""
     from render.views import check_sizes
 

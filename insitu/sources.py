@@ -113,6 +113,8 @@ def ensemble_of(scene: Scene) -> Ensemble:
 
 def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
     kind = table.pop("kind")
+    if kind == "loop":
+        raise ValueError("members of a source of kind loop come from a simulation that calls the hook: run that")
     if kind not in KEYS:
         raise ValueError(f"a source of kind {kind} has no fields, its images were made elsewhere")
     needed, more = KEYS[kind]

@@ -152,7 +152,7 @@ def checked_grid(
     place = triple("spacing", spacing), triple("origin", origin)
     if not holes.any():
         return Grid(np.array(values, dtype=_exact_type(values), order="C"), *place, None, notes)
-    values = _continued(values, holes)
+    values = continued(values, holes)
     return Grid(np.asarray(values, dtype=_exact_type(values)), *place, holes, notes)
 
 
@@ -168,7 +168,7 @@ def _exact_type(values: NDArray[Any]) -> np.dtype[Any]:
         return single if all((plane.astype(single) == plane).all() for plane in values) else own
 
 
-def _continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
+def continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
     """A copy of `values`, the `holes` filled as `Grid.holes` says.
 
     The distance transform that would fill them all takes ten times the memory.

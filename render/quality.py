@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Isosurface, VolumeRendering
+from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
 from catalogs.cameras import Camera, orbit
-from render.grids import Grid
+from render.grids import Grid, Triple
 from render.steepness import mean_change, swept
 from render.views import render_views
 
@@ -28,6 +29,44 @@ TRIVIAL = (
 FINEST_SWEPT = 0.25  # smallest spacings: swept fields ask for no finer distance
 HARDER = 1.5  # times the change of what was measured: such a field is measured again
 CHECKED_VIEWS, CHECKED_PIXELS = 2, 96
+
+
+class Drawable(Protocol):
+    """A field whose pictures can be had, be it in one piece or in blocks."""
+
+    @property
+    def spacing(self) -> Triple:
+        """Of its samples, world units, x, y, z."""
+
+    def pictures(
+        self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
+    ) -> Iterable[NDArray[Any]]:
+        """As `render_views` makes them."""
+
+    def mean_change(self, transfer: TransferFunction) -> float:
+        """See `render.steepness.mean_change`."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholeField:
+    """A field that lies in one grid."""
+
+    grid: Grid
+
+    @property
+    def spacing(self) -> Triple:
+        """See `Drawable`."""
+        return self.grid.spacing
+
+    def pictures(
+        self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
+    ) -> Iterable[NDArray[Any]]:
+        """See `Drawable`."""
+        return render_views(self.grid, appearance, cameras, sample_distance=sample_distance, float_output=float_output)
+
+    def mean_change(self, transfer: TransferFunction) -> float:
+        """See `Drawable`."""
+        return mean_change(self.grid, transfer)
 
 
 @dataclass(frozen=True)
@@ -52,14 +91,14 @@ class SampleDistance:
 
 
 def choose_sample_distance(
-    grid: Grid,
+    field: Grid | Drawable,
     appearance: VolumeRendering | Isosurface,
     cameras: Sequence[Camera],
     target_decibels: float = 50.0,
     *,
     warn: bool = True,
 ) -> SampleDistance:
-    """The largest sample distance at which `grid`'s pictures come within `target_decibels` (+1 dB in hand).
+    """The largest sample distance at which pictures of `field` come within `target_decibels` (+1 dB in hand).
 
     Renders up to four of `cameras`, spread over the sequence, at ever smaller distances until the target is met.
     On grids whose spacings differ by more than a factor of 2 it starts at half the smallest, because thin
@@ -71,18 +110,19 @@ def choose_sample_distance(
     """
     if not cameras:
         raise ValueError("choosing a sample distance needs at least one camera")
+    field = _drawable(field)
     if isinstance(appearance, Isosurface):
-        return SampleDistance(min(grid.spacing), math.inf, 0.0)
+        return SampleDistance(min(field.spacing), math.inf, 0.0)
     if not 0 < target_decibels <= 58:
         raise ValueError(
             f"target_decibels must lie between 0 and 58, what 8-bit images can hold, got {target_decibels}"
         )
     views = spread(cameras, VIEWS)
-    smallest = min(grid.spacing)
-    limit = 0.5 if max(grid.spacing) > ANISOTROPIC * smallest else math.inf
+    smallest = min(field.spacing)
+    limit = 0.5 if max(field.spacing) > ANISOTROPIC * smallest else math.inf
     fractions = [c for c in CANDIDATES if c <= limit]
-    measured = _first_enough(grid, appearance, views, fractions, [target_decibels + MARGIN] * len(fractions))
-    measured = replace(measured, change=mean_change(grid, appearance.transfer_function))
+    measured = _first_enough(field, appearance, views, fractions, [target_decibels + MARGIN] * len(fractions))
+    measured = replace(measured, change=field.mean_change(appearance.transfer_function))
     if measured.decibels >= target_decibels + MARGIN:
         return measured
     note = (
@@ -95,43 +135,51 @@ def choose_sample_distance(
 
 
 def choose_for_ensemble(
-    grid: Grid, appearance: VolumeRendering | Isosurface, cameras: Sequence[Camera], target_decibels: float = 50.0
+    field: Grid | Drawable,
+    appearance: VolumeRendering | Isosurface,
+    cameras: Sequence[Camera],
+    target_decibels: float = 50.0,
 ) -> SampleDistance:
-    """A sample distance for `grid`, and for later fields on such a grid that show more of the transfer function.
+    """A sample distance for `field`, and for later fields on such a grid that show more of the transfer function.
 
     As `choose_sample_distance`, without a warning.  Where the field shows next to nothing, such as one that is still at rest, the
     distance must also do for a field that sweeps the transfer function's whole range in 8 samples (`render.steepness`).
     """
-    chosen = choose_sample_distance(grid, appearance, cameras, target_decibels, warn=False)
+    field = _drawable(field)
+    chosen = choose_sample_distance(field, appearance, cameras, target_decibels, warn=False)
     if isinstance(appearance, Isosurface):
         return chosen
-    trial = swept(grid, appearance.transfer_function)
+    trial = swept(field.spacing, appearance.transfer_function)
     change = mean_change(trial, appearance.transfer_function)
     if chosen.change >= TRIVIAL * change:
         return chosen
     views = orbit(trial.center, trial.bounding_radius, width=CHECKED_PIXELS, height=CHECKED_PIXELS)
     fractions = [c for c in CANDIDATES if c >= FINEST_SWEPT]
     wanted = [target_decibels + MARGIN] * len(fractions)
-    tried = _first_enough(trial, appearance, spread(views, CHECKED_VIEWS), fractions, wanted)
+    tried = _first_enough(WholeField(trial), appearance, spread(views, CHECKED_VIEWS), fractions, wanted)
     if tried.distance >= chosen.distance:
         return replace(chosen, change=change)
     return replace(tried, milliseconds=chosen.milliseconds * chosen.distance / tried.distance, change=change)
 
 
 def checked_sample_distance(
-    grid: Grid, appearance: VolumeRendering, cameras: Sequence[Camera], planned: float, target_decibels: float
+    field: Grid | Drawable,
+    appearance: VolumeRendering,
+    cameras: Sequence[Camera],
+    planned: float,
+    target_decibels: float,
 ) -> SampleDistance:
-    """`planned` (world units) where it gives `grid` the target, else the largest finer distance that does, with a `note`.
+    """`planned` (world units) where it gives `field` the target, else the largest finer distance that does, with a `note`.
 
     By two of `cameras` at no more than 96 pixels: the cost of about eight images of 256².
     """
-    views = [_small(camera) for camera in spread(cameras, CHECKED_VIEWS)]
-    first = planned / min(grid.spacing)
+    field, views = _drawable(field), [_small(camera) for camera in spread(cameras, CHECKED_VIEWS)]
+    first = planned / min(field.spacing)
     fractions = [first, *(c for c in CANDIDATES if c < first)]
     wanted = [target_decibels, *[target_decibels + MARGIN] * (len(fractions) - 1)]
     before: list[SampleDistance] = []
-    found = _first_enough(grid, appearance, views, fractions, wanted, before)
-    found = replace(found, change=mean_change(grid, appearance.transfer_function))
+    found = _first_enough(field, appearance, views, fractions, wanted, before)
+    found = replace(found, change=field.mean_change(appearance.transfer_function))
     if before[0].decibels >= target_decibels:
         return found
     return replace(
@@ -143,7 +191,7 @@ def checked_sample_distance(
 
 
 def _first_enough(
-    grid: Grid,
+    field: Drawable,
     appearance: VolumeRendering,
     views: Sequence[Camera],
     fractions: Sequence[float],
@@ -154,17 +202,21 @@ def _first_enough(
 
     All that were measured are added to `measured`.
     """
-    smallest = min(grid.spacing)
+    smallest = min(field.spacing)
     measured = [] if measured is None else measured
-    reference = _pictures(grid, appearance, views, min(REFERENCE, fractions[0] / 4) * smallest, float_output=True)
+    reference = _pictures(field, appearance, views, min(REFERENCE, fractions[0] / 4) * smallest, float_output=True)
     for fraction, enough in zip(fractions, wanted, strict=True):
         started = time.perf_counter()
-        pictures = _pictures(grid, appearance, views, fraction * smallest)
+        pictures = _pictures(field, appearance, views, fraction * smallest)
         milliseconds = 1e3 * (time.perf_counter() - started) / len(views)
         measured.append(SampleDistance(fraction * smallest, psnr(pictures / 255.0, reference), milliseconds))
         if measured[-1].decibels >= enough:
             break
     return measured[-1]
+
+
+def _drawable(field: Grid | Drawable) -> Drawable:
+    return WholeField(field) if isinstance(field, Grid) else field
 
 
 def _small(camera: Camera) -> Camera:
@@ -185,8 +237,13 @@ def psnr(image: NDArray[np.floating], reference: NDArray[np.floating]) -> float:
 
 
 def _pictures(
-    grid: Grid, appearance: VolumeRendering, cameras: Sequence[Camera], distance: float, *, float_output: bool = False
+    field: Drawable,
+    appearance: VolumeRendering,
+    cameras: Sequence[Camera],
+    distance: float,
+    *,
+    float_output: bool = False,
 ) -> NDArray[np.floating]:
     """All pixels of all pictures [P, 4]."""
-    pictures = render_views(grid, appearance, cameras, sample_distance=distance, float_output=float_output)
+    pictures = field.pictures(appearance, cameras, distance, float_output=float_output)
     return np.concatenate([picture.reshape(-1, 4) for picture in pictures])

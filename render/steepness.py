@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.appearance import TransferFunction
-from render.grids import Grid
+from render.grids import Grid, Triple
 
 CELLS = 10_000  # looked at in a field, however large
 SAMPLES = 48  # of the swept field, along each axis
@@ -18,10 +18,19 @@ def mean_change(grid: Grid, transfer: TransferFunction) -> float:
 
     Over at most `CELLS` grid cells, drawn at random and always the same, so that it costs the same for any grid.
     """
-    cells = np.array(grid.shape) - 1
+    return root_mean_square(squared_changes(grid, transfer, drawn_cells(grid.shape)))
+
+
+def drawn_cells(shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    """First samples (N, 3), z, y, x, of the cells that `mean_change` looks at in a grid of this shape."""
+    cells = np.array(shape) - 1
     count = int(cells.prod())
     drawn = np.arange(count) if count <= CELLS else np.random.default_rng(0).integers(0, count, CELLS)
-    first = np.stack(np.unravel_index(drawn, tuple(cells)), axis=1)  # [N, 3]
+    return np.stack(np.unravel_index(drawn, tuple(cells)), axis=1)
+
+
+def squared_changes(grid: Grid, transfer: TransferFunction, first: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Squares (M,) of the changes of premultiplied RGBA from samples `first` (N, 3) to the next along each axis."""
     if grid.holes is not None:
         first = first[~grid.holes[tuple(first.T)]]
 
@@ -34,13 +43,17 @@ def mean_change(grid: Grid, transfer: TransferFunction) -> float:
     for step in np.eye(3, dtype=np.int64):
         kept = np.ones(len(first), dtype=bool) if grid.holes is None else ~grid.holes[tuple((first + step).T)]
         squares.append(((shown(first + step) - here)[kept] ** 2).ravel())
-    total = np.concatenate(squares)
-    return float(np.sqrt(total.mean())) if total.size else 0.0
+    return np.concatenate(squares)
 
 
-def swept(grid: Grid, transfer: TransferFunction) -> Grid:
-    """A field that shows all of a transfer function: shells that sweep its range in `SWEPT_IN` samples, spaced as in `grid`."""
+def root_mean_square(squares: NDArray[np.float64]) -> float:
+    """Of changes; 0 of none."""
+    return float(np.sqrt(squares.mean())) if squares.size else 0.0
+
+
+def swept(spacing: Triple, transfer: TransferFunction) -> Grid:
+    """A field that shows all of a transfer function: shells that sweep its range in `SWEPT_IN` samples."""
     low, high = transfer.bounds
     axis = np.arange(SAMPLES) - (SAMPLES - 1) / 2
     radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)  # in samples
-    return Grid(low + (high - low) * (0.5 - 0.5 * np.cos(np.pi * radius / SWEPT_IN)), grid.spacing)
+    return Grid(low + (high - low) * (0.5 - 0.5 * np.cos(np.pi * radius / SWEPT_IN)), spacing)

@@ -82,7 +82,7 @@ def test_a_harder_member_is_measured_again_and_drawn_more_finely(tmp_path: Path)
 
 
 def test_a_given_distance_is_never_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("render.steepness.mean_change", None)
+    monkeypatch.setattr("render.quality.mean_change", None)
     heard: list[str] = []
     with session(tmp_path, heard, target_decibels=None, sample_distance=SPACING) as hook:
         hook.render_member(waves(0.5), {"a": 0.0}, spacing=(SPACING,) * 3)

@@ -37,7 +37,7 @@ def test_values_beyond_the_ends_do_not_count_nor_do_holes() -> None:
 
 
 def test_a_swept_field_shows_every_value_within_a_few_samples() -> None:
-    grid = swept(to_grid(np.zeros((2, 2, 2)), spacing=(1.0, 2.0, 3.0)), RAMP)
+    grid = swept((1.0, 2.0, 3.0), RAMP)
     assert grid.spacing == (1.0, 2.0, 3.0)
     middle = grid.values[24, 24, 24:]
     assert middle[: SWEPT_IN + 1].min() < 0.05
