@@ -208,17 +208,20 @@ bool hidden()
 }
 """
 
+# Differences of interpolated values that rounding alone may make are none: constant regions have no slope.
+ROUNDING = 2.0**-22
 LIGHTING = f"""
+float slope(vec3 step)
+{{
+  float ahead = texture3D(in_volume[0], g_dataPos + step).r;
+  float behind = texture3D(in_volume[0], g_dataPos - step).r;
+  return abs(ahead - behind) > {ROUNDING!r} * max(abs(ahead), abs(behind)) ? ahead - behind : 0.0;
+}}
 vec3 lit(vec3 color)
 {{
   vec3 cell = 1.0 / vec3(textureSize(in_volume[0], 0));
-  vec3 gradient = vec3(
-    texture3D(in_volume[0], g_dataPos + vec3(cell.x, 0.0, 0.0)).r -
-    texture3D(in_volume[0], g_dataPos - vec3(cell.x, 0.0, 0.0)).r,
-    texture3D(in_volume[0], g_dataPos + vec3(0.0, cell.y, 0.0)).r -
-    texture3D(in_volume[0], g_dataPos - vec3(0.0, cell.y, 0.0)).r,
-    texture3D(in_volume[0], g_dataPos + vec3(0.0, 0.0, cell.z)).r -
-    texture3D(in_volume[0], g_dataPos - vec3(0.0, 0.0, cell.z)).r) / in_cellSpacing[0];
+  vec3 gradient = vec3(slope(vec3(cell.x, 0.0, 0.0)), slope(vec3(0.0, cell.y, 0.0)), slope(vec3(0.0, 0.0, cell.z)))
+    / in_cellSpacing[0];
   float steepness = length(gradient);
   vec3 towardsEye = TOWARDS_EYE;
   float facing = steepness > 0.0 ? min(abs(dot(gradient, towardsEye)) / steepness, 1.0) : 0.0;
