@@ -58,11 +58,12 @@ def test_pictures_of_four_ranks_are_those_of_one(tmp_path: Path) -> None:
 
 def test_however_the_blocks_come_the_pictures_are_the_same(tmp_path: Path) -> None:
     told = told_by_ranks(tmp_path, "partitions")
-    for name in ("blocks", "ghosts", "shared", "levels"):
+    for name in ("blocks", "ghosts", "shared", "levels", "blueprint"):
         assert [one[name] for one in told] == ["rendered"] * RANKS
     catalog = Catalog.open(tmp_path / "partitions.cdb")
     assert worst(catalog, catalog, "plain", "p-0.2", "p-0.0") >= 80.0
     assert worst(catalog, catalog, "plain", "p-0.4", "p-0.0") >= 80.0
+    assert worst(catalog, catalog, "plain", "p-0.8", "p-0.0") >= 80.0
     assert worst(catalog, catalog, "plain", "p-0.6", "p-0.0") >= 30.0  # half of it at half the resolution
     assert [len(one["heard"]) for one in told] == [1, 0, 0, 0], told[0]["heard"]
     assert "the blocks fill no grid as they are (rank 0 has the spacing" in told[0]["heard"][0]

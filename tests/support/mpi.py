@@ -70,12 +70,18 @@ def on_ranks(size: int, work: Callable[[ThreadRank], Any]) -> list[Any]:
         return list(pool.map(run, range(size)))
 
 
-def under_mpi(module: str, ranks: int, *arguments: str, seconds: float = 240.0) -> subprocess.CompletedProcess[str]:
-    """A module run by so many ranks; the test is skipped where there is no MPI."""
+def need_mpi() -> str:
+    """The path of mpiexec; the test is skipped where there is no MPI."""
     beside = Path(sys.executable).parent / "mpiexec"
     command = str(beside) if beside.is_file() else shutil.which("mpiexec")
     if command is None or find_spec("mpi4py") is None:
         pytest.skip("needs mpi4py and mpiexec: pip install mpi4py mpich")
+    return command
+
+
+def under_mpi(module: str, ranks: int, *arguments: str, seconds: float = 240.0) -> subprocess.CompletedProcess[str]:
+    """A module run by so many ranks."""
+    command = need_mpi()
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"}
     return subprocess.run(
         [command, "-n", str(ranks), sys.executable, "-m", module, *arguments],

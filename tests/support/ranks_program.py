@@ -19,6 +19,7 @@ from mpi4py import MPI
 
 import insitu
 from insitu import Isosurface, Session, TransferFunction, ViewPlan, VolumeRendering
+from insitu.blueprint import Pictures
 from tests.support.decomposed import kd_boxes
 
 COMM = MPI.COMM_WORLD
@@ -106,6 +107,21 @@ def partitions(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
                 lambda: session.render_member(data if COMM.rank in sides else None, {"p": 0.6}, **at)
             )
         told["heard"] = [str(one.message) for one in heard]
+        told["blueprint"] = outcome(lambda: Pictures(session).execute(mesh(part, place), {"p": 0.8}))
+
+
+def mesh(values: Any, place: dict[str, Any]) -> dict[str, Any]:
+    """A block as Conduit's mesh Blueprint describes it."""
+    coords: dict[str, Any] = {"coordsets/coords/type": "uniform"}
+    for axis, i, count, step, start in zip(
+        "xyz", "ijk", values.shape[::-1], place["spacing"], place["origin"], strict=True
+    ):
+        coords |= {f"coordsets/coords/dims/{i}": count, f"coordsets/coords/origin/{axis}": float(start)}
+        coords[f"coordsets/coords/spacing/d{axis}"] = step
+    field = {"association": "vertex", "topology": "mesh", "values": np.ascontiguousarray(values).reshape(-1)}
+    topology = {"type": "uniform", "coordset": "coords"}
+    told = {f"topologies/mesh/{key}": value for key, value in topology.items()}
+    return coords | told | {f"fields/q/{key}": value for key, value in field.items()}
 
 
 def mistakes(folder: Path, boxes: Any, told: dict[str, Any]) -> None:

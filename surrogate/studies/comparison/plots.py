@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     if not names or not rows:
         return None
     columns = len(names) + 1
-    figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.3), layout="constrained")
+    figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.5), layout="constrained")
     grid = figure.subplots(3 * len(rows), columns, squeeze=False)
     titles = ["truth", *(CONTESTANTS[name].title.strip("*") for name in names)]
     for number, pictures in enumerate(rows):
@@ -78,7 +79,7 @@ def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
                 if not (kind == 2 and column == 0):
                     axes.imshow(image.clip(0.0, 1.0), interpolation="nearest")
             if number == 0:
-                grid[0, column].set_title(titles[column], fontsize=8)
+                grid[0, column].set_title(fill(titles[column], TITLE), fontsize=8)
         grid[3 * number + 2, 0].text(0.5, 0.5, f"difference × {FACTOR:g}", ha="center", fontsize=8)
     return _png(figure)
 
