@@ -16,7 +16,7 @@ from surrogate.studies.comparison.methods import CONTESTANTS, OURS
 from surrogate.studies.comparison.result import TRIVIAL, Result, Terms
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 
-RESOLUTION, PANEL_INCHES = 110, 1.75
+RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
 ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what differences are multiplied by
 
 
