@@ -25,7 +25,7 @@ from insitu.resampling import common_lattice, even_layout, resampled
 from insitu.share import Ghosts, Share, share_of
 from insitu.summarize import Part, summarize_shown
 from render.blocks import Block, Lattice, footprint
-from render.compositing import Layer, nearest, over
+from render.compositing import nearest, over, packed, unpacked
 from render.grids import Triple
 from render.isosurface import SUPERSAMPLING, box_average
 from render.layers import BlockRenderer
@@ -199,9 +199,8 @@ class Blocks:
         layers = []
         for piece, rows, columns in form.seen(camera, self.ranks.number):
             assert self._renderer is not None
-            layer = self._renderer.layer(camera, piece, rows, columns, float_output=form.float_output)
-            layers += [layer.image] if layer.depths is None else [layer.image, layer.depths]
-        return np.concatenate([_EMPTY, *(np.ascontiguousarray(array).reshape(-1).view(np.uint8) for array in layers)])
+            layers.append(self._renderer.layer(camera, piece, rows, columns, float_output=form.float_output))
+        return np.concatenate([_EMPTY, *map(packed, layers)])
 
     def _change(self, field: str, transfer: TransferFunction) -> float:
         """See `render.steepness.mean_change`."""
@@ -307,27 +306,19 @@ class Pictures:
         """The picture [height, width, 4] of the layers that came from each rank."""
         layers = {}
         for owner, data in enumerate(received):
-            start = 0
             for piece, rows, columns in self.seen(camera, owner):
-                layer, start = self._layer(data, start, rows, columns)
-                layers[piece] = layer
+                layers[piece], data = unpacked(data, rows, columns, self._layer_type, surfaces=self.surfaces)
         if self.surfaces:
             large = self._large(camera)
-            dtype = "float32" if self.float_output else "uint8"
-            return box_average(nearest(layers.values(), large.height, large.width, dtype), SUPERSAMPLING)
+            image = nearest(layers.values(), large.height, large.width, self._layer_type)
+            return box_average(image, SUPERSAMPLING)
         ordered = front_to_back(self.order, self.whole.index(camera.position))
         image = over((layers[piece] for piece in ordered), camera.height, camera.width)
         return image if self.float_output else np.rint(np.float32(255.0) * image).astype(np.uint8)
 
-    def _layer(self, data: NDArray[np.uint8], start: int, rows: slice, columns: slice) -> tuple[Layer, int]:
-        """The layer whose bytes begin at `start`, and where the next one begins."""
-        shape = (rows.stop - rows.start, columns.stop - columns.start)
-        dtype = np.dtype(np.uint8 if self.surfaces and not self.float_output else np.float32)
-        image, start = _array(data, start, (*shape, 4), dtype)
-        if not self.surfaces:
-            return Layer(rows, columns, image), start
-        depths, start = _array(data, start, shape, np.dtype(np.float32))
-        return Layer(rows, columns, image, depths), start
+    @property
+    def _layer_type(self) -> str:
+        return "uint8" if self.surfaces and not self.float_output else "float32"
 
     @staticmethod
     def _large(camera: Camera) -> Camera:
@@ -342,13 +333,6 @@ def at_once(appearance: Appearance, cameras: Sequence[Camera], ranks: int) -> in
 
 
 _EMPTY = np.empty(0, dtype=np.uint8)
-
-
-def _array(
-    data: NDArray[np.uint8], start: int, shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> tuple[NDArray[Any], int]:
-    stop = start + int(np.prod(shape)) * dtype.itemsize
-    return data[start:stop].copy().view(dtype).reshape(shape), stop
 
 
 def _range(part: Part, ranks: Ranks) -> tuple[float, float]:

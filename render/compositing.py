@@ -26,6 +26,32 @@ class Layer:
     depths: NDArray[np.float32] | None = None
 
 
+def packed(layer: Layer) -> NDArray[np.uint8]:
+    """The bytes of a layer: which of its pixels are covered at all, and these alone."""
+    covered = layer.image[..., 3] > 0  # [h, w]
+    parts = [np.packbits(covered), layer.image[covered], *([] if layer.depths is None else [layer.depths[covered]])]
+    return np.concatenate([part.reshape(-1).view(np.uint8) for part in parts])
+
+
+def unpacked(
+    data: NDArray[np.uint8], rows: slice, columns: slice, dtype: str, *, surfaces: bool
+) -> tuple[Layer, NDArray[np.uint8]]:
+    """The layer at the beginning of `data`, pictures of a `dtype`, and what follows it; `surfaces` have depths."""
+    shape = (rows.stop - rows.start, columns.stop - columns.start)
+    count = shape[0] * shape[1]
+    bits, data = np.split(data, [(count + 7) // 8])
+    covered = np.unpackbits(bits, count=count).astype(bool).reshape(shape)
+    image = np.zeros((*shape, 4), dtype=dtype)
+    pixels, data = np.split(data, [4 * int(covered.sum()) * image.itemsize])
+    image[covered] = pixels.copy().view(dtype).reshape(-1, 4)
+    if not surfaces:
+        return Layer(rows, columns, image), data
+    depths = np.ones(shape, dtype=np.float32)
+    found, data = np.split(data, [4 * int(covered.sum())])
+    depths[covered] = found.copy().view(np.float32)
+    return Layer(rows, columns, image, depths), data
+
+
 def over(layers: Iterable[Layer], height: int, width: int) -> NDArray[np.float32]:
     """Volumes one behind the other, front to back: premultiplied RGBA [height, width, 4] float32 (Porter & Duff 1984, "over")."""
     image = np.zeros((height, width, 4), dtype=np.float32)

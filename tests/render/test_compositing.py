@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
-from render.compositing import Layer, nearest, over
+from render.compositing import Layer, nearest, over, packed, unpacked
 
 
 def layer(rows, columns, pixel, depth=None):
@@ -42,3 +44,29 @@ def test_of_surfaces_the_nearest_is_seen_in_whatever_order() -> None:
 def test_no_layers_are_an_empty_picture() -> None:
     assert not over([], 2, 3).any()
     assert nearest([], 2, 3, "float32").shape == (2, 3, 4)
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    height=st.integers(0, 7),
+    width=st.integers(0, 11),
+    share=st.sampled_from([0.0, 0.3, 1.0]),
+    dtype=st.sampled_from(["uint8", "float32"]),
+    surfaces=st.booleans(),
+)
+def test_layers_are_the_same_after_they_were_sent(seed, height, width, share, dtype, surfaces) -> None:
+    rng = np.random.default_rng(seed)
+    image = rng.integers(1, 255, (height, width, 4)).astype(dtype)
+    hidden = rng.random((height, width)) >= share
+    image[hidden] = 0
+    depths = np.where(hidden, 1.0, rng.random((height, width))).astype(np.float32) if surfaces else None
+    layer = Layer(slice(3, 3 + height), slice(5, 5 + width), image, depths)
+    sent = np.concatenate([packed(layer), packed(layer), np.array([7], dtype=np.uint8)])
+    first, left = unpacked(sent, layer.rows, layer.columns, dtype, surfaces=surfaces)
+    second, left = unpacked(left, layer.rows, layer.columns, dtype, surfaces=surfaces)
+    assert left.tolist() == [7]
+    for found in (first, second):
+        np.testing.assert_array_equal(found.image, image)
+        assert found.image.dtype == image.dtype
+        if depths is not None:
+            np.testing.assert_array_equal(found.depths, depths)
