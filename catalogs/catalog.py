@@ -29,12 +29,13 @@ from numpy.typing import NDArray
 from catalogs import durable
 from catalogs.cameras import Camera
 from catalogs.description import DESCRIPTION, LOCK, SCHEMA, allow_fewer_appearances, write_empty
-from catalogs.images import ImageError, read_image, write_image
+from catalogs.images import write_image
 from catalogs.journal import key_of
 from catalogs.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.missing import MissingMember, missing_members
 from catalogs.notebook.html import catalog_html
 from catalogs.parameters import Outside
+from catalogs.pictures import read_picture
 from catalogs.plan import CatalogError, CatalogPlan, name_problem, read_json
 from catalogs.splits import Splits
 from catalogs.summary import FieldSummary, save_summaries
@@ -244,6 +245,10 @@ class Catalog:
         that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value
         out of bounds is recorded, with a warning unless `outside` is "allow").
         """
+        if self.plan.packed:
+            raise CatalogError(
+                f"{self.path} is packed and takes no further members: `catalogs unpack` it, or pack again later"
+            )
         if (cameras is None) == (not self.plan.cameras):
             raise CatalogError(
                 "this catalog's cameras are shared: members bring none"
@@ -281,9 +286,9 @@ class Catalog:
             self._table.add(members)
 
     def image_path(self, member: Member | str, appearance: str, view: int) -> Path:
-        """Path of an image file."""
+        """Path of the file that holds an image: its own, or, in a packed catalog, the member's pack."""
         name = member if isinstance(member, str) else member.name
-        return self.path / MEMBERS / name / self.plan.image_name(appearance, view)
+        return self.path / MEMBERS / name / self.plan.file_name(appearance, view)
 
     def image(self, member: Member | str, appearance: str, view: int, *, dtype: str = "uint8") -> NDArray[Any]:
         """Premultiplied RGBA [H, W, 4], "uint8" or "float32"; opaque where the catalog has a background.
@@ -296,12 +301,7 @@ class Catalog:
             raise CatalogError(
                 f"member {member.name} of {self.path} does not show {appearance!r}; it shows {shortened(member.appearances)}"
             )
-        path = self.image_path(member, appearance, view)
-        rgba = read_image(path, dtype=dtype)
-        camera = member.cameras[view]
-        if rgba.shape[:2] != (camera.height, camera.width):
-            raise ImageError(f"{path} is {rgba.shape[0]}x{rgba.shape[1]}, its camera {camera.height}x{camera.width}")
-        return rgba
+        return read_picture(member, self.plan, appearance, view, dtype=dtype)
 
     def images(
         self,

@@ -19,7 +19,7 @@ import numpy as np
 
 from catalogs import cinema, durable
 from catalogs.catalog import Catalog, CatalogError, Member
-from catalogs.damage import Shape, file_problem, images_of, rows_problem, summary_problem
+from catalogs.damage import Wanted, file_problem, images_of, rows_problem, summary_problem
 from catalogs.description import DESCRIPTION
 from catalogs.journal import key_of
 from catalogs.members import read_record
@@ -47,12 +47,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class _File:
-    """A file that must be there: what says so; of a member's image also the member and the shape."""
+    """A file that must be there: what says so; of a member's image also the member and what it must hold."""
 
     name: str
     place: str
     member: str = ""
-    shape: Shape | None = None
+    wanted: Wanted | None = None
 
 
 def check(path: Path, *, decode: bool = True, progress: Progress = lambda done, total: None) -> list[Finding]:
@@ -91,7 +91,7 @@ def _examined(
     """The files and what is wrong with each, in their order; few wait at a time, however many there are."""
     waiting: deque[tuple[_File, Future[str | None]]] = deque()
     for file in files:
-        waiting.append((file, pool.submit(file_problem, root, file.name, file.shape, decode=decode)))
+        waiting.append((file, pool.submit(file_problem, root, file.name, file.wanted, decode=decode)))
         if len(waiting) > AHEAD:
             first, problem = waiting.popleft()
             yield first, problem.result()
@@ -138,8 +138,8 @@ class _Check:
                     self._find(f"member {name}", f"is stored but not in the table: {REPAIR}")
                 member = self._member(self._catalog, number)
                 if member is not None:
-                    for file, shape in images_of(self._catalog, member):
-                        yield _File(file, "a member's image", name, shape)
+                    for file, wanted in images_of(self._catalog, member):
+                        yield _File(file, "a member's image", name, wanted)
         self._find_duplicates(self._catalog)
 
     def _find(self, place: str, problem: str, member: str = "") -> None:
@@ -230,22 +230,22 @@ class _Check:
         differences: list[str],
     ) -> Iterator[_File]:
         """A listed member's images, and what else its rows name; the first row that is not the member's to `differences`."""
-        shapes = dict(images_of(catalog, member))
-        wanted = cinema.read_rows([derived_rows(member, catalog.plan).decode()])
-        for line, expected in zip_longest(lines, wanted):
+        images = dict(images_of(catalog, member))
+        expected_rows = cinema.read_rows([derived_rows(member, catalog.plan).decode()])
+        for line, expected in zip_longest(lines, expected_rows):
             if line is None or expected is None:
                 differences += [f"it has {'fewer' if line is None else 'more'} rows of member {member.name}"]
             elif line[1] != expected:
                 differences += [f"row {line[0]} and maybe others"]
             if line is not None:
                 file = line[1][-1]
-                if file in shapes:
-                    yield _File(file, f"{TABLE} row {line[0]}, column {header[-1]}", member.name, shapes.pop(file))
+                if file in images:
+                    yield _File(file, f"{TABLE} row {line[0]}, column {header[-1]}", member.name, images.pop(file))
                 else:
                     yield from self._strange_files(header, [line])
             del differences[1:]
-        for file, shape in shapes.items():
-            yield _File(file, "a member's image", member.name, shape)
+        for file, wanted in images.items():
+            yield _File(file, "a member's image", member.name, wanted)
 
     def _member(self, catalog: Catalog, number: int) -> Member | None:
         """A stored member, after all that is wrong with its record, rows and summary; None where it can't be read."""

@@ -79,8 +79,45 @@ def merge(into: Path, sources: tuple[Path, ...]) -> None:
     with _plain_errors(), ProgressLine() as line:
         rates = {"comparing": Rate(), "merging": Rate()}
         made = run(into, sources, progress=lambda s, d, t: line(Count(s, d, t, rates[s](d), "members")))
-    copied = f"; {made.copied} files were copied, not linked" if made.copied else ""
+    copied = f"; {made.copied} pictures were copied, not linked" if made.copied else ""
     click.echo(f"{into}: {made.added} members added, {made.same} found in several catalogs{copied}")
+
+
+@main.command()
+@CATALOG
+@click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
+def pack(path: Path, destination: Path) -> None:
+    """Write PATH into the new catalog DESTINATION with one HDF5 file of pictures for each member.
+
+    Every other command, training and evaluation read it as they read PATH, and pycinema opens it; it takes no new members from
+    simulations.  Run it again to go on after an interruption, or to take in members that are new in PATH.
+    """
+    from catalogs.packing import pack as run
+    from catalogs.progress import Count, ProgressLine, Rate
+
+    with _plain_errors(), ProgressLine() as line:
+        rate = Rate()
+        done = run(path, destination, progress=lambda d, t: line(Count("packing", d, t, rate(d), "members")))
+    click.echo(f"{destination}: {done.made} members packed, {done.there} were there")
+
+
+@main.command()
+@CATALOG
+@click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
+def unpack(path: Path, destination: Path) -> None:
+    """Write the packed catalog PATH into the new catalog DESTINATION with a file for each picture, as before `catalogs pack`."""
+    from catalogs.packing import unpack as run
+    from catalogs.progress import Count, ProgressLine, Rate
+
+    with _plain_errors(), ProgressLine() as line:
+        rate = Rate()
+        done = run(path, destination, progress=lambda d, t: line(Count("unpacking", d, t, rate(d), "members")))
+    bytes_told = (
+        f"{done.other_bytes} pictures have the same pixels in other bytes, all others" if done.other_bytes else "all"
+    )
+    click.echo(
+        f"{destination}: {done.made} members unpacked, {done.there} were there; {bytes_told} the bytes that were packed"
+    )
 
 
 @main.group(name="import")

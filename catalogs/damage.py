@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs import durable
@@ -10,19 +11,28 @@ from catalogs.appearance import shown_fields
 from catalogs.catalog import Catalog, CatalogError, Member
 from catalogs.images import ImageError, read_stored
 from catalogs.members import ROWS, SUMMARY, read_record
+from catalogs.packed import PACK, PackError, open_pack, pack_problem
 from catalogs.plan import CatalogPlan
 from catalogs.png import PngError, check_png
-from catalogs.table import derived_rows
+from catalogs.table import MEMBERS, derived_rows
 
-Shape = tuple[int, int, int]  # height, width, channels
 IMAGES = {".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp"}
 
 
-def file_problem(root: Path, name: str, wanted: Shape | None = None, *, decode: bool = True) -> str | None:
+@dataclass(frozen=True)
+class Wanted:
+    """What an image file must hold: pictures of this size, RGBA; in a pack so many views of each of these appearances."""
+
+    height: int
+    width: int
+    views: int = 1
+    packed: tuple[str, ...] = ()
+
+
+def file_problem(root: Path, name: str, wanted: Wanted | None = None, *, decode: bool = True) -> str | None:
     """What is wrong with the file `name` of the database `root`; None where nothing is.
 
-    Images are decoded whole, and must have the `wanted` height, width and channels where these are known; without `decode` it is
-    enough that the file is there.
+    Images are decoded whole, and must be what is `wanted` where that is known; without `decode` it is enough that they are there.
     """
     path = root / name
     if not path.is_file():
@@ -33,13 +43,16 @@ def file_problem(root: Path, name: str, wanted: Shape | None = None, *, decode: 
     if not decode:
         return None
     try:
+        if wanted is not None and wanted.packed:
+            pack = open_pack(path, wanted.views * len(wanted.packed), wanted.height, wanted.width)
+            return pack_problem(pack, wanted.packed)
         shape = _read_shape(path)
-    except (PngError, ImageError, OSError) as error:
+    except (PngError, PackError, ImageError, OSError) as error:
         return f"is damaged: {error}"
     if shape is None:
         return None if path.stat().st_size else "is empty"
-    if wanted is not None and shape != wanted:
-        return f"is {_size(shape)}; its camera makes {_size(wanted)}"
+    if wanted is not None and shape != (wanted.height, wanted.width, 4):
+        return f"is {_size(*shape)}; its camera makes {_size(wanted.height, wanted.width, 4)}"
     return None
 
 
@@ -70,12 +83,17 @@ def rows_problem(member: Member, plan: CatalogPlan) -> str | None:
     )
 
 
-def images_of(catalog: Catalog, member: Member) -> Iterator[tuple[str, Shape]]:
-    """A member's images in the order of its rows: names relative to the catalog, and the shapes that they must have."""
+def images_of(catalog: Catalog, member: Member) -> Iterator[tuple[str, Wanted]]:
+    """A member's image files in the order of its rows: names relative to the catalog, and what they must hold."""
+    if catalog.plan.packed:
+        camera = member.cameras[0]
+        wanted = Wanted(camera.height, camera.width, len(member.cameras), member.appearances)
+        yield f"{MEMBERS}/{member.name}/{PACK}", wanted
+        return
     for appearance in member.appearances:
         for view, camera in enumerate(member.cameras):
             name = catalog.image_path(member, appearance, view).relative_to(catalog.path).as_posix()
-            yield name, (camera.height, camera.width, 4)
+            yield name, Wanted(camera.height, camera.width)
 
 
 def lasting_problems(catalog: Catalog, folder: Path) -> Iterator[str]:
@@ -92,7 +110,7 @@ def lasting_problems(catalog: Catalog, folder: Path) -> Iterator[str]:
             yield f"{name} {problem}"
 
 
-def _read_shape(path: Path) -> Shape | None:
+def _read_shape(path: Path) -> tuple[int, int, int] | None:
     """Height, width and channels of an image whose every byte was read; None for a file that is no image."""
     if path.suffix.lower() == ".png":
         header = check_png(path)
@@ -104,6 +122,5 @@ def _read_shape(path: Path) -> Shape | None:
     return height, width, channels
 
 
-def _size(shape: Shape) -> str:
-    height, width, channels = shape
+def _size(height: int, width: int, channels: int) -> str:
     return f"{width}x{height} with {channels} channels"

@@ -11,9 +11,10 @@ from catalogs import cinema, durable
 from catalogs.plan import CatalogError, CatalogPlan, read_json
 from catalogs.table import HIDDEN, MEMBERS, TABLE
 
-SCHEMA = 4  # 1 had no variations, and every member all appearances; 2 no fields; 3 no logarithmic scales
+SCHEMA = 5  # 1 had no variations, and every member all appearances; 2 no fields; 3 no logarithmic scales; 4 no packs
 WITHOUT_FIELDS = 2
 WITHOUT_SCALES = 3
+WITHOUT_PACKS = 4
 DESCRIPTION = "catalog.json"
 LOCK = ".lock"
 
@@ -29,9 +30,11 @@ def write_empty(path: Path, plan: CatalogPlan) -> None:
 
 
 def _least_schema(plan: CatalogPlan) -> int:
-    """The first schema whose readers understand the plan: older programs read catalogs without fields, or without scales."""
-    if plan.space.logarithmic:
+    """The first schema whose readers understand the plan: older programs read what has no fields, scales or packs."""
+    if plan.packed:
         return SCHEMA
+    if plan.space.logarithmic:
+        return WITHOUT_PACKS
     fields = any(plan.fields) or not all(variation.continuous for variation in plan.variations)
     return WITHOUT_SCALES if fields else WITHOUT_FIELDS
 

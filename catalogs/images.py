@@ -118,9 +118,12 @@ def read_image(path: Path, *, dtype: str = "uint8") -> NDArray[Any]:
 
     Gray and RGB files are opaque.  Raises ImageError naming the file when it is absent, truncated or no image.
     """
-    rgba = _four_channels(read_stored(path), path)
-    if rgba.dtype == np.uint8:
-        rgba = premultiply(rgba)
+    return in_memory(_four_channels(read_stored(path), path), dtype)
+
+
+def in_memory(stored: NDArray[Any], dtype: str = "uint8") -> NDArray[Any]:
+    """Premultiplied RGBA [H, W, 4] of RGBA as it is stored, straight where it is uint8; as "uint8" or "float32"."""
+    rgba = premultiply(stored) if stored.dtype == np.uint8 else stored
     return to_float(rgba) if dtype == "float32" else to_bytes(rgba)
 
 

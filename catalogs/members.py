@@ -114,7 +114,7 @@ def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
                 member.row_split(view, setting),
                 member.split,
                 member.view_splits[view],
-                f"members/{member.name}/{plan.image_name(appearance.name, view)}",
+                f"members/{member.name}/{plan.file_name(appearance.name, view)}",
             ]
 
 

@@ -8,11 +8,10 @@ further space: nothing here ever changes a picture that is stored.
 from __future__ import annotations
 
 import os
-import shutil
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,12 @@ from catalogs.catalog import Catalog, CatalogError, CatalogPlan, Member
 from catalogs.description import DESCRIPTION
 from catalogs.images import read_stored
 from catalogs.journal import key_of
-from catalogs.members import SUMMARY, read_record, write_record
+from catalogs.members import read_record
 from catalogs.missing import missing_members, report_missing
+from catalogs.transfer import add_members, place, summary_of
 from catalogs.words import shortened
 
 Progress = Callable[[str, int, int], None]
-AT_ONCE = 256  # members in a commit
 TOLD = 5  # members that an error names
 SIMPLE = {
     "bounds": "bounds",
@@ -41,7 +40,7 @@ SIMPLE = {
 
 @dataclass(frozen=True)
 class Merged:
-    """How many members were added, how many were there already, and how many files of the new ones had to be copied."""
+    """How many members were added, how many were there already, and how many of the new ones' pictures had to be copied."""
 
     added: int
     same: int
@@ -66,12 +65,22 @@ def merge(
     _refuse_repeated([into, *given])
     known = [Catalog.open(into)] if (into / DESCRIPTION).exists() else []
     catalogs = [*known, *map(Catalog.open, given)]
+    for packed in (catalog for catalog in catalogs if catalog.plan.packed):
+        raise CatalogError(
+            f"{packed.path} is packed: merge the catalogs that were packed, or `catalogs unpack` it first"
+        )
     for other in catalogs[1:]:
         _refuse_other_plan(catalogs[0], other)
     wanted, same = _wanted(catalogs, len(known), progress)
     target = Catalog.create(into, catalogs[0].plan)
-    copied = _add(target, wanted, progress)
-    target.rebuild_table()  # rows in the order of names, whatever was interrupted
+    copied = 0
+
+    def fill(source: Catalog, member: Member, folder: Path) -> None:
+        nonlocal copied
+        for path in _pictures(source, member):
+            copied += place(path, folder / path.relative_to(member.path))
+
+    add_members(target, wanted, fill, lambda done, total: progress("merging", done, total))
     _tell_missing(target, catalogs)
     return Merged(len(wanted), same, copied)
 
@@ -200,51 +209,11 @@ def _pictures(catalog: Catalog, member: Member) -> Iterator[Path]:
 def _refuse_incomplete(catalog: Catalog, member: Member) -> None:
     """Raise CatalogError for a picture that is not there, and for links, which could lead out of the catalog."""
     folders = dict.fromkeys([member.path, *(path.parent for path in _pictures(catalog, member))])
-    for path in [*folders, *_pictures(catalog, member), *_summary(member)]:
+    for path in [*folders, *_pictures(catalog, member), *summary_of(member)]:
         belongs = stat.S_ISDIR if path in folders else stat.S_ISREG
         if not path.exists() or not belongs(path.lstat().st_mode):
             problem = "is a link or no file" if path.exists() else "is missing"
             raise CatalogError(f"nothing was merged: {path} {problem}: `catalogs check {catalog.path}` tells more")
-
-
-def _summary(member: Member) -> list[Path]:
-    return [member.path / SUMMARY] if (member.path / SUMMARY).is_file() else []
-
-
-def _add(target: Catalog, wanted: Sequence[tuple[Catalog, str]], progress: Progress) -> int:
-    """Add members to the catalog, many in a commit; returns how many files were copied because they could not be linked."""
-    copied = done = 0
-    for first in range(0, len(wanted), AT_ONCE):
-        made: list[Member] = []
-        try:
-            for source, name in wanted[first : first + AT_ONCE]:
-                member = source.member(name)
-                new = replace(member, path=target.unfinished_folder(name))
-                made.append(new)
-                copied += _fill(source, member, new.path)
-                write_record(new, target.plan)
-                durable.sync_tree(new.path)
-                done += 1
-                progress("merging", done, len(wanted))
-            target.adopt(made)
-        finally:
-            for new in made:
-                shutil.rmtree(new.path, ignore_errors=True)
-    return copied
-
-
-def _fill(source: Catalog, member: Member, folder: Path) -> int:
-    """Give a member's pictures and summary a place in another folder too; returns how many had to be copied."""
-    copied = 0
-    for path in [*_summary(member), *_pictures(source, member)]:
-        place = folder / path.relative_to(member.path)
-        place.parent.mkdir(exist_ok=True)
-        try:
-            durable.link(path, place)
-        except OSError:  # another file system, one without hard links, or too many of them
-            durable.copy(path, place)
-            copied += 1
-    return copied
 
 
 def _tell_missing(target: Catalog, catalogs: Sequence[Catalog]) -> None:

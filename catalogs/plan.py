@@ -23,13 +23,21 @@ from catalogs.appearance import (
 )
 from catalogs.cameras import Camera
 from catalogs.images import FORMATS
+from catalogs.packed import PACK
 from catalogs.parameters import SPLITS, ParameterSpace
 from catalogs.quantity import Quantity, quantities_from, quantities_of
 from catalogs.variations import ISOVALUE, Setting, Variation, variation_from_json
 from catalogs.words import shortened
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
-KEPT_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz")  # what a member's folder holds beside images
+PACKED = "packed"  # the layout of a catalog whose members keep their pictures in one file each
+KEPT_NAMES = (
+    "member.json",
+    "rows.csv",
+    "cameras.json",
+    "field.npz",
+    PACK,
+)  # what a member's folder holds beside images
 VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view_split")
 
 
@@ -53,6 +61,7 @@ class CatalogPlan:
     provenance : JSON values: software, sample distances, scene.
     variations : which of the appearances sample visualization parameters.
     quantities : what the shown fields are called, and their units, by the names in `fields`; of some, of all, or of none.
+    packed : whether the pictures of each member are in one HDF5 file (`catalogs.packed`); such a catalog takes no further members.
     """
 
     space: ParameterSpace
@@ -65,6 +74,7 @@ class CatalogPlan:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     variations: tuple[Variation, ...] = ()
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    packed: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bounds", _box(self.bounds))
@@ -157,6 +167,10 @@ class CatalogPlan:
         """Path of an image below its member's folder."""
         return f"{appearance}/{view:03d}{FORMATS[self.image_format]}"
 
+    def file_name(self, appearance: str, view: int) -> str:
+        """Path below its member's folder of the file that holds an image: its own, or the member's pack."""
+        return PACK if self.packed else self.image_name(appearance, view)
+
     def to_json(self) -> dict[str, Any]:
         """Everything but the schema version, as JSON values."""
         return {
@@ -170,6 +184,7 @@ class CatalogPlan:
             "images": {"memory": "premultiplied RGBA", "disk": "straight RGBA", "rows": "top first"},
             "provenance": dict(self.provenance),
             **({"variations": [v.to_json() for v in self.variations]} if self.variations else {}),
+            **({"layout": PACKED} if self.packed else {}),
             **({"fields": {name: q.to_json() for name, q in self.quantities.items()}} if self.quantities else {}),
         }
 
@@ -180,6 +195,8 @@ class CatalogPlan:
         Unknown keys beside the known ones are ignored, so that additions which change no meaning stay readable; what changes
         the meaning of a catalog raises its schema, and unknown keys inside appearances and parameters are errors.
         """
+        if record.get("layout") not in (None, PACKED):
+            raise ValueError(f"its layout is {record['layout']!r}")
         return cls(
             space=ParameterSpace.from_json(record["parameters"]),
             appearances=tuple(appearance_from_json(a) for a in record["appearances"]),
@@ -191,6 +208,7 @@ class CatalogPlan:
             provenance=record.get("provenance", {}),
             variations=tuple(variation_from_json(v) for v in record.get("variations", ())),
             quantities=record.get("fields", {}),
+            packed=record.get("layout") == PACKED,
         )
 
     def check_recordable(self) -> None:

@@ -83,6 +83,8 @@ def repair(path: Path, *, progress: Progress = lambda done, total: None) -> Repa
 def how_to_render_again(catalog: Catalog, members: Iterable[SetAside]) -> str:
     """How members that were set aside are made again: a sentence."""
     told = catalog.plan.provenance
+    if catalog.plan.packed:
+        return f"Run `catalogs pack` from the catalog that was packed to {catalog.path} again: it packs the members that lack"
     if "scene" in told:
         command = f"`insitu dataset` with the file of the scene {told['scene']!r}"
     elif "source" in told:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -95,7 +96,7 @@ def _file_names(catalog: Catalog, members: Sequence[Member]) -> list[str]:
         return []
     most = max(len(member.cameras) for member in members)
     appearance = catalog.appearance_names[0]
-    return [catalog.image_path(members[0], appearance, view).name for view in range(most)]
+    return [Path(catalog.plan.image_name(appearance, view)).name for view in range(most)]
 
 
 def _title(catalog: Catalog) -> str:

@@ -20,6 +20,10 @@ from catalogs import durable
 from catalogs.browse.access import LOCAL, Access
 from catalogs.browse.page import PAGE, page_of
 from catalogs.catalog import Catalog
+from catalogs.images import FORMATS
+from catalogs.packed import PACK
+from catalogs.pictures import number_of, pack_of
+from catalogs.table import MEMBERS
 
 TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -27,6 +31,7 @@ TYPES = {
     ".csv": "text/csv; charset=utf-8",
     ".json": "application/json",
 }
+UNKNOWN = "application/octet-stream"
 LINGER_SECONDS = 30
 
 
@@ -37,11 +42,15 @@ class CatalogServer(ThreadingHTTPServer):
     ----------
     host : the address to listen on; any but this machine's own loopback needs the `token`, made here.
     port : 0 lets the system choose a free one.
+    packed : the catalog, where its pictures are packed: they are served under the names of their own files.
     """
 
-    def __init__(self, folder: Path, page: bytes, port: int = 0, *, host: str = LOCAL) -> None:
+    def __init__(
+        self, folder: Path, page: bytes, port: int = 0, *, host: str = LOCAL, packed: Catalog | None = None
+    ) -> None:
         self.folder = folder
         self.page = page
+        self.packed = packed
         self.access = Access.of(host)
         self.address_family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         super().__init__((host, port), CatalogRequest)
@@ -78,10 +87,14 @@ class CatalogRequest(BaseHTTPRequestHandler):
             if path in ("/", f"/{PAGE}"):
                 content: BinaryIO = io.BytesIO(self.server.page)
                 size, kind = len(self.server.page), TYPES[".html"]
+            elif self.server.packed is not None and Path(path).suffix in FORMATS.values():
+                picture = packed_picture(self.server.packed, path.removeprefix("/"))
+                content, size = io.BytesIO(picture), len(picture)
+                kind = TYPES.get(Path(path).suffix, UNKNOWN)
             else:
                 content = open_below(self.server.folder, path.removeprefix("/"))
                 size = os.fstat(content.fileno()).st_size
-                kind = TYPES.get(Path(path).suffix, "application/octet-stream")
+                kind = TYPES.get(Path(path).suffix, UNKNOWN)
         except (OSError, ValueError):
             self.send_error(HTTPStatus.NOT_FOUND)
             return
@@ -141,6 +154,22 @@ def open_below(folder: Path, name: str) -> BinaryIO:
     return os.fdopen(file, "rb")
 
 
+def packed_picture(catalog: Catalog, name: str) -> bytes:
+    """The file `name` ("members/<member>/<appearance>/<view>.png") of a picture that is packed.
+
+    Raises OSError or ValueError where the catalog has no such picture, and where its pack is a link, as `open_below` does.
+    """
+    folder, of, appearance, file = (name.split("/") + [""] * 4)[:4]
+    member = catalog.member(of)
+    view = int(Path(file).stem)
+    if appearance not in member.appearances or not 0 <= view < len(member.cameras):
+        raise ValueError(f"{name!r} is no picture")
+    if name != f"{folder}/{of}/{catalog.plan.image_name(appearance, view)}" or folder != MEMBERS:
+        raise ValueError(f"{name!r} is no picture")
+    open_below(catalog.path, f"{folder}/{of}/{PACK}").close()
+    return pack_of(member).file(number_of(member, appearance, view))[0]
+
+
 def serve(
     folder: Path, *, host: str = LOCAL, port: int = 0, open_page: bool = False, announce: Callable[[str], Any] = print
 ) -> None:
@@ -148,8 +177,9 @@ def serve(
 
     Raises CatalogError where there is no catalog, OSError where the host is unknown or the port is taken.
     """
-    page = page_of(Catalog.open(folder)).encode()
-    with CatalogServer(folder, page, port, host=host) as server:
+    catalog = Catalog.open(folder)
+    page = page_of(catalog).encode()
+    with CatalogServer(folder, page, port, host=host, packed=catalog if catalog.plan.packed else None) as server:
         try:
             durable.replace(folder / PAGE, page)
         except OSError as error:

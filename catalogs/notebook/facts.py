@@ -65,6 +65,7 @@ def _images(plan: CatalogPlan, members: Sequence[Member]) -> str:
     sizes = sorted({(camera.width, camera.height) for camera in cameras})
     size = ", ".join(f"{width}x{height}" for width, height in sizes[:4]) + (", ..." if len(sizes) > 4 else "")
     kind = "8-bit PNG" if plan.image_format == "png" else "float32 EXR"
+    kind += ", one HDF5 file for each member" if plan.packed else ""
     ground = "with alpha" if plan.background is None else f"opaque on the background {_numbers(plan.background)}"
     return f"{count:,} of {size or 'no size yet'}, {kind}, {ground}"
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.cameras import OBLIQUE, Camera
-from catalogs.images import read_image
 from catalogs.members import Member, read_record
 from catalogs.missing import MissingMember, missing_members
 from catalogs.notebook.cards import WHITE, Picture, card, never_failing, on_background
 from catalogs.notebook.facts import facts, megabytes
+from catalogs.pictures import read_picture
 from catalogs.plan import CatalogError, CatalogPlan
 
 PICTURES = 6  # on a contact sheet
@@ -62,7 +62,7 @@ def _contact_sheet(plan: CatalogPlan, members: Sequence[Member]) -> tuple[list[P
         view = first_view(member.cameras, np.mean(plan.bounds, axis=0))
         appearance = member.appearances[0]
         try:
-            rgba = read_image(member.path / plan.image_name(appearance, view))
+            rgba = read_picture(member, plan, appearance, view)
         except (ValueError, OSError) as error:
             failures.append(str(error))
             continue

@@ -18,11 +18,18 @@ from torch import Tensor
 from catalogs import durable
 from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog, Member
+from catalogs.pictures import picture_size
 from catalogs.words import one_line
 from surrogate.settings import TrainingSettings
 
 CHECKPOINT = "checkpoint.safetensors"
-NOT_LEARNT = ("appearances", "provenance", "variations", "fields")  # of a plan, whatever is not taken up one by one
+NOT_LEARNT = (
+    "appearances",
+    "provenance",
+    "variations",
+    "fields",
+    "layout",
+)  # of a plan, whatever is not taken up one by one
 TIMING_ONLY = ("checkpoint_seconds",)  # settings that change no result
 
 
@@ -100,7 +107,6 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
 def _identity(catalog: Catalog, member: Member, shown: Sequence[str]) -> dict[str, Any]:
     """What makes a member's images what they are, as far as can be told without reading them."""
     names, views = [a for a in shown if a in member.appearances], range(len(member.cameras))
-    paths = [catalog.image_path(member, name, view) for name in names for view in views]
     own = member.cameras is not catalog.plan.cameras
     return {
         "name": member.name,
@@ -108,5 +114,5 @@ def _identity(catalog: Catalog, member: Member, shown: Sequence[str]) -> dict[st
         "split": member.split,
         "views": list(member.view_splits),
         "cameras": [camera.to_json() for camera in member.cameras] if own else None,
-        "bytes": [path.stat().st_size for path in paths],
+        "bytes": [picture_size(member, catalog.plan, name, view) for name in names for view in views],
     }

@@ -220,7 +220,7 @@ def test_a_read_only_catalog_is_read(read_only: Catalog) -> None:
     assert as_nobody(read) == ""
 
 
-@pytest.mark.parametrize(("schema", "message"), [(99, "newer"), (5, "newer"), (0, "damaged"), (True, "damaged")])
+@pytest.mark.parametrize(("schema", "message"), [(99, "newer"), (6, "newer"), (0, "damaged"), (True, "damaged")])
 def test_other_schemas_are_refused(catalog: Catalog, schema: int, message: str) -> None:
     path = catalog.path / "catalog.json"
     record = json.loads(path.read_text())

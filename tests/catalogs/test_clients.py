@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from catalogs.catalog import Catalog
+from catalogs.packing import pack
 
 PROJECT = Path(__file__).resolve().parents[2]
 SCRIPTS = PROJECT / "tests" / "clients"
@@ -71,6 +72,17 @@ def test_pycinema_sees_every_image_as_it_was(catalog: Catalog, tmp_path: Path) -
     column = {name: i for i, name in enumerate(header.tolist())}
     parameters = {row[column["member"]]: float(row[column["Re"]]) for row in rows.tolist()}
     assert parameters == {m.name: m.parameters["Re"] for m in catalog.members}
+
+
+def test_pycinema_sees_every_image_of_a_packed_catalog(catalog: Catalog, tmp_path: Path) -> None:
+    pack(catalog.path, tmp_path / "packed.cdb")
+    run_client("pycinema", "read_packed_with_pycinema.py", str(tmp_path / "packed.cdb"), str(tmp_path / "seen.npz"))
+    with np.load(tmp_path / "seen.npz", allow_pickle=False) as seen:
+        rows, images = seen["rows"].tolist(), seen["images"]
+    expected = rows_of(catalog)
+    assert sorted((member, appearance, int(view)) for member, appearance, view in rows) == sorted(expected)
+    for (member, appearance, view), image in zip(rows, images, strict=True):
+        np.testing.assert_array_equal(image, straight(catalog.image(member, appearance, int(view))))
 
 
 def test_cinemasci_finds_the_file_of_every_row(catalog: Catalog) -> None:

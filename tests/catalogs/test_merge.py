@@ -226,14 +226,14 @@ def test_pictures_are_links_where_that_is_possible_else_copies(tmp_path: Path, m
         raise OSError(errno.EXDEV, os.strerror(errno.EXDEV), str(source), None, str(target))
 
     monkeypatch.setattr(durable, "link", no_links)
-    assert merge(tmp_path / "copied.cdb", [one.path]).copied == 5
+    assert merge(tmp_path / "copied.cdb", [one.path]).copied == 4
     copied = Catalog.open(tmp_path / "copied.cdb").image_path("a", "dvr", 0)
     assert not copied.samefile(one.image_path("a", "dvr", 0))
     assert contents(tmp_path / "copied.cdb") == contents(tmp_path / "linked.cdb")
 
 
 def test_many_members_come_in_few_commits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catalogs.merge.AT_ONCE", 2)
+    monkeypatch.setattr("catalogs.transfer.AT_ONCE", 2)
     names = {f"m{n}": 100.0 + n for n in range(5)}
     source, commits = small(tmp_path / "one.cdb", names), []
     adopt = Catalog.adopt
@@ -291,7 +291,7 @@ def test_dead_at_every_operation_the_same_command_completes_it(folder: Path, los
 
 
 def test_interrupted_it_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catalogs.merge.AT_ONCE", 1)
+    monkeypatch.setattr("catalogs.transfer.AT_ONCE", 1)
     given, seen = sources(folder), []
 
     def interrupt(stage: str, done: int, total: int) -> None:

@@ -17,6 +17,7 @@ from catalogs.browse.access import Access
 from catalogs.cameras import orbit, view_splits
 from catalogs.catalog import Catalog
 from catalogs.check import Finding
+from catalogs.damage import Wanted
 from catalogs.durable import Stamp
 from catalogs.exchange import selection
 from catalogs.exchange.export import LAYOUTS
@@ -27,6 +28,8 @@ from catalogs.members import Member
 from catalogs.merge import Merged
 from catalogs.missing import MissingMember
 from catalogs.notebook.cards import Picture
+from catalogs.packed import ENTRY, Pack
+from catalogs.packing import Transferred
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.plan import CatalogPlan
 from catalogs.png import PngHeader
@@ -99,6 +102,9 @@ SHOWN: list[tuple[Any, str]] = [
     (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
     (Finding("data.csv", "is missing"), "is missing"),
     (Merged(12, 3, 0), "added=12"),
+    (Transferred(12, 3, 0), "made=12"),
+    (Wanted(192, 256), "height=192"),
+    (Pack(Path("pictures.h5"), 192, 256, "uint8", np.zeros(504, ENTRY)), "504 pictures of 256x192, uint8"),
     (SetAside("a", Path("damaged/a"), ("dvr/000.png is missing",), PARAMETERS), "dvr/000.png is missing"),
     (Repaired((), (Finding("data.csv", "is missing"),)), "is missing"),
     (Access("0.0.0.0", "secret"), "0.0.0.0"),

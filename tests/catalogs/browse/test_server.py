@@ -21,6 +21,7 @@ import pytest
 from catalogs.browse import CatalogServer, page_of, serve
 from catalogs.browse.server import open_below
 from catalogs.catalog import Catalog
+from catalogs.packing import pack
 from tests.catalogs.browse.conftest import running
 from tests.support.browsed import shown
 
@@ -260,3 +261,33 @@ def test_a_folder_that_refuses_the_page_is_served_all_the_same(
     assert "read-only" in said[0]
     assert re.search(r"at http://127\.0\.0\.1:\d+/", said[1])
     assert said[2] == "stopped"
+
+
+def test_packed_pictures_are_served_under_the_names_of_their_files(grid: Catalog, tmp_path: Path) -> None:
+    pack(grid.path, tmp_path / grid.path.name)
+    packed = Catalog.open(tmp_path / grid.path.name)
+    member = grid.members[0]
+    appearance = member.appearances[0]
+    name = f"/members/{member.name}/{appearance}/000.png"
+    page = page_of(packed)
+    assert page == page_of(grid)
+    with running(CatalogServer(packed.path, page.encode(), packed=packed)) as server:
+        status, headers, body = answer_of(server, name)
+        assert (status, headers["Content-Type"]) == (200, "image/png")
+        assert body == grid.image_path(member, appearance, 0).read_bytes()
+        assert ask(server, name, method="HEAD") == (200, b"")
+        for wrong in (
+            "x/000.png",
+            f"{appearance}/999.png",
+            f"{appearance}/-1.png",
+            f"{appearance}/0.png",
+            "a/b/000.png",
+        ):
+            assert ask(server, f"/members/{member.name}/{wrong}")[0] == 404
+        for wrong in ("/members/../x/000.png", f"/other/{member.name}/{appearance}/000.png", "/members/no/x/000.png"):
+            assert ask(server, wrong)[0] == 404
+        path = member.path.name
+        kept = packed.path / "members" / path / "pictures.h5"
+        kept.rename(tmp_path / "outside.h5")
+        kept.symlink_to(tmp_path / "outside.h5")
+        assert ask(server, name)[0] == 404

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from catalogs.catalog import Catalog
+from catalogs.packing import pack
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.splatting import cpu, cuda
-from surrogate.storage.checkpoints import Checkpoint
+from surrogate.storage.checkpoints import Checkpoint, fingerprint
 from surrogate.training.compression.choice import Choice
 from surrogate.training.session import TrainingProgress
 from tests.support.blobs import Blobs
@@ -50,6 +51,16 @@ def test_a_finished_run_has_nothing_to_do(make_catalog, tmp_path: Path) -> None:
     assert seen == []
     assert contents(tmp_path / "surrogate") == before
     assert again.training["curve"] == first.training["curve"]
+
+
+def test_a_packed_catalog_gives_the_same_surrogate(make_catalog, tmp_path: Path) -> None:
+    catalog = make_catalog()
+    pack(catalog.path, tmp_path / "packed.cdb")
+    packed = Catalog.open(tmp_path / "packed.cdb")
+    assert fingerprint(QUICK, packed) == fingerprint(QUICK, catalog)
+    train(QUICK, catalog, tmp_path / "surrogate")
+    train(QUICK, packed, tmp_path / "again")
+    assert outcome(tmp_path / "again") == outcome(tmp_path / "surrogate")
 
 
 def test_what_another_process_finished_meanwhile_is_taken(
