@@ -2,9 +2,9 @@
 
     python -m benchmarks.packing runs/tgv/catalog.cdb [--rounds 5] [--steps 100] [--folder DIR]
 
-Loading is what training does before its first step: all training pictures of one appearance, decoded into memory.  The layouts take
-turns, round by round, and times are medians (lowest to highest); a first round, untimed, brings both into the page cache.  Training runs
-once in each layout, from the same seed, and its surrogates must be the same bytes.
+Loading is what training does before its first step: all training pictures of one appearance, decoded into memory.  The layouts
+take turns, round by round, and times are medians (lowest to highest); a first round, untimed, brings both into the page cache.
+Training runs once in each layout, from the same seed, and its surrogates must be the same bytes.
 """
 
 from __future__ import annotations
