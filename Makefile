@@ -11,8 +11,11 @@ SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $
 BIN     := .venv/bin
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
+# The example whose script scene SCENE runs, if it is hooked: somebody else's code, in an environment of its own.
+EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
+HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)
 
-.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast lint clients bench explore clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast lint clients examples bench explore clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
@@ -22,6 +25,7 @@ help:
 	@echo "make compare [SCENE=$(SCENE)]         published systems and ours, $(MINUTES) minutes each -> docs/comparison.md"
 	@echo "make test                        every test (make test-fast: the quick ones)"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
+	@echo "make examples                    environments of the simulation codes of examples/: minutes"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
 	@echo "scenes: $(basename $(notdir $(wildcard scenes/*.toml)))"
 
@@ -34,8 +38,8 @@ $(SETUP): $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 
-dataset: $(SETUP)
-	$(BIN)/insitu dataset scenes/$(SCENE).toml --runs $(RUNS) $(if $(WORKERS),--workers $(WORKERS))
+dataset: $(SETUP) $(HOOKED)
+	$(if $(EXAMPLE),.venv-$(EXAMPLE)/bin,$(BIN))/insitu dataset scenes/$(SCENE).toml --runs $(RUNS) $(if $(WORKERS),--workers $(WORKERS))
 
 # Training implies its data and its report; each step does nothing when nothing changed.
 train: dataset
@@ -55,7 +59,7 @@ repeat: dataset
 # Hours where little is there yet; interrupted, it goes on.  A scene that fails leaves the others, and one may have no ceiling.
 results: $(SETUP)
 	@failed=; for scene in $(SCENES); do \
-	    { $(BIN)/insitu dataset scenes/$$scene.toml --runs $(RUNS) $(if $(WORKERS),--workers $(WORKERS)) && \
+	    { $(MAKE) --no-print-directory dataset SCENE=$$scene && \
 	        $(BIN)/surrogate repeat scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS) && \
 	        { $(BIN)/surrogate ceiling scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) || true; } && \
 	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS); } || failed="$$failed $$scene"; \
@@ -84,13 +88,24 @@ explore: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
 	$(BIN)/surrogate explore $(RUNS)/$(SCENE)
 
-# The Cinema clients conflict with each other and with us, so each lives alone; without network their tests skip.
-CLIENTS := .venv-pycinema/.complete .venv-cinemasci/.complete
+# What conflicts with us lives alone, or takes long to build.  The Cinema clients conflict with each other as well; an example's
+# environment has its simulation code beside our half that renders.  Without either their tests skip.
+CLIENTS  := .venv-pycinema/.complete .venv-cinemasci/.complete
+EXAMPLES := $(patsubst examples/%/requirements.txt,.venv-%/.complete,$(wildcard examples/*/requirements.txt))
 clients: $(CLIENTS)
+examples: $(EXAMPLES)
 .venv-%/.complete: tests/clients/%.txt
-	$(PYTHON) -m venv --clear .venv-$*
-	.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $<
-	@touch $@
+	$(call environment,--no-deps -r $<)
+.venv-%/.complete: examples/%/requirements.txt
+	@for tool in $$(sed -n 's/^# system: //p' $<); do command -v $$tool >/dev/null || { \
+	    echo "Missing: $$tool, which examples/$* is built with.  On Debian or Ubuntu: sudo apt-get install $$tool" >&2; exit 1; }; done
+	$(call environment,-r $< -e '.[insitu]')
+
+define environment
+$(PYTHON) -m venv --clear .venv-$*
+.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check $(1)
+@touch $@
+endef
 
 lint: $(SETUP)
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

@@ -25,7 +25,8 @@ from catalogs.quantity import Quantity, quantities_from, quantities_of
 from catalogs.variations import Family, Variation, variation_kind
 from catalogs.words import member_line, shortened
 
-SOURCES = ("simulation", "loop", "hdf5", "files", "nerf", "catalog")
+SOURCES = ("simulation", "hooked", "loop", "hdf5", "files", "nerf", "catalog")
+PLANNED = ("simulation", "hooked")  # whose members the scene says, since no file holds them
 OF_A_CATALOG = {
     "name",
     "title",
@@ -34,6 +35,7 @@ OF_A_CATALOG = {
     "training",
 }  # what a scene of kind "catalog" says; the catalog says the rest
 DATA_FOLDER = "GS_SURROGATE_DATA"
+NAN = ("refuse", "transparent")
 TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "fields"}
 TABLES |= {"views", "render", "training"}
 
@@ -117,10 +119,18 @@ class VariedMembers:
 
 @dataclass(frozen=True)
 class RenderPlan:
-    """How exact the pictures must be: PSNR in dB against a converged reference, or a fixed step in world units."""
+    """How exact the pictures must be: PSNR in dB against a converged reference, or a fixed step in world units.
+
+    `nan` is "refuse", or shows values that are NaN or infinite "transparent", such as land in an ocean.
+    """
 
     target_decibels: float = 50.0
     sample_distance: float | None = None
+    nan: str = "refuse"
+
+    def __post_init__(self) -> None:
+        if self.nan not in NAN:
+            raise ValueError(f"render: nan must be one of {NAN}, got {self.nan!r}")
 
 
 @dataclass(frozen=True)
@@ -230,7 +240,7 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     plan = dict(tables.get("members", {}))
     seed = int(plan.pop("seed", 0))
     members: tuple[PlannedMember, ...] = ()
-    if source["kind"] == "simulation":
+    if source["kind"] in PLANNED:
         members = _members(plan, space, seed)
         validation_members = 0
     else:

@@ -18,6 +18,7 @@ _HOMES = {
     "EnsembleResult": "insitu.ensemble",
     "run_ensemble": "insitu.ensemble",
     "probe_fields": "insitu.probe",
+    "make_dataset": "insitu.dataset",
     # What a loop says of its ensemble: parameters, appearances, viewpoints.
     "Parameter": "catalogs.parameters",
     "ParameterSpace": "catalogs.parameters",

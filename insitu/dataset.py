@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from engines.engine import Engine
 from insitu.agreement import disagreements, misplaced
 from insitu.ensemble import run_ensemble
 from insitu.fields import check_names
+from insitu.hooked import HookedSource, Simulate
 from insitu.planning import PlanOptions, is_catalog
 from insitu.sources import ensemble_of
 
@@ -37,20 +39,37 @@ class DatasetResult:
 
 
 def make_dataset(
-    scene: Scene,
-    runs: Path,
+    scene: Scene | str | os.PathLike[str],
+    runs: str | os.PathLike[str] = "runs",
     *,
+    simulate: Simulate | None = None,
     workers: int | None = None,
     shard: tuple[int, int] | None = None,
     engine: Engine | None = None,
     progress: Callable[[object], None] = lambda state: None,
     warn: Callable[[Warning], None] | None = None,
 ) -> DatasetResult:
-    """Make what is missing of the scene's catalog; goes on where it was interrupted.  The arguments are `run_ensemble`'s.
+    """Make what is missing of the scene's catalog, `runs/<scene>/catalog.cdb`; goes on where it was interrupted.
+
+    Parameters
+    ----------
+    scene : the scene, or its TOML file.
+    runs : folder of all results.
+    simulate : for a scene of kind "hooked", the function that makes its fields (see `insitu.hooked.HookedSource`), instead of that
+        of the scene's script.  Worker processes import it, so it is one of a module, or of a script that calls `make_dataset`
+        under `if __name__ == "__main__":`.
+
+    The others are arguments of `run_ensemble`.
 
     Raises ValueError or CatalogError, before anything is written, where the catalog was made from another scene file or the
-    scene can't be had; FileNotFoundError where its data are absent.
+    scene can't be had; FileNotFoundError where its data are absent; RuntimeError where the script of a hooked scene needs what this
+    environment does not have.
     """
+    scene, runs = scene if isinstance(scene, Scene) else Scene.load(scene), Path(runs)
+    if simulate is not None and scene.source["kind"] != "hooked":
+        raise ValueError(
+            f'scene {scene.path}: simulate= is for a source of kind "hooked", not {scene.source["kind"]!r}'
+        )
     if scene.source["kind"] == "catalog":
         return _checked(scene)
     folder = scene.run_directory(runs)
@@ -65,7 +84,7 @@ def make_dataset(
             made, failures = _import(scene, folder, show)
         else:
             made, failures = _render(
-                scene, folder, workers=workers, shard=shard, engine=engine, progress=show, warn=warn
+                scene, folder, simulate, workers=workers, shard=shard, engine=engine, progress=show, warn=warn
             )
     finally:
         stopwatch.record()
@@ -79,9 +98,9 @@ def _checked(scene: Scene) -> DatasetResult:
     return DatasetResult(catalog.path, len(catalog.members), 0, 0.0, {})
 
 
-def _render(scene: Scene, folder: Path, **how: Any) -> tuple[int, dict[str, str]]:
+def _render(scene: Scene, folder: Path, simulate: Simulate | None, **how: Any) -> tuple[int, dict[str, str]]:
     """How many members were rendered, and why others were not; `how` goes to `run_ensemble`."""
-    ensemble = ensemble_of(scene)
+    ensemble = ensemble_of(scene, simulate)
     try:  # before any simulation runs
         if ensemble.fields != ("",):  # files of one field each, which has no name
             check_names(ensemble.fields, scene.appearances, scene.appearances)
@@ -91,8 +110,17 @@ def _render(scene: Scene, folder: Path, **how: Any) -> tuple[int, dict[str, str]
     provenance = {"scene": scene.name, "source": dict(ensemble.source.identity)}
     options = PlanOptions.of_scene(scene, ensemble.space, provenance)
     _check_unchanged(scene, folder / CATALOG, options, members)
-    result = run_ensemble(folder / CATALOG, members, ensemble.source, options, cache=folder / PILOTS, **how)
+    if isinstance(ensemble.source, HookedSource) and not _complete(folder / CATALOG, members):
+        ensemble.source.check()
+    result = run_ensemble(
+        folder / CATALOG, members, ensemble.source, options, nan=scene.render.nan, cache=folder / PILOTS, **how
+    )
     return len(result.rendered), dict(result.failures)
+
+
+def _complete(path: Path, members: Sequence[PlannedMember]) -> bool:
+    """Whether the catalog has all the members."""
+    return is_catalog(path) and {m.name for m in members} <= {m.name for m in Catalog.open(path).members}
 
 
 def _check_unchanged(scene: Scene, path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> None:

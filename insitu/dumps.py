@@ -12,6 +12,8 @@ from catalogs.scene import PlannedMember
 from insitu.field_cache import load_field
 from insitu.workers import Report, StopRequested, send
 
+TIME = "time"  # the parameter by which members are dumps of one run
+
 Run = Sequence[PlannedMember]
 """Members whose fields come from one run, in the order in which they come; often just one."""
 
@@ -71,6 +73,19 @@ def record_of(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
 def runs_of(source: FieldSource, members: Sequence[PlannedMember]) -> list[Run]:
     """The members grouped by run: each alone where the source knows of no runs."""
     return list(source.runs(members)) if isinstance(source, RunSource) else [(member,) for member in members]
+
+
+def runs_in_time(members: Sequence[PlannedMember]) -> list[tuple[PlannedMember, ...]]:
+    """The members grouped by run, those that are equal in all parameters but "time", and each run's in the order of time."""
+    found: dict[tuple[tuple[str, float], ...], list[PlannedMember]] = {}
+    for member in members:
+        found.setdefault(tuple(sorted(but_time(member).items())), []).append(member)
+    return [tuple(sorted(run, key=lambda m: m.parameters[TIME])) for run in found.values()]
+
+
+def but_time(member: PlannedMember) -> dict[str, float]:
+    """The member's parameters without the time."""
+    return {name: value for name, value in member.parameters.items() if name != TIME}
 
 
 @dataclass(frozen=True)

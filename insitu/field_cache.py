@@ -7,13 +7,16 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from catalogs.summary import DAMAGED
 from insitu.field import Field
-from insitu.fields import time_of
+from insitu.fields import Fields, time_of
+
+if TYPE_CHECKING:
+    from render.grids import Grid
 
 ALONE = ""  # the name of a field that is not one of several
 
@@ -21,8 +24,11 @@ ALONE = ""  # the name of a field that is not one of several
 def save_field(folder: Path, name: str, identity: Mapping[str, Any], field: Any) -> None:
     """Store `field` as `name`; `identity` says what made it.
 
-    It has values, spacing, origin and, maybe, time; several are a mapping by their names.
+    It has values, spacing, origin and, maybe, time; several are a mapping by their names.  Samples of `Fields` without a value
+    are stored as NaN.
     """
+    if isinstance(field, Fields):
+        field = {known: _with_holes(grid) for known, grid in field.grids.items()}
     folder.mkdir(parents=True, exist_ok=True)
     partial = folder / f".{name}.{os.getpid()}.partial.npz"
     held = field if isinstance(field, Mapping) else {ALONE: field}
@@ -54,6 +60,15 @@ def load_field(folder: Path, name: str, identity: Mapping[str, Any]) -> Field | 
             return found.get(ALONE, found)
     except DAMAGED:
         return None
+
+
+def _with_holes(grid: Grid) -> Field:
+    """The grid's samples, NaN where it has holes."""
+    values = grid.values
+    if grid.holes is not None:
+        wide = values if values.dtype.kind == "f" else values.astype(np.float64)
+        values = np.where(grid.holes, wide.dtype.type(np.nan), wide)
+    return Field(values, grid.spacing, grid.origin)
 
 
 def _numbers(values: Any) -> list[float]:

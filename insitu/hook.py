@@ -16,7 +16,7 @@ from catalogs.appearance import Appearance
 from catalogs.catalog import Catalog
 from catalogs.parameters import ParameterSpace
 from catalogs.plan import CatalogError
-from catalogs.scene import ViewPlan
+from catalogs.scene import NAN, ViewPlan
 from catalogs.variations import Variation
 from insitu.agreement import agreeing_catalog, create_catalog, notes_on_member
 from insitu.background import Background, members_held
@@ -44,7 +44,6 @@ from insitu.request import MemberRequest, member_request, with_time
 from insitu.share import Ghosts
 from render.datasets import ResamplingWarning
 
-NAN = ("refuse", "transparent")
 # What `render_member` hands on to the method of its name; the rest goes to `Session`.
 OF_MEMBER = ("name", "split", "time", "spacing", "origin", "array", "dims", "ghosts")
 

@@ -1,4 +1,4 @@
-"""Where a scene's fields come from: a bundled simulation, or an ensemble stored in a file."""
+"""Where a scene's fields come from: a simulation, bundled or somebody else's, or an ensemble stored in a file."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Any
 from catalogs.appearance import shown_fields
 from catalogs.parameters import ParameterSpace
 from catalogs.scene import PlannedMember, Scene
-from insitu.dumps import FieldSource
+from insitu.dumps import TIME, FieldSource, but_time, runs_in_time
 from insitu.field import Field
 from insitu.file_ensemble import FileEnsemble
+from insitu.hooked import HookedSource, Simulate, scripted
 from insitu.readers.layout import Mapped
 from insitu.readers.reader import Sampling
 from insitu.readers.states import members_of
@@ -19,9 +20,9 @@ from insitu.readers.stored import StoredEnsemble
 from insitu.readers.tables import read_table
 from insitu.simulations import Simulation, simulation
 
-TIME = "time"
 KEYS = {  # of a scene's `[source]`: those that must be there, and those that may
     "simulation": ({"simulation", "resolution"}, {"time", "fields", "solver_resolution"}),
+    "hooked": (set(), {"script", "settings"}),
     "hdf5": ({"path"}, {"dataset", "fields"}),
     "files": ({"path"}, {"fields", "spacing", "origin", "dims", "reader", "resolution", "interpolation", "mesh"}),
 }
@@ -64,10 +65,7 @@ class SimulationSource:
         """The members grouped by run, those of a run in the order of time."""
         if self.time is not None:
             return [(member,) for member in members]
-        found: dict[tuple[tuple[str, float], ...], list[PlannedMember]] = {}
-        for member in members:
-            found.setdefault(tuple(sorted(_but_time(member).items())), []).append(member)
-        return [tuple(sorted(run, key=lambda m: m.parameters[TIME])) for run in found.values()]
+        return list(runs_in_time(members))
 
     def dumps(self, run: Sequence[PlannedMember], progress: Callable[[float], None]) -> Iterator[dict[str, Field]]:
         """The fields of some members of one run, one after the other; `progress` is told the fraction of the way to the next."""
@@ -76,7 +74,7 @@ class SimulationSource:
         how["solver_resolution"] = self.solver_resolution
         if self.time is None:
             times = [member.parameters[TIME] for member in run]
-            yield from found.dumps(_but_time(run[0]), times=times, **how)
+            yield from found.dumps(but_time(run[0]), times=times, **how)
         else:
             for member in run:
                 yield found.run_fields(member.parameters, time=self.time, **how)
@@ -84,10 +82,6 @@ class SimulationSource:
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field]:
         """The fields of one member, by name."""
         return next(self.dumps([member], progress))
-
-
-def _but_time(member: PlannedMember) -> dict[str, float]:
-    return {name: value for name, value in member.parameters.items() if name != TIME}
 
 
 @dataclass(frozen=True)
@@ -100,29 +94,23 @@ class Ensemble:
     fields: tuple[str, ...]
 
 
-def ensemble_of(scene: Scene) -> Ensemble:
-    """The ensemble behind a scene of kind "simulation", "hdf5" or "files".
+def ensemble_of(scene: Scene, simulate: Simulate | None = None) -> Ensemble:
+    """The ensemble behind a scene of kind "simulation", "hooked", "hdf5" or "files".
+
+    `simulate` makes the fields of one of kind "hooked", instead of its script's function of that name.
 
     Raises ValueError naming a wrong key of `[source]` or another kind, FileNotFoundError for absent data.
     """
     try:
+        if scene.source["kind"] == "hooked":
+            return _hooked(scene, dict(scene.source), simulate)
         return _ensemble(scene, dict(scene.source))
     except ValueError as error:
         raise ValueError(f"scene {scene.path}: {error}") from None
 
 
 def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
-    kind = table.pop("kind")
-    if kind == "loop":
-        raise ValueError("members of a source of kind loop come from a simulation that calls the hook: run that")
-    if kind not in KEYS:
-        raise ValueError(f"a source of kind {kind} has no fields, its images were made elsewhere")
-    needed, more = KEYS[kind]
-    unknown, missing = sorted(set(table) - needed - more), sorted(needed - set(table))
-    if unknown:
-        raise ValueError(f"source of kind {kind} has unknown keys {unknown}; known are {sorted(needed | more)}")
-    if missing:
-        raise ValueError(f"source of kind {kind} lacks {missing}")
+    kind = _checked_kind(table)
     fields = table.get("fields", [])
     if not isinstance(fields, list) or not all(isinstance(name, str) and name for name in fields):
         raise ValueError(f"source.fields must be a list of names, got {fields!r}")
@@ -154,6 +142,43 @@ def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
         solver_resolution=table.get("solver_resolution"),
     )
     return Ensemble(scene.space, scene.members, source, source.names)
+
+
+def _checked_kind(table: dict[str, Any]) -> str:
+    """The kind, taken out of `[source]`; raises ValueError for keys that are missing or of no meaning to it."""
+    kind = str(table.pop("kind"))
+    if kind == "loop":
+        raise ValueError("members of a source of kind loop come from a simulation that calls the hook: run that")
+    if kind not in KEYS:
+        raise ValueError(f"a source of kind {kind} has no fields, its images were made elsewhere")
+    needed, more = KEYS[kind]
+    unknown, missing = sorted(set(table) - needed - more), sorted(needed - set(table))
+    if unknown:
+        raise ValueError(f"source of kind {kind} has unknown keys {unknown}; known are {sorted(needed | more)}")
+    if missing:
+        raise ValueError(f"source of kind {kind} lacks {missing}")
+    return kind
+
+
+def _hooked(scene: Scene, table: dict[str, Any], simulate: Simulate | None) -> Ensemble:
+    """The ensemble that a function makes, of the caller's or of the script that the scene names."""
+    _checked_kind(table)
+    script, settings = table.get("script", ""), table.get("settings", {})
+    if not isinstance(script, str):
+        raise ValueError(f"source.script must be a path, from this scene's folder, got {script!r}")
+    if not isinstance(settings, dict):
+        raise ValueError(f"source.settings must be a table of arguments for simulate, got {settings!r}")
+    if simulate is None and not script:
+        raise ValueError("source of kind hooked lacks script: name a file with a function simulate, or pass simulate=")
+    source = HookedSource(
+        simulate or scripted(scene.path.parent / script, scene.name),
+        script or getattr(simulate, "__qualname__", type(simulate).__name__),
+        settings,
+        scene.appearances,
+        scene.render.nan,
+        in_time=TIME in scene.space.names,
+    )
+    return Ensemble(scene.space, scene.members, source, shown_fields(scene.appearances))
 
 
 def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ensemble:

@@ -61,6 +61,7 @@ def test_members_are_counts_or_lists_and_keep_their_split(tmp_path: Path) -> Non
         ("isovalue = 0.5", "isovalue = 0.5\nshiny = 1", "shiny"),
         ('kind = "isosurface"', 'kind = "solid"', "solid"),
         ("seed = 3", "seed = 3\n[views]\nwidth = 0", "width"),
+        ("seed = 3", "seed = 3\n[render]\nnan = 'zero'", "nan"),
         ('name = "demo"', 'name = "demo', "scene.toml"),
     ],
 )
@@ -68,6 +69,11 @@ def test_a_mistake_is_named_with_its_file(tmp_path: Path, old: str, new: str, na
     with pytest.raises(ValueError, match=r"scene\.toml") as caught:
         scene(tmp_path, MINIMAL.replace(old, new, 1))
     assert named in str(caught.value)
+
+
+def test_a_hooked_scene_says_its_members_itself(tmp_path: Path) -> None:
+    hooked = MINIMAL.replace(SIMULATED, '[source]\nkind = "hooked"\nscript = "simulation.py"\n')
+    assert scene(tmp_path, hooked).members == scene(tmp_path, MINIMAL).members
 
 
 RUNS = MINIMAL.replace("[members]", '[[parameters]]\nname = "time"\nlow = 0.0\nhigh = 9.0\n[members]').replace(

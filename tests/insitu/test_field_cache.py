@@ -9,6 +9,8 @@ import pytest
 
 from insitu.field import Field
 from insitu.field_cache import drop_field, load_field, save_field
+from insitu.fields import Fields, as_fields
+from render.grids import Grid
 
 IDENTITY = {"simulation": "flow", "Re": 100.0}
 
@@ -25,6 +27,28 @@ def test_what_is_kept_comes_back_bit_for_bit(tmp_path: Path, time: float | None)
     assert back is not None
     assert np.array_equal(back.values, field().values)
     assert (back.spacing, back.origin, back.time) == ((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), time)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_samples_without_a_value_stay_without_one(tmp_path: Path, kind: type) -> None:
+    values = np.random.default_rng(0).random((3, 4, 5)).astype(kind)
+    holed = values.copy()
+    holed[1, 2, 3] = np.nan
+    save_field(
+        tmp_path, "a", IDENTITY, as_fields(Field(holed, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0)), (), nan="transparent")
+    )
+    back = load_field(tmp_path, "a", IDENTITY)
+    assert back is not None
+    assert np.array_equal(back.values, holed, equal_nan=True)
+    assert (back.spacing, back.origin) == ((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+
+
+def test_several_fields_keep_their_names(tmp_path: Path) -> None:
+    grids = {name: Grid(np.full((2, 2, 2), value, np.float32)) for name, value in (("a", 1.0), ("b", 2.0))}
+    save_field(tmp_path, "m", IDENTITY, Fields(grids))
+    back = load_field(tmp_path, "m", IDENTITY)
+    assert back is not None
+    assert {name: float(found.values.max()) for name, found in back.items()} == {"a": 1.0, "b": 2.0}
 
 
 def test_what_another_simulation_left_is_not_taken(tmp_path: Path) -> None:
