@@ -1,6 +1,6 @@
-"""What rendering one member costs: processor time, memory and disk, by the size of its field and of its pictures.
+"""What rendering one member costs: processor time, memory and disk, by the size of its field.
 
-    python -m benchmarks.member_cost [--sizes 64 128 256] [--pixels 256] [--members 3] [--for 10000] [--cores 200]
+    python -m benchmarks.member_cost [--sizes 64 128 256, ascending] [--pixels 256] [--members 3] [--for 10000] [--cores 200]
 
 Renders members of an analytic field from 252 viewpoints into a temporary folder, one process with one thread, and prints a table;
 and what so many members on so many cores come to, if each costs the same, which is an extrapolation and not a measurement.
@@ -10,6 +10,7 @@ Minutes.
 from __future__ import annotations
 
 import os
+import resource
 import statistics
 import tempfile
 from dataclasses import dataclass
@@ -35,10 +36,9 @@ DAY = 86400.0  # seconds
 
 @dataclass(frozen=True)
 class Cost:
-    """Of a member: processor seconds, bytes of memory that its call added, bytes and files on disk."""
+    """Of a member: processor seconds, bytes and files on disk."""
 
     seconds: float
-    memory: int
     bytes: int
     files: int
 
@@ -67,7 +67,7 @@ def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
 
             seconds, (result,) = processor_seconds(render), session.results[-1:]
             files = [path for path in result.path.rglob("*") if path.is_file()]
-            found.append(Cost(seconds, result.extra_memory, sum(f.stat().st_size for f in files), len(files)))
+            found.append(Cost(seconds, sum(f.stat().st_size for f in files), len(files)))
     return Cost(*(statistics.median(getattr(cost, name) for cost in found[1:]) for name in Cost.__annotations__))
 
 
@@ -89,7 +89,7 @@ def main() -> None:
             [
                 f"{size}³",
                 f"{digits(cost.seconds)} s",
-                f"{digits(cost.memory / 1e6)} MB",
+                f"{digits(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)} MB",
                 f"{digits(cost.bytes / 1e6)} MB",
                 str(int(cost.files)),
                 f"{digits(total / 3600)} h",
@@ -99,7 +99,7 @@ def main() -> None:
             ]
         )
     ensemble = f"{arguments.ensemble:,} members"
-    head = ["samples", "processor time", "memory", "disk", "files", f"{ensemble}: processor time"]
+    head = ["samples", "processor time", "memory of the process", "disk", "files", f"{ensemble}: processor time"]
     print(table([*head, f"on {arguments.cores} cores", "disk", "files"], rows))
 
 
