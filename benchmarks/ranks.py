@@ -5,7 +5,8 @@
 Trains on the CATALOG with 1, 2 and 4 images a step, as many images in all, with rates multiplied by the square root of that number
 and with the usual ones, and judges them by test images.  Then some steps of each batch are taken by one process and by several that
 `torchrun` starts.  Their processor time depends little on what else the machine does; the time of the wall does.  Writes two tables
-in docs/clusters.md; with the defaults about half an hour on one core for scenes/tiny.toml.
+in docs/clusters.md; with the defaults about half an hour on one loaded core for runs/tiny/catalog.cdb, which `insitu dataset`
+makes of scenes/tiny.toml.
 """
 
 from __future__ import annotations
@@ -190,7 +191,7 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
         "batches": lambda: trained(catalog, images, seeds, say),
         "ranks": lambda: shared(given.catalog, given.processes, given.quick, say),
     }
-    made = made_by(f"ranks {given.catalog.name}", on=given.machine)
+    made = made_by(f"ranks {given.catalog}", on=given.machine)
     if write_parts(page_in(given.output, "clusters.md"), parts, made, say):
         sys.exit(1)
 

@@ -33,8 +33,11 @@ def marked(folders: Sequence[Path]) -> Iterator[list[str]]:
         yield paths
 
 
-def complaints(wanted: str, marks: Sequence[str], folder: str) -> list[str]:
-    """On a worker or the scheduler: what is wrong there, in words; `folder` is the one that the work begins in."""
+def complaints(wanted: str, marks: Sequence[str], folder: str, files: Sequence[str] = ()) -> list[str]:
+    """On a worker or the scheduler: what is wrong there, in words.
+
+    `folder` is the one that the work begins in, `files` are some that it reads.
+    """
     found = [] if software() == wanted else [f"runs {software()}, not {wanted}: install the same there, and restart it"]
     for mark in marks:
         place = os.path.dirname(mark)
@@ -42,6 +45,11 @@ def complaints(wanted: str, marks: Sequence[str], folder: str) -> list[str]:
             found.append(f"does not see the folder {place}: it must be on a file system that all machines share")
         elif not os.access(place, os.W_OK):
             found.append(f"may not write to {place}")
+    found += [
+        f"does not see {file}: it must be on a file system that all machines share"
+        for file in files
+        if not os.access(file, os.R_OK)
+    ]
     if not os.path.isdir(folder):
         found.append(f"has no folder {folder}, which paths are relative to: start from a shared one")
     return found

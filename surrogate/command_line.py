@@ -12,6 +12,8 @@ import click
 
 if TYPE_CHECKING:
     from catalogs.catalog import Catalog
+    from catalogs.progress import ProgressLine
+    from engines.engine import Engine
     from surrogate.model import Surrogate
     from surrogate.settings import TrainingSettings
     from surrogate.storage.runs import RunFolder
@@ -27,6 +29,10 @@ RECORDS = click.option(
     type=click.Path(path_type=Path),
     help="Folder of all measured records; what one of the same settings and code answers is not done again.  "
     "[default: that of --runs; of repeat and ablate docs/records, where that is and --runs is not given]",
+)
+
+ENGINE = click.option(
+    "--engine", metavar="dask://HOST:PORT", help="Train on the workers of a Dask cluster, see docs/clusters.md."
 )
 
 
@@ -102,6 +108,15 @@ class OpenRun:
     def model(self) -> Path:
         """Where its surrogate is kept."""
         return self.folder / "surrogate"
+
+    @contextlib.contextmanager
+    def engine_at(self, address: str | None, line: ProgressLine) -> Iterator[Engine | None]:
+        """The engine at `address`, whose workers see the run's catalog, results and records; None for None."""
+        from engines.address import opened
+
+        read = [self.catalog.path / "catalog.json"]
+        with opened(address, [self.folder, self.records], line.say, files=read) as engine:
+            yield engine
 
     def keep_record(self) -> None:
         """Let the run's folder say what it was trained on, as `surrogate.storage.runs` has it, where it does not yet."""

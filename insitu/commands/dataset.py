@@ -22,7 +22,7 @@ def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None, eng
         from insitu.dataset import make_dataset
 
         loaded, how = Scene.load(scene), how_to_run(line, workers, shard)
-        with engine_at(engine, workers, runs) as where:
+        with engine_at(line, engine, workers, runs) as where:
             result = make_dataset(loaded, runs, **how, **where)
         fail_on(result.failures)
     if result.made:

@@ -79,7 +79,7 @@ def ensemble(
             size = size or (None if known else 256)
             views = None if size is None else ViewPlan(width=size, height=size)
             options = PlanOptions(stored.space, given, views, target_decibels=target_decibels)
-        with engine_at(engine, workers, catalog) as where:
+        with engine_at(line, engine, workers, catalog) as where:
             result = run_ensemble(catalog, members, stored, options, nan=nan, existing=existing, **how, **where)
         line.close()
         click.echo(repr(result))

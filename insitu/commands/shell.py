@@ -56,7 +56,7 @@ def how_to_run(line: ProgressLine, workers: int | None, shard: str | None) -> di
 
 
 @contextmanager
-def engine_at(address: str | None, workers: int | None, folder: Path) -> Iterator[dict[str, Any]]:
+def engine_at(line: ProgressLine, address: str | None, workers: int | None, folder: Path) -> Iterator[dict[str, Any]]:
     """Arguments of `run_ensemble`: the engine at `address`, whose workers see the `folder` that is written to, or none."""
     if address is not None and workers is not None:
         raise ValueError(
@@ -64,7 +64,7 @@ def engine_at(address: str | None, workers: int | None, folder: Path) -> Iterato
         )
     from engines.address import opened
 
-    with opened(address, [folder]) as engine:
+    with opened(address, [folder], line.say) as engine:
         yield {} if engine is None else {"engine": engine}
 
 

@@ -5,22 +5,38 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import torch
 
 PROCESS = os.getpid()
+_kernel_threads: ContextVar[int | None] = ContextVar("kernel threads", default=None)
 
 
 def cores() -> int:
     """How many threads a kernel takes: as many as this process may use cores, but one in a forked child.
 
-    Who forks shares the cores among the children already.  Processes that `torchrun` starts on a machine share its cores.
+    Within `kernel_threads` that many.  Who forks shares the cores among the children already.  Processes that `torchrun` starts on
+    a machine share its cores.
     """
+    told = _kernel_threads.get()
+    if told is not None:
+        return told
     if os.getpid() != PROCESS:
         return 1
     found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     together = os.environ.get("LOCAL_WORLD_SIZE", "1") if "TORCHELASTIC_RUN_ID" in os.environ else "1"
     return max(1, found // int(together))
+
+
+@contextmanager
+def kernel_threads(count: int) -> Iterator[None]:
+    """Let kernels that this thread calls take so many threads: who runs several processes on a machine shares its cores."""
+    token = _kernel_threads.set(count)
+    try:
+        yield
+    finally:
+        _kernel_threads.reset(token)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+from surrogate.command_line import ENGINE, RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
 
 
 @click.command()
@@ -17,7 +17,8 @@ from surrogate.command_line import RECORDS, RUNS, SCENE, OpenRun, load_surrogate
 @RUNS
 @RECORDS
 @click.option("--seeds", default=3, show_default=True, help="How many seeds, the scene's own the first of them.")
-def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
+@ENGINE
+def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: str | None) -> None:
     """Train a SCENE, or anew a RUN, with several seeds, and say how much its figures vary; goes on where it was interrupted.
 
     The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
@@ -35,9 +36,9 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
         click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
 
     kept = "what is trained and scored is kept, and the same command goes on"
-    with one_line_errors(RuntimeError, interrupted=kept), line:
+    with one_line_errors(RuntimeError, interrupted=kept), line, opened.engine_at(engine, line) as hands:
         of_scene = opened.settings, opened.catalog, opened.folder
-        found = run(*of_scene, records=opened.records, seeds=seeds, progress=line, tell=tell)
+        found = run(*of_scene, records=opened.records, seeds=seeds, engine=hands, progress=line, tell=tell)
     opened.keep_record()
     summary = summarize_repeats(found)
     if summary is not None:
@@ -59,12 +60,20 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int) -> None:
 )
 @click.option("--again", is_flag=True, help="Repeat fits that took 15 % more or less than --seconds.")
 @click.option("--visualization", is_flag=True, help="Train F_vis alone, on the scene's finished surrogate.")
+@ENGINE
 def ablate(
-    scene: Path, runs: Path, records: Path | None, only: tuple[str, ...], visualization: bool, **options: Any
+    scene: Path,
+    runs: Path,
+    records: Path | None,
+    only: tuple[str, ...],
+    visualization: bool,
+    engine: str | None,
+    **options: Any,
 ) -> None:
     """Train a SCENE, or a RUN, in many ways for the same time each and compare them on validation images; can be interrupted.
 
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
+    With --engine all workers should be of one kind, since each fit is given the same processor time.
     """
     opened, line = OpenRun.open(scene, runs, records), ProgressLine()
     from surrogate.studies.ablation.experiments import BaseExperiment, Experiment, VisualizationExperiment
@@ -87,7 +96,7 @@ def ablate(
             else BaseExperiment(opened.settings, opened.catalog)
         )
         folder, options["records"] = opened.folder / experiment.folder, opened.records / experiment.folder
-        with line:
+        with line, opened.engine_at(engine, line) as options["engine"]:
             rows = run(opened.name, experiment, folder, only=names, progress=line, tell=tell, **options)
     click.echo(verdict(rows))
     click.echo(folder / PAGE)
@@ -131,6 +140,7 @@ def ablate(
     help="Of torch, in the training of published methods; what draws Gaussians takes all cores that the process may use.",
 )
 @click.option("--tune", is_flag=True, help="Instead choose each method's rates on this scene, for all scenes.")
+@ENGINE
 def compare(
     scene: Path,
     runs: Path,
@@ -139,13 +149,19 @@ def compare(
     minutes: str,
     seeds: int,
     tune: bool,
+    engine: str | None,
     **form: Any,
 ) -> None:
     """Train published methods and ours on a SCENE's or a RUN's pictures, for the same time each, and compare them on test images.
 
     Started several times it shares the trainings out: with `taskset` one for each core.  What is finished is kept, and training
-    of a published method goes on from its last checkpoint after an interruption.
+    of a published method goes on from its last checkpoint after an interruption.  With --engine all workers should be of one
+    kind, since each training is given the same processor time.
     """
+    if engine is not None and form["stop_after"] < math.inf:
+        raise click.ClickException(
+            "--stop-after is for this machine: with --engine, Ctrl-C takes back what has not begun"
+        )
     opened, line = OpenRun.open(scene, runs, records), ProgressLine()
     from surrogate.studies.comparison import run as comparing
     from surrogate.studies.comparison.fitting import OutOfTime
@@ -161,14 +177,14 @@ def compare(
 
     kept = "what was done is kept, and the same command goes on"
     names = [name.strip() for given in methods for name in given.split(",")]
-    with one_line_errors(RuntimeError, interrupted=kept), line:
+    with one_line_errors(RuntimeError, interrupted=kept), line, opened.engine_at(engine, line) as hands:
         asked = comparing.Asked(names, comparing.times_of(minutes), seeds, **form)
         study = comparing.study_of(opened.name, opened.catalog, opened.folder, opened.records, asked, line)
         if tune:
-            comparing.tune_all(opened.name, study, line, tell_rate)
+            comparing.tune_all(opened.name, study, line, tell_rate, hands)
             return
         try:
-            study.run(line, tell)
+            study.run(line, tell, hands)
         except OutOfTime:
             raise RuntimeError(f"stopped after {form['stop_after']:g} minutes, before the end: {kept}") from None
         click.echo(comparing.write_page(opened.name, study))

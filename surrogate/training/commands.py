@@ -49,6 +49,9 @@ def train(
 
     KEY=VALUE are keys of a scene's [training] table, such as gaussians=20000.  The same command goes on where it was interrupted,
     and does nothing when all is done.
+
+    Several processes train one surrogate together as `torchrun --standalone --nproc-per-node 4 -m surrogate train CATALOG batch=4`,
+    each drawing its share of a step's pictures; docs/clusters.md has more.
     """
     kind = kind_of(source)
     given = {f"--{name.replace('_', '-')}": value for name, value in asked.items()}

@@ -27,5 +27,5 @@ def test_it_runs(tmp_path: Path) -> None:
     catalog = stored(tmp_path / "blobs.cdb", Blobs(count=4, size=16), members=members)
     main([str(catalog.path), "--quick", "--machine", "a test's", "--output", str(tmp_path)], lambda _: None)
     page = (tmp_path / "clusters.md").read_text()
-    for text in ("| 2 | 20 | usual × √2 | ", "| 2,000 | 2 | 2 | ", "`python -m benchmarks.ranks blobs.cdb`"):
+    for text in ("| 2 | 20 | usual × √2 | ", "| 2,000 | 2 | 2 | ", f"`python -m benchmarks.ranks {catalog.path}`"):
         assert text in page

@@ -101,6 +101,51 @@ def test_a_worker_that_joins_later_is_asked_too(tmp_path: Path) -> None:
     assert "has 2 threads" in str(failed["one"])
 
 
+def test_who_waits_for_a_worker_says_so_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("engines.cluster.QUIET_SECONDS", 0.5)
+    monkeypatch.setattr("engines.cluster.LOOK_SECONDS", 0.1)
+    said: list[str] = []
+    with local_cluster(tmp_path, workers=0) as own:
+
+        def hear(text: str) -> None:
+            said.append(text)
+            if "has no worker" in text:
+                own.add_worker()
+
+        with opened(own.address, say=hear) as engine:
+            assert len(said) == 2
+            own.kill(own.workers[0])
+            done, _ = outcomes(engine, {"one": partial(dask_tasks.noted, tmp_path, "one", 2.0)})
+    assert done == {"one": "one"}
+    scheduler = own.address.replace("dask://", "tcp://")
+    waits = (
+        f"the Dask scheduler at {scheduler} has no worker{{}}: start some with `dask worker {scheduler} --nthreads 1 "
+    )
+    assert said[0].startswith(waits.format(", and it waits for one"))
+    assert said[2].startswith(waits.format(", for which 1 tasks wait"))
+    assert said[1] == said[3] == "a worker has come: it goes on"
+
+
+def test_interrupted_it_says_what_workers_are_still_at(workers: LocalCluster, tmp_path: Path) -> None:
+    said: list[str] = []
+    tasks = {f"task {i}": partial(dask_tasks.noted, tmp_path, str(i), 1.5) for i in range(5)}
+
+    def interrupt(reports: Iterable[Any]) -> None:
+        if list(tmp_path.iterdir()):
+            raise KeyboardInterrupt
+
+    with opened(workers.address, say=said.append) as engine, pytest.raises(KeyboardInterrupt):
+        engine.run(tasks, lambda *_: None, lambda *_: None, interrupt)
+    [begun] = tmp_path.iterdir()
+    assert len(said) == 1
+    assert f"keep what comes of it: task {begun.name}; 4 that had not begun were taken back" in said[0]
+
+
+def test_a_file_that_a_worker_does_not_see_is_named(workers: LocalCluster, tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=r"does not see .*/catalog\.json: it must be on a file system that all"):
+        opened(workers.address, files=[tmp_path / "catalog.json"]).__enter__()
+
+
 def test_no_scheduler_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("engines.cluster.CONNECT_SECONDS", 1.0)
     with pytest.raises(EngineError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9 .*start one there"):

@@ -8,10 +8,12 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from catalogs import durable
+from engines.engine import Engine
 from surrogate.evaluation.scoring import mean
 from surrogate.provenance import code
 from surrogate.settings import TrainingSettings
@@ -24,6 +26,7 @@ from surrogate.studies.ablation.records import DECIDING, Records, Result
 from surrogate.studies.ablation.timing import STAGES, StepTimes, clock, scheduled, steps_of, with_steps
 from surrogate.studies.ablation.variants import Variant, selected
 from surrogate.studies.progress import StudyProgress, StudyWatch
+from surrogate.studies.remote import train_on
 from surrogate.training.session import TrainingProgress
 
 PROBE = 0.1  # of the budget, spent on measuring the speed first
@@ -40,13 +43,14 @@ def ablate(
     experiment: Experiment,
     folder: Path,
     *,
+    engine: Engine | None = None,
     progress: Callable[[StudyProgress], None] = lambda _: None,
     tell: Callable[[Result], None] = lambda _: None,
     **options: Any,
 ) -> list[Row]:
     """Fit what is missing, writing ablation.md and ablation.png into `folder` after every fit; returns the rows of the table.
 
-    `options` and errors are those of `Study`.
+    `options` and errors are those of `Study`, `engine` and its errors those of `Study.run`.
     """
     study = Study(experiment, folder, **options)
     durable.make_folder(folder)
@@ -62,7 +66,7 @@ def ablate(
         write_page()
         tell(result)
 
-    study.run(progress=progress, tell=keep)
+    study.run(engine=engine, progress=progress, tell=keep)
     return write_page()
 
 
@@ -100,20 +104,52 @@ class Study:
     def run(
         self,
         *,
+        engine: Engine | None = None,
         progress: Callable[[StudyProgress], None] = lambda _: None,
         tell: Callable[[Result], None] = lambda _: None,
     ) -> None:
         """Fit what is missing; `tell` is given each result once it is kept, failures included.
 
         An interruption loses the current fit only.  What another process is fitting is left to it, with what takes the steps of
-        that, and looked at again after the others: that process may have been killed.
+        that, and looked at again after the others: that process may have been killed.  With an `engine` its workers fit, which must
+        see all folders; RuntimeError is raised in the end where fits could not be made there.
         """
         watch = StudyWatch(progress, (1.0 + PROBE) * self.records.budget)
         # Every variant once before any has its second seed.
         left, fitted = [(variant, seed) for seed in range(self.seeds) for variant in self.variants], True
         self._rejected = {one: self.records.find(*one) for one in left if self._is_to_be_repeated(*one)}
+        if engine is not None:
+            self._run_on(engine, left, progress, tell)
+            return
         while left and fitted:
             left, fitted = self._passed_over(left, watch, tell)
+
+    def _run_on(
+        self,
+        engine: Engine,
+        all_of: Sequence[_One],
+        progress: Callable[[StudyProgress], None],
+        tell: Callable[[Result], None],
+    ) -> None:
+        """Let workers fit what is missing; those that take the steps of others come after all others."""
+        for following in (False, True):
+            wanted = [one for one in all_of if bool(one[0].steps_of) == following and not self._is_finished(*one)]
+            fits = {f"{variant.name}, seed {seed}": partial(self._fitted, variant, seed) for variant, seed in wanted}
+            train_on(engine, fits, lambda result: None if result is None else tell(result), progress)
+
+    def _fitted(
+        self, variant: Variant, seed: int, watch: StudyWatch | None = None, following: int = 0
+    ) -> Result | None:
+        """The result of a fit, kept; None where another process is at it, or has just made it.  So many fits follow it."""
+        watch = watch or StudyWatch(lambda _: None)
+        with self._claimed(variant, seed) as work:
+            if work is None:
+                return None
+            watch.begin(f"{variant.name}, seed {seed}", following)
+            result = self._attempted(variant, seed, work, watch)
+            self._keep(variant, result)
+            watch.end()
+        return result
 
     def _passed_over(
         self, left: Sequence[_One], watch: StudyWatch, tell: Callable[[Result], None]
@@ -123,16 +159,12 @@ class Study:
         # Asked anew each time: one may take the steps of one before it.
         while left := [one for one in left if not self._is_finished(*one)]:
             (variant, seed), *left = left
-            with self._claimed(variant, seed) as work:
-                if work is None:
-                    passed.append((variant, seed))
-                    continue
-                watch.begin(f"{variant.name}, seed {seed}", len(left))
-                result = self._attempted(variant, seed, work, watch)
-                self._keep(variant, result)
-                watch.end()
-                fitted = True
-                tell(result)
+            result = self._fitted(variant, seed, watch, len(left))
+            if result is None:
+                passed.append((variant, seed))
+                continue
+            fitted = True
+            tell(result)
         return passed, fitted
 
     def _keep(self, variant: Variant, result: Result) -> None:
@@ -207,7 +239,7 @@ class Study:
         settings = self.records.settings(variant, seed)
         default = self._experiment.variants[0]
         same = settings == self.records.settings(default, seed) and variant.budgets == default.budgets
-        if same and variant is not default and not variant.steps_of:
+        if same and variant.name != default.name and not variant.steps_of:
             raise ValueError("the scene's settings say the same, so this is the default")
         watch.tell("measuring the speed", (PROBE + variant.budgets) * self.records.budget)
         times = self._experiment.step_times(settings, PROBE * self.records.budget)

@@ -12,10 +12,12 @@ from typing import Any, Literal
 
 from catalogs import durable
 from catalogs.catalog import Catalog
+from engines.engine import Engine
 from surrogate.splatting.cuda import usable_device
 from surrogate.storage.checkpoints import locked
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.contestants import Contestant
 from surrogate.studies.comparison.methods import chosen
 from surrogate.studies.comparison.page import tables
 from surrogate.studies.comparison.plots import curves, sheet
@@ -23,7 +25,9 @@ from surrogate.studies.comparison.reduced import reduced
 from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
 from surrogate.studies.comparison.study import SHARED, Study
 from surrogate.studies.comparison.task import Task
+from surrogate.studies.comparison.tuning import Tuning
 from surrogate.studies.progress import StudyWatch
+from surrogate.studies.remote import train_on
 
 PAGE, CURVES = "comparison.md", "curves.png"
 LOCK = ".page.lock"
@@ -89,33 +93,52 @@ def study_of(
 
 
 def tune_all(
-    name: str, study: Study, progress: Callable[[Any], None], tell: Callable[[str, float, float | None], None]
+    name: str,
+    study: Study,
+    progress: Callable[[Any], None],
+    tell: Callable[[str, float, float | None], None],
+    engine: Engine | None = None,
 ) -> None:
-    """Choose the rates of the study's contestants on its scene, where they are not chosen yet."""
-    watch, order = StudyWatch(progress), [contestant for contestant in study.contestants if contestant.is_tuned]
+    """Choose the rates of the study's contestants on its scene, where they are not chosen yet; on the workers of an `engine`."""
+    order = [contestant for contestant in study.contestants if contestant.is_tuned]
+    if engine is not None:
+        trainings = {f"rates of {one.name}": partial(_tuned, name, study, one) for one in order}
+        train_on(engine, trainings, partial(_tell_all, tell), progress)
+        return
+    watch = StudyWatch(progress)
     for number, contestant in enumerate(order, start=1):
-        plan = study.plan_of(contestant.name)
-        if tuning.find(study.all_records, contestant.name, plan) is not None:
-            continue
-        work = study.folder / "tuning" / contestant.name
-        durable.make_folder(work)
         watch.begin(f"rates of {contestant.name}", len(order) - number)
         try:
-            with locked(work):
-                found = tuning.tune(
-                    contestant,
-                    study.task,
-                    name,
-                    plan,
-                    work,
-                    study.folder / SHARED,
-                    report=watch.counter("steps"),
-                    tell=partial(tell, contestant.name),
-                )
-                tuning.save(study.all_records, found)
+            _tuned(name, study, contestant, watch, partial(tell, contestant.name))
         except RuntimeError as error:
             progress(str(error))  # another process tunes it
         watch.end()
+
+
+def _tuned(
+    name: str,
+    study: Study,
+    contestant: Contestant,
+    watch: StudyWatch | None = None,
+    tell: Callable[[float, float | None], None] = lambda *_: None,
+) -> Tuning | None:
+    """The rates of a contestant that are chosen now, and their record; None where they are chosen already."""
+    plan, work = study.plan_of(contestant.name), study.folder / "tuning" / contestant.name
+    if tuning.find(study.all_records, contestant.name, plan) is not None:
+        return None
+    durable.make_folder(work)
+    report = (watch or StudyWatch(lambda _: None)).counter("steps")
+    with locked(work):
+        found = tuning.tune(contestant, study.task, name, plan, work, study.folder / SHARED, report=report, tell=tell)
+        tuning.save(study.all_records, found)
+    return found
+
+
+def _tell_all(tell: Callable[[str, float, float | None], None], found: Tuning | None) -> None:
+    if found is None:
+        return
+    for rate, psnr in found.decibels.items():
+        tell(found.method, float(rate), psnr)
 
 
 def write_page(name: str, study: Study) -> Path:

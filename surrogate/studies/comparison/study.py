@@ -8,12 +8,14 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from catalogs import durable
 from catalogs.images import encode_png, to_bytes
+from engines.engine import Engine
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.perceptual import PerceptualMetrics
@@ -32,8 +34,10 @@ from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, f
 from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
 from surrogate.studies.progress import StudyProgress, StudyWatch
+from surrogate.studies.remote import train_on
 
 FITS, SHARED, PICTURES, TRUTH = "fits", "shared", "pictures", "truth"  # in the folder of a comparison
+_One = tuple[float, int, Contestant]  # minutes and seed of a training
 SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that all methods' pictures are kept of
 
 
@@ -69,30 +73,59 @@ class Study:
         self,
         progress: Callable[[StudyProgress], None] = lambda _: None,
         tell: Callable[[Result], None] = lambda _: None,
+        engine: Engine | None = None,
     ) -> None:
         """Train and score what has no result yet; `tell` is given each once it is kept, failures included.
 
         An interruption loses the last minutes of a published method's training, and of ours the current one; what another process
-        does is left to it.  Raises `OutOfTime` where it stops before the end.
+        does is left to it.  With an `engine` its workers train, which must see all folders.  Raises `OutOfTime` where it stops
+        before the end, and RuntimeError in the end where trainings could not be made on the engine.
         """
         self._keep_trivial(tell)
-        watch = StudyWatch(progress)
         order = list(product(sorted(self.minutes), range(self.seeds), self.contestants))
-        failed = set[str]()
-        for number, (minutes, seed, contestant) in enumerate(order, start=1):
-            wanted = self.wanted(contestant.name, minutes, seed)
-            steps = self._steps_for(contestant, minutes, seed)
+        if engine is not None:
+            self._run_on(engine, order, progress, tell)
+            return
+        watch = StudyWatch(progress)
+        for number, one in enumerate(order, start=1):
             if time.monotonic() >= self.until:
                 raise OutOfTime
-            with self._claimed(wanted) as work:
-                if work is None or wanted.name in failed or not steps:
-                    continue
-                watch.begin(f"{contestant.name}, {minutes:g} min, seed {seed}", len(order) - number)
-                result = self._attempted(contestant, wanted, steps, work, watch)
-                watch.end()
-                failed |= {wanted.name} if result.error else set()
-                save(self.records, result)
+            result = self._trained(*one, watch, len(order) - number)
+            if result is not None:
                 tell(result)
+
+    def _run_on(
+        self,
+        engine: Engine,
+        order: Sequence[_One],
+        progress: Callable[[StudyProgress], None],
+        tell: Callable[[Result], None],
+    ) -> None:
+        """Let workers train what is missing; those who take the steps of others come after all others."""
+        for following in (False, True):
+            ours = [one for one in order if bool(one[2].steps_of) == following and self._is_missing(*one)]
+            trainings = {_named(*one): partial(self._trained, *one) for one in ours}
+            train_on(engine, trainings, lambda result: None if result is None else tell(result), progress)
+
+    def _is_missing(self, minutes: float, seed: int, contestant: Contestant) -> bool:
+        """Whether there is no result without an error."""
+        known = find(self.records, self.wanted(contestant.name, minutes, seed))
+        return known is None or bool(known.error)
+
+    def _trained(
+        self, minutes: float, seed: int, contestant: Contestant, watch: StudyWatch | None = None, following: int = 0
+    ) -> Result | None:
+        """The result of a training, kept; None where it can't be made, another process makes it, or did.  So many follow it."""
+        watch = watch or StudyWatch(lambda _: None)
+        wanted, steps = self.wanted(contestant.name, minutes, seed), self._steps_for(contestant, minutes, seed)
+        with self._claimed(wanted) as work:
+            if work is None or not steps or not self._is_missing(minutes, seed, contestant):
+                return None
+            watch.begin(_named(minutes, seed, contestant), following)
+            result = self._attempted(contestant, wanted, steps, work, watch)
+            watch.end()
+            save(self.records, result)
+        return result
 
     def wanted(self, method: str, minutes: float, seed: int) -> Result:
         """What a result has that is not made yet."""
@@ -130,14 +163,13 @@ class Study:
 
     @contextlib.contextmanager
     def _claimed(self, wanted: Result) -> Iterator[Path | None]:
-        """Where to train, while no other process does; None where one does, or there is a result without an error."""
+        """Where to train, while no other process does; None where one does."""
         folder = self.folder / FITS / wanted.name
         durable.make_folder(folder)
         with contextlib.ExitStack() as stack:
             try:
                 stack.enter_context(locked(folder))
-                known = find(self.records, wanted)
-                free = known is None or bool(known.error)
+                free = True
             except RuntimeError:
                 free = False
             yield folder / "fit" if free else None
@@ -184,6 +216,10 @@ class Study:
             [(_, draw)] = trained.predictor.batches([case])
             path = self.folder / PICTURES / f"{wanted.name}.{number}.png"
             write_picture(path, next(iter(draw(case))), self.task.catalog.plan.background)
+
+
+def _named(minutes: float, seed: int, contestant: Contestant) -> str:
+    return f"{contestant.name}, {minutes:g} min, seed {seed}"
 
 
 @one_torch_thread()

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.catalog import Catalog
+from engines.engine import Engine
 from surrogate.evaluation.cases import all_cases, base_cells, variation_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import METRICS, Report, by_cell, score_cases
@@ -22,6 +23,7 @@ from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import Checkpoint, fingerprint
 from surrogate.storage.records import Provenance
 from surrogate.studies.progress import StudyProgress, StudyWatch
+from surrogate.studies.remote import train_on
 from surrogate.studies.repeats.records import FOLDER, Scores, load, load_scores, save
 from surrogate.training.run import train
 
@@ -44,6 +46,7 @@ def repeat(
     *,
     records: Path | None = None,
     seeds: int = 3,
+    engine: Engine | None = None,
     progress: Callable[[StudyProgress], None] = lambda _: None,
     tell: Callable[[Scores], None] = lambda _: None,
 ) -> list[Scores]:
@@ -52,21 +55,25 @@ def repeat(
     `records` is the folder of the scene's records, by default `run`, which holds the models: that of the settings' own seed in
     `run`/surrogate.  A model that is finished is taken as it is, and an interrupted training goes on from its last checkpoint.
     A seed is left out whose scores are there with the same fingerprint and from the same code: that of its model, or, where
-    there is no model, the present one.  `tell` is given each seed's scores once they are kept.
+    there is no model, the present one.  `tell` is given each seed's scores once they are kept.  With an `engine` its workers train,
+    a seed each; they must see all of these folders.
 
     Raises ValueError, before anything is written, for fewer than two seeds and where a folder is none, or holds a run of other
-    settings or of another catalog; RuntimeError where another process is training there.
+    settings or of another catalog; RuntimeError where another process is training there, and in the end for every training that
+    failed on an engine.
     """
     plan, records = planned(settings, catalog, run, seeds), run if records is None else records
     base = plan[0].mark
     left = [one for one in plan if not _is_scored(records, one, base)]
     _check(left, run)
+    if engine is not None:
+        kept = {f"seed {one.settings.seed}": partial(_kept, one, catalog, settings, base, records) for one in left}
+        train_on(engine, kept, tell, progress)
+        return load_scores(records, base=base)
     watch = StudyWatch(progress)
     for number, one in enumerate(left, start=1):
         watch.begin(f"seed {one.settings.seed}", len(left) - number)
-        scores = _trained_and_scored(one, catalog, settings, base, watch)
-        save(records, scores)
-        tell(scores)
+        tell(_kept(one, catalog, settings, base, records, watch))
     return load_scores(records, base=base)
 
 
@@ -112,6 +119,18 @@ def _mark_in(directory: Path) -> str | None:
 def _code_of(surrogate: Surrogate) -> str:
     """The code that trained a model, "" where it does not know."""
     return str(surrogate.training.get("code_version", ""))
+
+
+def _kept(
+    one: Repeat, catalog: Catalog, settings: TrainingSettings, base: str, records: Path, watch: StudyWatch | None = None
+) -> Scores:
+    """The scores of a seed that is trained now, and their record; what another process has just kept is taken."""
+    known = load(records, one.settings.seed)
+    if known is not None and _is_scored(records, one, base):
+        return known
+    scores = _trained_and_scored(one, catalog, settings, base, watch or StudyWatch(lambda _: None))
+    save(records, scores)
+    return scores
 
 
 def _trained_and_scored(
