@@ -9,6 +9,7 @@ import pytest
 
 from catalogs import Catalog
 from catalogs.scene import ViewPlan
+from tests.support.mpi import under_mpi
 
 PROJECT = Path(__file__).resolve().parent.parent
 FEW = ViewPlan(frequency=1, width=8, height=8)
@@ -47,3 +48,20 @@ def test_stirred_dye(tmp_path: Path) -> None:
     made = Catalog.open(tmp_path / "stirred_dye.cdb")
     assert len(made.members) == 35
     assert {member.parameters["time"] for member in made.members} == {0.3, 0.4, 0.5, 0.9, 1.5, 1.6, 2.1, 2.8}
+
+
+@pytest.mark.slow
+def test_ranks(tmp_path: Path) -> None:
+    program = (
+        "import sys, pathlib, runpy; from catalogs.scene import ViewPlan;"
+        "main = runpy.run_path(sys.argv[1])['main'];"
+        "main(pathlib.Path(sys.argv[2]), size=12, views=ViewPlan(frequency=1, width=8, height=8))"
+    )
+    example = PROJECT / "examples/ranks.py"
+    done = under_mpi("mpi4py", 3, "-c", program, str(example), str(tmp_path / "heat.cdb"))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("20 members rendered into ")
+    made = Catalog.open(tmp_path / "heat.cdb")
+    assert {m.parameters["time"] for m in made.members} == {0.0, 20.0, 40.0, 60.0}
+    peaks = [next(iter(m.summaries().values())).maximum for m in made.members if m.parameters["diffusivity"] == 1.0]
+    assert peaks == sorted(peaks, reverse=True)
