@@ -9,10 +9,10 @@ from __future__ import annotations
 import io
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import groupby, zip_longest
+from itertools import groupby, islice, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ from catalogs.members import read_record
 from catalogs.table import MEMBERS, TABLE, derived_rows, member_names, stray_names
 
 Progress = Callable[[int, int], None]
-READERS, AHEAD = 2, 64  # threads, and files that wait for them
+READERS, AT_ONCE, AHEAD = 2, 16, 4  # threads, files that one takes, and how often so many wait
 PIECE = 1 << 16  # bytes of a table that are read at once
 REPAIR = "`catalogs check --repair` rebuilds the table"
 ROWS_REPAIR = "`catalogs check --repair` writes it anew"
@@ -89,14 +89,18 @@ def _examined(
     pool: ThreadPoolExecutor, root: Path, decode: bool, files: Iterable[_File]
 ) -> Iterator[tuple[_File, str | None]]:
     """The files and what is wrong with each, in their order; few wait at a time, however many there are."""
-    waiting: deque[tuple[_File, Future[str | None]]] = deque()
-    for file in files:
-        waiting.append((file, pool.submit(file_problem, root, file.name, file.wanted, decode=decode)))
+
+    def examine(some: Sequence[_File]) -> list[tuple[_File, str | None]]:
+        return [(file, file_problem(root, file.name, file.wanted, decode=decode)) for file in some]
+
+    waiting: deque[Future[list[tuple[_File, str | None]]]] = deque()
+    given = iter(files)
+    while some := list(islice(given, AT_ONCE)):
+        waiting.append(pool.submit(examine, some))
         if len(waiting) > AHEAD:
-            first, problem = waiting.popleft()
-            yield first, problem.result()
-    for file, problem in waiting:
-        yield file, problem.result()
+            yield from waiting.popleft().result()
+    for examined in waiting:
+        yield from examined.result()
 
 
 class _Check:

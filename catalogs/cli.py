@@ -57,10 +57,11 @@ def check(path: Path, repair: bool) -> None:
 @CATALOG
 def show(path: Path) -> None:
     """Say what is in PATH, as a table."""
-    from catalogs.show import describe
+    from catalogs.show import described
 
     with _plain_errors():
-        click.echo(describe(path))
+        for line in described(path):
+            click.echo(line)
 
 
 @main.command()

@@ -215,12 +215,13 @@ def member_paths(catalog: Path) -> list[Path]:
     return [catalog / MEMBERS / name for name in member_names(catalog)]
 
 
-def _entries(catalog: Path) -> list[tuple[str, bool]]:
+def _entries(catalog: Path) -> Iterator[tuple[str, bool]]:
     """What stands among the members, sorted by name, and whether it holds a record; hidden things aside."""
+    names: list[str] = []
     with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(catalog / MEMBERS) as found:
         names = sorted(entry.name for entry in found if not entry.name.startswith("."))
-        return [(name, os.path.exists(os.path.join(catalog, MEMBERS, name, RECORD))) for name in names]
-    return []
+    for name in names:
+        yield name, os.path.exists(os.path.join(catalog, MEMBERS, name, RECORD))
 
 
 def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:

@@ -18,7 +18,7 @@ def shortened(names: Sequence[str], most: int = 12) -> str:
 
 
 def counted(splits: Iterable[str]) -> str:
-    """How many of these are of each split, such as "2 train, 0 validation, 1 test"."""
+    """How many of these are of each split, such as "2 train, 0 validation, 1 test"; of a Counter, of its elements."""
     counts = Counter(splits)
     return ", ".join(f"{counts[split]} {split}" for split in SPLITS)
 
