@@ -160,6 +160,6 @@ def _loss_told() -> Iterator[None]:
         yield
     except RuntimeError as error:
         raise ProcessLost(
-            "a process of this training ended or does not answer, so it can't go on: what it said itself is above; the last "
-            f"checkpoint stays, and the same command goes on from it ({str(error).splitlines()[0]})"
+            "a process of this training ended or does not answer, so the others can't go on; the last checkpoint stays, and the "
+            f"same command goes on from it ({str(error).splitlines()[0]})"
         ) from error
