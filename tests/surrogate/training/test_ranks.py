@@ -27,6 +27,7 @@ from surrogate.training.sampling import ShuffledEpochs
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 from tests.support.blobs import Blobs
+from tests.support.field_blobs import field_catalog
 from tests.support.interruptions import files, interrupt, outcome
 from tests.support.prepared import PROJECT, Program
 from tests.support.ranks import LIMIT, outputs, require_gloo, started
@@ -111,6 +112,19 @@ def test_two_end_bit_for_bit_where_one_with_the_same_batch_does(
     train(settings, catalog, tmp_path / "one")
     assert outcome(tmp_path / "two") == outcome(tmp_path / "one")
     assert files(tmp_path / "two") == ["model.json", "model.safetensors"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("carried", ["colors", "values"])
+def test_two_follow_visualization_parameters_as_one_does(tmp_path: Path, carried: str) -> None:
+    members = (("train", 0.0), ("train", 1.0), ("validation", 0.4))
+    views = ("train",) * 2 + ("validation",)
+    catalog = field_catalog(tmp_path / "field.cdb", members=members, view_splits=views, summaries=True)
+    small = {"visualization_steps": 10, "latent_size": 3, "hidden_width": 4, "value_bins": 6}
+    settings = QUICK.changed(carried=carried, canonical_steps=6, deformation_steps=8, **small)
+    trained_by_two(settings, catalog, tmp_path / "two")
+    train(settings, catalog, tmp_path / "one")
+    assert outcome(tmp_path / "two") == outcome(tmp_path / "one")
 
 
 @pytest.mark.slow
