@@ -121,6 +121,28 @@ def unpack(path: Path, destination: Path) -> None:
     )
 
 
+@main.command()
+@CATALOG
+@click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--rows", default=100_000, show_default=True, help="The most that a shard's table may have.")
+def split(path: Path, destination: Path, rows: int) -> None:
+    """Write PATH as shards for Cinema clients whose tables can't be so large, under the index DESTINATION/data.csv.
+
+    Each shard is a whole catalog in DESTINATION/shards; pictures are hard links where the file system has those.  Training and
+    browsing don't need it: they never read the table of a catalog.
+    """
+    from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.split import split as run
+
+    with _plain_errors(), ProgressLine() as line:
+        rate = Rate()
+        made = run(
+            path, destination, rows=rows, progress=lambda d, t: line(Count("splitting", d, t, rate(d), "members"))
+        )
+    count, most = sum(len(shard.members) for shard in made), max(shard.rows for shard in made)
+    click.echo(f"{destination}: {count} members in {len(made)} shards of at most {most:,} rows")
+
+
 @main.group(name="import")
 def import_group() -> None:
     """Import images that were rendered elsewhere."""

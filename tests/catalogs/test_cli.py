@@ -17,7 +17,10 @@ from catalogs.cli import main
 PROGRAM = [sys.executable, "-c", "from catalogs.cli import main; main()"]
 
 
-@pytest.mark.parametrize("command", [[], ["check"], ["show"], ["merge"], ["import"], ["import", "nerf"], ["browse"]])
+@pytest.mark.parametrize(
+    "command",
+    [[], ["check"], ["show"], ["merge"], ["pack"], ["unpack"], ["split"], ["import"], ["import", "nerf"], ["browse"]],
+)
 def test_help_loads_nothing_heavy(command: list[str]) -> None:
     program = f"""
 import sys

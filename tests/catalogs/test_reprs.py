@@ -37,6 +37,7 @@ from catalogs.progress import Count
 from catalogs.quantity import Quantity
 from catalogs.repair import Repaired, SetAside
 from catalogs.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
+from catalogs.split import Shard
 from catalogs.splits import Splits
 from catalogs.summary import FieldSummary
 from catalogs.variations import Setting, field_variation, isovalue_family, transfer_function_family
@@ -102,6 +103,7 @@ SHOWN: list[tuple[Any, str]] = [
     (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
     (Finding("data.csv", "is missing"), "is missing"),
     (Merged(12, 3, 0), "added=12"),
+    (Shard("shard-0", ("a",) * 1000, 2000, ((0.0, 1.0),)), "<Shard shard-0: 1000 members, 2000 rows>"),
     (Transferred(12, 3, 0), "made=12"),
     (Wanted(192, 256), "height=192"),
     (Pack(Path("pictures.h5"), 192, 256, "uint8", np.zeros(504, ENTRY)), "504 pictures of 256x192, uint8"),
