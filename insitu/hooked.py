@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import json
 import sys
@@ -57,7 +58,8 @@ class HookedSource:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        return {"kind": "hooked", "script": self.name, "settings": dict(self.settings)}
+        known = {"kind": "hooked", "script": self.name, "settings": dict(self.settings)}
+        return known | ({"sha256": self.simulate.sha256} if isinstance(self.simulate, ScriptFunction) else {})
 
     def check(self) -> None:
         """Raise FileNotFoundError, ValueError or RuntimeError where a script's function can't be called in this environment."""
@@ -92,10 +94,18 @@ class HookedSource:
 
 @dataclass(frozen=True)
 class ScriptFunction:
-    """The function `simulate` of a Python file, loaded where it is first called; `scene` is named in errors."""
+    """The function `simulate` of a Python file, loaded where it is first called.
+
+    Attributes
+    ----------
+    path : the file.
+    scene : what errors name.
+    sha256 : of the file's content, so that fields kept for later are not taken for those of an edited file.
+    """
 
     path: Path
     scene: str
+    sha256: str
 
     def __call__(self, *arguments: Any, **settings: Any) -> Any:
         return self.function()(*arguments, **settings)
@@ -121,7 +131,7 @@ def scripted(path: Path, scene: str) -> ScriptFunction:
     """The function `simulate` of the file at `path`; raises ValueError where there is no such file."""
     if not path.is_file():
         raise ValueError(f"source.script names {path}, and there is no such file: it is relative to the scene's folder")
-    return ScriptFunction(path.resolve(), scene)
+    return ScriptFunction(path.resolve(), scene, hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 @cache

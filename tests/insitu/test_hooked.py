@@ -19,6 +19,7 @@ from insitu.cli import main
 from insitu.dataset import make_dataset
 from insitu.field import Field
 from insitu.hooked import HookedSource
+from insitu.sources import ensemble_of
 from tests.support.scenes import scene
 
 HOOKED = """
@@ -232,3 +233,11 @@ def test_a_function_is_for_hooked_scenes_alone(tmp_path: Path) -> None:
 def test_what_the_catalog_records_can_be_json() -> None:
     identity = HookedSource(ball, "ball.py", {"cells": 64}).identity
     assert json.loads(json.dumps(identity)) == identity
+
+
+def test_an_edited_script_is_another_source(tmp_path: Path) -> None:
+    asked = with_script(tmp_path)
+    before = ensemble_of(asked).source.identity
+    assert ensemble_of(asked).source.identity == before
+    (tmp_path / "ball/simulation.py").write_text(SCRIPT + "# edited")
+    assert ensemble_of(asked).source.identity != before
