@@ -39,7 +39,7 @@ CASES = (
     Case("tgv", "Taylor-Green vortex, bundled solver: Reynolds number, time", 25),
     Case("cloverleaf", "CloverLeaf3D, its own files: six parameters", 23),
     Case("nyx", "Nyx cosmology, pictures made by others: three parameters", 1),
-    Case("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 114),
+    Case("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 23),
     Case("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 60),
 )
 

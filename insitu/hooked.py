@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import json
@@ -59,7 +60,7 @@ class HookedSource:
     @property
     def identity(self) -> Mapping[str, Any]:
         known = {"kind": "hooked", "script": self.name, "settings": dict(self.settings)}
-        return known | ({"sha256": self.simulate.sha256} if isinstance(self.simulate, ScriptFunction) else {})
+        return known | ({"code": self.simulate.code} if isinstance(self.simulate, ScriptFunction) else {})
 
     def check(self) -> None:
         """Raise FileNotFoundError, ValueError or RuntimeError where a script's function can't be called in this environment."""
@@ -100,12 +101,12 @@ class ScriptFunction:
     ----------
     path : the file.
     scene : what errors name.
-    sha256 : of the file's content, so that fields kept for later are not taken for those of an edited file.
+    code : a hash over the file's statements, without comments and docstrings: a catalog takes no members of another code.
     """
 
     path: Path
     scene: str
-    sha256: str
+    code: str
 
     def __call__(self, *arguments: Any, **settings: Any) -> Any:
         return self.function()(*arguments, **settings)
@@ -131,7 +132,21 @@ def scripted(path: Path, scene: str) -> ScriptFunction:
     """The function `simulate` of the file at `path`; raises ValueError where there is no such file."""
     if not path.is_file():
         raise ValueError(f"source.script names {path}, and there is no such file: it is relative to the scene's folder")
-    return ScriptFunction(path.resolve(), scene, hashlib.sha256(path.read_bytes()).hexdigest())
+    return ScriptFunction(path.resolve(), scene, _code_of(path))
+
+
+def _code_of(path: Path) -> str:
+    """A hash over a Python file's statements; raises ValueError where it is none."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError) as error:
+        raise ValueError(f"source.script names {path}, which is no Python file: {error}") from None
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(
+            node
+        ):
+            node.body = node.body[1:]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
 
 
 @cache

@@ -158,7 +158,7 @@ def test_a_script_runs_from_the_command_line_over_processes(tmp_path: Path) -> N
     catalog = asked.run_directory(tmp_path / "runs") / "catalog.cdb"
     assert len(Catalog.open(catalog).members) == 3
     assert Catalog.open(catalog).members[0].provenance["source"]["script"] == "ball/simulation.py"
-    (tmp_path / "ball/simulation.py").write_text("import no_such_package")  # what is complete is not run again
+    (tmp_path / "ball/simulation.py").write_text(SCRIPT + "# a remark")  # what is complete stays
     assert "nothing to do" in CliRunner().invoke(main, arguments).output
 
 
@@ -239,5 +239,10 @@ def test_an_edited_script_is_another_source(tmp_path: Path) -> None:
     asked = with_script(tmp_path)
     before = ensemble_of(asked).source.identity
     assert ensemble_of(asked).source.identity == before
-    (tmp_path / "ball/simulation.py").write_text(SCRIPT + "# edited")
+    (tmp_path / "ball/simulation.py").write_text(f'"""What this is."""\n{SCRIPT}# edited')
+    assert ensemble_of(asked).source.identity == before, "comments and docstrings make no other fields"
+    (tmp_path / "ball/simulation.py").write_text(SCRIPT + "answer = 42")
     assert ensemble_of(asked).source.identity != before
+    (tmp_path / "ball/simulation.py").write_text("no Python")
+    with pytest.raises(ValueError, match="no Python file"):
+        ensemble_of(asked)
