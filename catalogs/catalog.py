@@ -320,7 +320,7 @@ class Catalog:
 
     def table(self) -> bytes:
         """What `data.csv` holds after `rebuild_table`: the header, and the rows of every committed member, sorted by name."""
-        return self._table.text()
+        return b"".join(self._table.pieces())
 
     def update_table(self) -> None:
         """Bring `data.csv` up to date where a writer was killed, or members were removed by hand; else at no cost."""

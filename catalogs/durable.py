@@ -23,13 +23,14 @@ import signal
 import socket
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 PARTIAL = ".partial"
 SYNCS_AT_ONCE = 16
+BLOCK = 1 << 20  # bytes of what comes in pieces that are written at once
 QUIET_SECONDS = 86400.0  # without a change, after which a writer elsewhere counts as dead
 HERE = -100  # AT_FDCWD of openat(2)
 EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2)
@@ -166,14 +167,18 @@ def copy(source: Path, target: Path) -> None:
 
 
 @contextlib.contextmanager
-def staged(path: Path, data: bytes) -> Iterator[None]:
-    """Put `data` on disk beside `path` before the block, and in its place after; an exception leaves `path` as it was.
+def staged(path: Path, data: bytes | Iterable[bytes]) -> Iterator[None]:
+    """Put `data`, whole or in pieces, on disk beside `path` before the block, and in its place after.
 
-    A reader sees the old or the new contents and nothing between.  A full disk is noticed before the block.
+    A reader sees the old or the new contents and nothing between; an exception leaves `path` as it was.  A full disk is noticed
+    before the block.
     """
     partial = partial_name(path)
     try:
-        write(partial, data)
+        blocks = _blocks([data] if isinstance(data, bytes) else data)
+        write(partial, next(blocks, b""))
+        for block in blocks:
+            append(partial, block)
         sync(partial)
         yield
         rename(partial, path)
@@ -183,7 +188,16 @@ def staged(path: Path, data: bytes) -> Iterator[None]:
         raise
 
 
-def replace(path: Path, data: bytes) -> None:
+def holds(path: Path, pieces: Iterable[bytes]) -> bool:
+    """Whether the contents of a regular file are these pieces one after the other; False, too, where there is none."""
+    try:
+        with opened(path) as stream:
+            return all(stream.read(len(piece)) == piece for piece in pieces) and not stream.read(1)
+    except FileNotFoundError:
+        return False
+
+
+def replace(path: Path, data: bytes | Iterable[bytes]) -> None:
     """Replace the contents of `path` by `data`, durably and atomically."""
     with staged(path, data):
         pass
@@ -264,6 +278,19 @@ def locked(path: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def _blocks(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """The pieces, small ones joined."""
+    held, size = [], 0
+    for piece in pieces:
+        held.append(piece)
+        size += len(piece)
+        if size >= BLOCK:
+            yield b"".join(held)
+            held, size = [], 0
+    if held:
+        yield b"".join(held)
 
 
 def _refuse_special(path: Path, mode: int) -> None:

@@ -65,13 +65,15 @@ class Table:
         """The member with these parameters, in the space's order, as of the last `is_current`."""
         return self._journal.names.get(key_of(parameters))
 
-    def text(self, *, also: Member | None = None, without: Collection[str] = ()) -> bytes:
+    def pieces(self, *, also: Member | None = None, without: Collection[str] = ()) -> Iterator[bytes]:
         """The header and the rows of every committed member, sorted by name, and of one about to be committed."""
-        folders = {path.name: path for path in member_paths(self._path) if path.name not in without}
+        names = {*member_names(self._path)}.difference(without)
         if also is not None:
-            folders[also.name] = also.path
-        rows = [rows_in(folders[name], self._plan) for name in sorted(folders)]
-        return b"".join([cinema.format_rows([self._plan.header]).encode(), *rows])
+            names.add(also.name)
+        yield cinema.format_rows([self._plan.header]).encode()
+        for name in sorted(names):
+            folder = also.path if also is not None and name == also.name else self._members / name
+            yield rows_in(folder, self._plan)
 
     def clean_up(self) -> None:
         """Remove what dead writers of members left, and put back what one of them had taken aside."""
@@ -89,11 +91,11 @@ class Table:
         self.clean_up()
         durable.remove_abandoned(self._members)  # where older programs wrote
         changed = durable.stamp(self._members).changed
-        text = self.text()
-        if self.is_current() and durable.read(self._table) == text:
+        same = durable.holds(self._table, self.pieces())
+        if same and self.is_current():
             return
-        if not self._table.is_file() or durable.read(self._table) != text:
-            durable.replace(self._table, text)
+        if not same:
+            durable.replace(self._table, self.pieces())
         self._write_journal(changed)
         durable.remove_abandoned(self._path)
         for partial in self._partials():  # last: they say that the table is out of date
@@ -109,7 +111,7 @@ class Table:
 
     def set_aside(self, moves: Mapping[str, Path]) -> None:
         """Move what stands among the members under these names elsewhere in the catalog; first the table lets go of it."""
-        durable.replace(self._table, self.text(without=moves))
+        durable.replace(self._table, self.pieces(without=moves))
         for name, target in moves.items():
             durable.make_folder(target.parent)
             durable.rename(self._members / name, target)
@@ -138,8 +140,8 @@ class Table:
             self._exchange(member)
             self._record([member])
             return
-        durable.replace(self._table, self.text(without=[member.name]))
-        with durable.staged(self._table, self.text(also=member)):
+        durable.replace(self._table, self.pieces(without=[member.name]))
+        with durable.staged(self._table, self.pieces(also=member)):
             self._exchange(member)
         self._write_journal(durable.stamp(self._members).changed)
 

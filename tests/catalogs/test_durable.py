@@ -134,6 +134,22 @@ def test_what_is_staged_appears_after_the_block_or_never(tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("pieces", [[], [b""], [b"a"], [b"ab", b"", b"c" * 9, b"d"], [b"x" * 100]])
+def test_what_comes_in_pieces_is_written_and_compared_as_a_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: list[bytes]
+) -> None:
+    monkeypatch.setattr(durable, "BLOCK", 4)
+    path, whole = tmp_path / "a", b"".join(pieces)
+    assert not durable.holds(path, pieces)
+    durable.replace(path, iter(pieces))
+    assert path.read_bytes() == whole
+    assert durable.holds(path, iter(pieces))
+    assert not durable.holds(path, [*pieces, b"more"])
+    assert not durable.holds(path, [b"other", *pieces])
+    durable.replace(path, whole + b"longer")
+    assert not durable.holds(path, pieces)
+
+
 def test_folders_are_made_with_their_parents_and_synced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[Path] = []
     monkeypatch.setattr(durable, "sync", synced.append)

@@ -17,6 +17,7 @@ from catalogs.catalog import Catalog, CatalogError
 from catalogs.check import check
 from catalogs.table import JOURNAL, SPARE, Table
 from tests.catalogs.conftest import add_member, make_plan, picture
+from tests.support.damage import memory_at_most
 
 
 def named(path: Path) -> list[str]:
@@ -339,3 +340,15 @@ def test_threads_may_share_a_catalog(small: Catalog) -> None:
         thread.join()
     assert len(named(small.path)) == 20
     assert check(small.path) == []
+
+
+def test_rebuilding_holds_no_table_in_memory(small: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four members with 16 MB of rows each: what is held is the rows of one, joined and read back."""
+    monkeypatch.setattr("catalogs.table.rows_in", lambda folder, plan: folder.name.encode() * (1 << 20))
+    names = [f"{number:016d}" for number in range(4)]
+    monkeypatch.setattr("catalogs.table.member_names", lambda catalog: names)
+    table = Table(small.path, small.plan)
+    with memory_at_most(40 << 20):
+        durable.replace(small.path / "data.csv", table.pieces())
+        assert durable.holds(small.path / "data.csv", table.pieces())
+    assert (small.path / "data.csv").stat().st_size > 64 << 20
