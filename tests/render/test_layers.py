@@ -149,3 +149,15 @@ def test_nothing_is_drawn_of_what_lies_in_no_row(gyroid, smooth) -> None:
         empty = renderer.layer(camera, block.owned, slice(0, 8), slice(0, 9))
         assert not empty.image.any()
         assert (empty.depths == 1.0).all()
+
+
+@pytest.mark.slow
+def test_every_view_of_eight_blocks(gyroid, peaks) -> None:
+    owned = kd_boxes(gyroid.shape, 8, np.random.default_rng(8))
+    cameras = views(gyroid, 252, 64)
+    assert len(cameras) == 252
+    shaded = VolumeRendering("dvr", peaks, shaded=True)
+    whole, parts = (composited(gyroid, boxes, shaded, cameras, sample_distance=0.05) for boxes in (one(gyroid), owned))
+    for image, other in zip(parts, whole, strict=True):
+        assert psnr(image, other) >= FLOAT
+        assert psnr(np.rint(255 * image) / 255, np.rint(255 * other) / 255) >= EIGHT_BITS
