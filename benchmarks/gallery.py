@@ -40,7 +40,7 @@ CASES = (
     Case("cloverleaf", "CloverLeaf3D, its own files: six parameters", 23),
     Case("nyx", "Nyx cosmology, pictures made by others: three parameters", 1),
     Case("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 23),
-    Case("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 60),
+    Case("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 11),
 )
 
 
