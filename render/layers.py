@@ -72,7 +72,7 @@ class BlockRenderer:
             return Layer(rows, columns, image[rows, columns], depths[rows, columns])
         low, high = owned_space(self._block.whole, piece, self._placement)
         tell_rays(self._shader, local, low, high)
-        image = self._window.draw(self._scene, local.width, local.height, float_output=True)
+        image = self._window.draw(self._scene, local.width, local.height, float_output=True, once=True)
         return Layer(rows, columns, image[rows, columns])
 
     def close(self) -> None:

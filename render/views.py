@@ -30,6 +30,7 @@ class Renderer:
     ) -> None:
         self._closed, self._supersampling = False, samples or supersampling(appearance)
         self._placement, self._window = Placement.of(grid), open_window()
+        self._is_volume = isinstance(appearance, VolumeRendering)
         if isinstance(appearance, VolumeRendering):
             self._scene = volume_scene(grid, appearance, self._placement, sample_distance)
         elif isinstance(appearance, Isosurface):
@@ -49,7 +50,7 @@ class Renderer:
         width, height = self._supersampling * camera.width, self._supersampling * camera.height
         local = self._placement.camera(camera).resized(width, height)
         aim(self._scene, local, *self._placement.clipping_range(local))
-        image = self._window.draw(self._scene, width, height, float_output=float_output)
+        image = self._window.draw(self._scene, width, height, float_output=float_output, once=self._is_volume)
         return image if self._supersampling == 1 else box_average(image, self._supersampling)
 
     def close(self) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from catalogs.cameras import Camera
 
 SYSTEM_PACKAGES = "libegl1 libgl1-mesa-dri (or, for software rendering without EGL, libosmesa6)"
+SUM, LARGEST = 0x8006, 0x8008  # OpenGL's GL_FUNC_ADD and GL_MAX: how a fragment is blended with what is there
 OSMESA_LIBRARIES = ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")  # the names that VTK tries
 
 
@@ -62,9 +63,15 @@ class Window:
                 renderer.SetPass(None)
                 self._window.RemoveRenderer(renderer)
 
-    def draw(self, renderer: Any, width: int, height: int, *, float_output: bool = False) -> NDArray[Any]:
-        """Draw `renderer` alone; premultiplied RGBA [height, width, 4], top row first, uint8 or float32 in [0, 1]."""
-        return self._draw(renderer, width, height, float_output)[0]
+    def draw(
+        self, renderer: Any, width: int, height: int, *, float_output: bool = False, once: bool = False
+    ) -> NDArray[Any]:
+        """Draw `renderer` alone; premultiplied RGBA [height, width, 4], top row first, uint8 or float32 in [0, 1].
+
+        With `once` what is drawn twice in a pixel, the same both times, counts once: faces of a volume's box that are seen edge-on
+        may overlap by rounding.
+        """
+        return self._draw(renderer, width, height, float_output, once=once)[0]
 
     def draw_with_depths(
         self, renderer: Any, width: int, height: int, *, float_output: bool = False
@@ -76,7 +83,7 @@ class Window:
         return image, depths
 
     def _draw(
-        self, renderer: Any, width: int, height: int, float_output: bool, *, depths: bool = False
+        self, renderer: Any, width: int, height: int, float_output: bool, *, depths: bool = False, once: bool = False
     ) -> tuple[NDArray[Any], Any]:
         if not self._usable_here():
             raise RuntimeError(
@@ -87,11 +94,14 @@ class Window:
                 self._window.SetSize(width, height)
             renderer.SetPass(self._float_target() if float_output else None)
             renderer.DrawOn()
+            state = self._window.GetState()
             try:
+                state.vtkglBlendEquation(LARGEST if once else SUM)
                 self._window.Render()
                 image = self._read_float(width, height) if float_output else self._read_bytes(width, height)
                 found = self._read_depths(width, height)[::-1].copy() if depths else None
             finally:
+                state.vtkglBlendEquation(SUM)
                 renderer.DrawOff()
         return image[::-1].copy(), found  # OpenGL's rows start at the bottom
 
