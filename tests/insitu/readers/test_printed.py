@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from decimal import ROUND_HALF_EVEN, Context, Decimal
 from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from insitu.readers.printed import PrintedAxis, joined_axis
@@ -53,14 +54,15 @@ def test_every_way_to_print_is_understood(form: str, factor: float) -> None:
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=5), SPACINGS, st.randoms())
+@example([1, 1, 1], 1e-6, Random(0))
 def test_pieces_make_the_whole_in_any_order(sizes: list[int], step: float, random: object) -> None:
     ends = np.cumsum([0, *sizes])
-    whole = [float(f"{value:.6e}") for value in np.arange(ends[-1] + 1) * step]
-    pieces = [PrintedAxis.of([repr(v) for v in whole[a : b + 1]]) for a, b in pairwise(ends)]
+    words = [f"{value:.6e}" for value in np.arange(ends[-1] + 1) * step]  # all digits: repr would print 1e-06 with one
+    pieces = [PrintedAxis.of(words[a : b + 1]) for a, b in pairwise(ends)]
     order = [*range(len(pieces)), *range(len(pieces))]  # each twice, as by ranks beside each other
     random.shuffle(order)  # type: ignore[attr-defined]
     axis, begins = joined_axis([pieces[i] for i in order])
-    assert axis.values.tolist() == whole
+    assert axis.values.tolist() == list(map(float, words))
     assert begins == [int(ends[i]) for i in order]
 
 
