@@ -33,8 +33,8 @@ these are: a method with a few per cent of them is **starved**, and its row says
 what it can do on a GPU. The rates of published methods are multiplied by what did best in five trainings of a minute, on one
 scene, at validation images; ours are as they are. What does best there need not do so elsewhere: with its published rates ViSNeRF
 reaches 22.1 dB in the last cell of `nyx`, with those chosen on `cloverleaf` 18.9 (`surrogate compare scenes/nyx.toml --methods
-visnerf --minutes 5` with an empty folder of `--records`). Bold is the best of a cell. Stored pictures that are mixed need to exist at
-the very view, which ours and the others do not."""
+visnerf --minutes 5` with an empty folder of `--records`). Bold is the best of a cell. Stored pictures that are mixed need to exist
+at the very view, which ours and the others do not."""
 SIZES = """A step of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as
 published. What was written anew from which paper or code, and where it differs, stands at the head of each
 file in [`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
