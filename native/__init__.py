@@ -1,5 +1,5 @@
 """C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values,
-opacities along rays, steps of Adam.
+opacities along rays, colours by direction, steps of Adam.
 
 No torch or logic.  The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are
 copied); the same input gives bitwise the same output for any number of threads.
@@ -46,6 +46,10 @@ copied); the same input gives bitwise the same output for any number of threads.
             gaussians: means, log_scales, quats, logits (N,); quaternions not longer than the shortest are no rotation
     ray_opacities_gradient(gaussians, position, shortest_quaternion, by_opacities, threads, instruction_set="")
             -> gradients by means, log_scales, quats, logits
+    directional_colors(means, colors, position, threads, instruction_set="")
+            -> colours (N, 3) as seen from a position (3,), of means (N, 3) and coefficients (N, 12)
+    directional_colors_gradient(means, colors, position, by_seen, threads, instruction_set="")
+            -> gradients by means and coefficients, from those by the colours that are seen (N, 3)
     step_rows(tensor, gradient, first, second, steps, rate, instruction_set="")
             changes tensor, both moments, of one shape (N, ...), and steps (N,) in place, where a row of the gradient is not zero
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
@@ -70,6 +74,8 @@ __all__ = [
     "bilinear_gradients",
     "blend",
     "blend_gradients",
+    "directional_colors",
+    "directional_colors_gradient",
     "extinction_table",
     "forward",
     "image_loss",

@@ -21,10 +21,10 @@ from catalogs.numbers import positive, row
 from catalogs.words import one_line
 from surrogate.lighting import Lighting
 from surrogate.splatting.along_rays import opacities_along_rays
+from surrogate.splatting.directional import directional_colors
 
 GEOMETRY = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1}  # columns of what all Gaussians have
 NAMES = (*GEOMETRY, "colors")
-SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +133,13 @@ class Gaussians:
         shapes = self.means, self.log_scales, self.quats
         return opacities_along_rays(*shapes, self.opacity_logits, position, threads=threads)
 
-    def colors_from(self, position: Tensor) -> Tensor:
+    def colors_from(self, position: Tensor, *, threads: int | None = None) -> Tensor:
         """Colours (N, 3) as seen from `position` (3,), in the Gaussians' coordinates; not clamped."""
-        if self.lighting is None and self.color_degree == 0:
-            return self.colors
-        directions = torch.nn.functional.normalize(self.means - position, dim=1)  # [N, 3]
         if self.lighting is not None:
-            return self.lighting.colors(self.colors, directions)
-        x, y, z = (SH_C1 * directions).split(1, dim=1)  # [N, 1] each
-        constant, by_y, by_z, by_x = self.colors.split(3, dim=1)  # [N, 3] each
-        return constant - y * by_y + z * by_z - x * by_x
+            return self.lighting.colors(self.colors, torch.nn.functional.normalize(self.means - position, dim=1))
+        if self.color_degree == 0:
+            return self.colors
+        return directional_colors(self.means, self.colors, position, threads=threads)
 
 
 @dataclass(frozen=True, eq=False)

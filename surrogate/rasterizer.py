@@ -76,6 +76,6 @@ class Rasterizer:
 def primitives(gaussians: Gaussians, camera: Camera, *, threads: int | None = None) -> Primitives:
     """The Gaussians as they are drawn: their colours and opacities as `camera` sees them."""
     position = torch.from_numpy(camera.position).to(gaussians.means)  # [3]
-    colors = gaussians.colors_from(position)  # [N, 3]
+    colors = gaussians.colors_from(position, threads=threads)  # [N, 3]
     opacities = gaussians.opacities_from(position, threads=threads)  # [N]
     return Primitives(gaussians.means, gaussians.scales(), gaussians.quats, opacities, colors)

@@ -25,6 +25,7 @@ namespace {
 #include "averages.inc"
 #include "blending.inc"
 #include "rays.inc"
+#include "directional.inc"
 #include "row_steps.inc"
 
 }  // namespace
@@ -51,6 +52,8 @@ extern const Kernels GS_KERNELS = {
     blend_pairs,
     ray_opacities,
     ray_opacities_backward,
+    directional_colors,
+    directional_colors_backward,
     step_rows,
 };
 

@@ -202,6 +202,13 @@ struct MediaGradients {
     float* logits;
 };
 
+// Gaussians whose colours depend on the place they are seen from, see directional.inc: means [count, 3], coefficients [count, 12].
+struct Directional {
+    const float* means;
+    const float* colors;
+    double position[3];
+};
+
 // Places sorted into the cells of a grid around them: x varies fastest, and one cell's places follow another's.  kWidest more
 // numbers may be read behind the last place.
 struct PlaceGrid {
@@ -275,6 +282,11 @@ struct Kernels {
     // The opacities of Gaussians [first, last) along rays, and the derivatives of a loss with this gradient by them, see rays.inc.
     void (*ray_opacities)(const Media&, int64_t first, int64_t last, float* opacities);
     void (*ray_opacities_backward)(const Media&, int64_t first, int64_t last, const float* by_opacities, const MediaGradients&);
+    // The colours [.., 3] of Gaussians [first, last) as they are seen, and the derivatives of a loss with this gradient by them, see
+    // directional.inc.
+    void (*directional_colors)(const Directional&, int64_t first, int64_t last, float* colors);
+    void (*directional_colors_backward)(const Directional&, int64_t first, int64_t last, const float* upstream, float* by_means,
+                                        float* by_colors);
     // A step of Adam for the rows that have a gradient, see row_steps.inc.
     void (*step_rows)(const RowStep&);
 };

@@ -1,4 +1,4 @@
-// Arrays in, arrays out: opacities along rays.
+// Arrays in, arrays out: what depends on where a Gaussian is seen from, its opacity along a ray and its colour.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
@@ -71,6 +71,44 @@ std::tuple<Output, Output, Output, Output> bound_gradient(Four gaussians, const 
     return made;
 }
 
+Directional directional_of(const Input& means, const Input& colors, const std::array<double, 3>& position) {
+    require(means.ndim() == 2, "means must have shape [N, 3], got " + shape_of(means));
+    require_shape(means, "means", {means.shape(0), 3});
+    require_shape(colors, "colors", {means.shape(0), 12});
+    Directional directional{means.data(), colors.data(), {}};
+    std::copy(position.begin(), position.end(), directional.position);
+    return directional;
+}
+
+Output bound_colors(Input means, Input colors, const std::array<double, 3>& position, int threads,
+                    const std::string& instruction_set) {
+    const Directional directional = directional_of(means, colors, position);
+    const Kernels& kernels = kernels_named(instruction_set);
+    const size_t count = means.shape(0);
+    Output made = unset_array({count, 3});
+    float* seen = made.data();
+    nb::gil_scoped_release released;
+    in_parts(int64_t(count), threads,
+             [&](int64_t first, int64_t last) { kernels.directional_colors(directional, first, last, seen); });
+    return made;
+}
+
+std::tuple<Output, Output> bound_colors_gradient(Input means, Input colors, const std::array<double, 3>& position, Input by_seen,
+                                                 int threads, const std::string& instruction_set) {
+    const Directional directional = directional_of(means, colors, position);
+    const size_t count = means.shape(0);
+    require_shape(by_seen, "by_seen", {count, 3});
+    const Kernels& kernels = kernels_named(instruction_set);
+    std::tuple<Output, Output> made{unset_array({count, 3}), unset_array({count, 12})};
+    float *by_means = std::get<0>(made).data(), *by_colors = std::get<1>(made).data();
+    const float* upstream = by_seen.data();
+    nb::gil_scoped_release released;
+    in_parts(int64_t(count), threads, [&](int64_t first, int64_t last) {
+        kernels.directional_colors_backward(directional, first, last, upstream, by_means, by_colors);
+    });
+    return made;
+}
+
 }  // namespace
 
 void bind_rays(nb::module_& m) {
@@ -79,6 +117,9 @@ void bind_rays(nb::module_& m) {
           "instruction_set"_a = "");
     m.def("ray_opacities_gradient", &bound_gradient, "gaussians"_a, "position"_a, "shortest_quaternion"_a, "by_opacities"_a,
           "threads"_a, "instruction_set"_a = "");
+    m.def("directional_colors", &bound_colors, "means"_a, "colors"_a, "position"_a, "threads"_a, "instruction_set"_a = "");
+    m.def("directional_colors_gradient", &bound_colors_gradient, "means"_a, "colors"_a, "position"_a, "by_seen"_a, "threads"_a,
+          "instruction_set"_a = "");
 }
 
 }  // namespace gs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
 from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, seen_by_run, with_chosen_splits
-from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
+from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, Clock, budgeted
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
 
@@ -72,13 +72,14 @@ def begin(
     folder: Path,
     asked: Asked,
     *,
-    elapsed: Callable[[], float] = lambda: 0.0,
+    elapsed: Clock | None = None,
     ranks: Ranks = ALONE,
 ) -> RunFolder:
     """The run of the catalog at `path` in `folder`: the one that is there, or a new one as it is `asked` for.
 
-    A catalog that was moved is found again.  `elapsed` says how many seconds of a budget in minutes are spent already.  Of several
-    processes that will train together, `ranks`, all call this: they measure the speed, and the first one reads and writes `folder`.
+    A catalog that was moved is found again.  `elapsed` says how many seconds of a budget in minutes are spent, on the clock that
+    they are counted with; see `budgeted`.  Of several processes that will train together, `ranks`, all call this: they measure the
+    speed, and the first one reads and writes `folder`.
 
     Raises ValueError, with nothing written, where the folder holds a run that something else was asked for, of another catalog or
     of a scene, and where the catalog can't be learnt from; RuntimeError where another process is at work there.

@@ -57,6 +57,8 @@ PICTURES = 4_000  # drawn to make the choices of compression
 LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
 SPARE = 3.0  # seconds, to begin and to write down
 
+Clock = Callable[[], float]  # seconds since something
+
 # How the speed is measured
 SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
 
@@ -96,13 +98,14 @@ def budgeted(
     given: Mapping[str, Any],
     catalog: Catalog,
     budget: Budget,
-    elapsed: Callable[[], float] = lambda: 0.0,
+    elapsed: Clock | None = None,
     ranks: Ranks = ALONE,
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     """The settings that a budget and the keys that are `given` lead to, and what they were chosen from.
 
-    `elapsed` says how many seconds of the budget's minutes are spent already.  A budget in steps leads to the same settings on
-    every machine.  Several processes, `ranks`, measure together and come to the same.
+    `elapsed` says how many seconds of the budget's minutes are spent, on the clock that they are counted with: the wall's from now
+    on, where there is none.  A budget in steps leads to the same settings on every machine.  Several processes, `ranks`, measure
+    together and come to the same.
 
     Raises ValueError where keys are given that the budget decides on, or the time is too short.
     """
@@ -117,7 +120,12 @@ def budgeted(
         rows = _rows(source)[0]
         chosen = _sized(given, source, _worth(source, rows), budget.steps)
         return chosen, {"gaussians": chosen.gaussians, "steps": budget.steps}
-    return _in_time(given, source, 60.0 * float(budget.minutes or 0.0), elapsed)
+    return _in_time(given, source, 60.0 * float(budget.minutes or 0.0), elapsed or _since_now())
+
+
+def _since_now() -> Clock:
+    begun = time.perf_counter()
+    return lambda: time.perf_counter() - begun
 
 
 @dataclass(frozen=True)
@@ -180,7 +188,7 @@ def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
 
 
 def _in_time(
-    given: Mapping[str, Any], source: Source, seconds: float, elapsed: Callable[[], float]
+    given: Mapping[str, Any], source: Source, seconds: float, elapsed: Clock
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
     images = sum(map(len, rows))
@@ -188,7 +196,7 @@ def _in_time(
     worth, is_first = _worth(source, rows[0]), True
     tried = TrainingSettings(**{"gaussians": worth.gaussians(), **_design(source), **given})
     while True:
-        pace = measure_pace(Source(tried, source.catalog, source.ranks), rows)
+        pace = measure_pace(Source(tried, source.catalog, source.ranks), rows, elapsed)
         left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
         compressing = choosing and PICTURES * pace.draw <= LARGEST_SHARE * left
         overhead = COMPRESSION * compressing + COLOR_PROBES * (tried.color_degree == "auto")
@@ -236,15 +244,15 @@ def _rows(source: Source) -> list[list[ImageRow]]:
 
 
 @one_torch_thread()
-def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]]) -> Pace:
-    """Train a little on some of the `rows` of each stage, and say how long it took."""
+def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]], clock: Clock = time.perf_counter) -> Pace:
+    """Train a little on some of the `rows` of each stage, and say how long it took on a clock."""
     settings, loaded, seconds = source.settings, list[TrainingData](), 0.0
     for variation, of in zip((None, *source.variations), rows, strict=True):
         few = [of[i] for i in spread(len(of), SAMPLED)]
         load_examples(source.catalog, few[:1], source.normalization, variation)  # what only the first one takes
-        started = time.perf_counter()
+        started = clock()
         examples = load_examples(source.catalog, few, source.normalization, variation)
-        seconds += time.perf_counter() - started
+        seconds += clock() - started
         loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values, source.ranks))
     load = seconds / sum(len(data.examples) for data in loaded)
     gaussians = source.initial_gaussians(loaded[0])
@@ -253,23 +261,23 @@ def measure_pace(source: Source, rows: Sequence[Sequence[ImageRow]]) -> Pace:
     stages = [simulation_stage(*fitted.copy(), settings)]
     for variation in source.variations:
         stages.append(visualization_stage(*fitted, new_visualization(*fitted, variation, source), settings))
-    step, *varied = (_seconds(stage, settings, data) for stage, data in zip(stages, loaded, strict=True))
-    return source.ranks.agreed(Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0]), load))
+    step, *varied = (_seconds(stage, settings, data, clock) for stage, data in zip(stages, loaded, strict=True))
+    return source.ranks.agreed(Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0], clock), load))
 
 
-def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData) -> float:
+def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:
     """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
     run, taken = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
     while run.step < MOST_STEPS and data.ranks.agreed(len(taken) < LEAST_STEPS or sum(taken) < LEAST_SECONDS):
-        started = time.perf_counter()
+        started = clock()
         run.advance()
-        taken.append(time.perf_counter() - started)
+        taken.append(clock() - started)
     return statistics.median(taken[LEAST_STEPS // 4 :])
 
 
-def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingData) -> float:
+def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:
     """Of a picture that is judged, deformation included."""
     some, background = data.examples[:LEAST_DRAWN], data.background or WHITE
-    started = time.perf_counter()
+    started = clock()
     mean_psnr(fitted.at, some, Rasterizer.of(settings), background, data.ranks)
-    return (time.perf_counter() - started) / len(some)
+    return (clock() - started) / len(some)

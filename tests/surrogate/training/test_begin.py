@@ -1,5 +1,6 @@
 import json
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -95,8 +96,9 @@ def test_the_results_of_a_scene_are_left_alone(catalog: Path, tmp_path: Path, th
     ids=["hold-out", "appearance", "steps", "points", "time"],
 )
 def test_what_can_not_be_had_leaves_nothing(catalog: Path, tmp_path: Path, asked: Asked, said: str) -> None:
+    begun = time.perf_counter()
     with pytest.raises(ValueError, match=said):
-        begin(catalog, tmp_path / "mine", asked, elapsed=lambda: 14.0)
+        begin(catalog, tmp_path / "mine", asked, elapsed=lambda: 14.0 + time.perf_counter() - begun)
     assert not (tmp_path / "mine").exists()
 
 

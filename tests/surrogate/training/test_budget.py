@@ -1,3 +1,4 @@
+import itertools
 from pathlib import Path
 
 import pytest
@@ -59,7 +60,7 @@ def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
 ) -> None:
     tried: list[int] = []
 
-    def pace(source: budget.Source, _: object) -> Pace:
+    def pace(source: budget.Source, *_: object) -> Pace:
         tried.append(source.settings.gaussians)
         return Pace(1e-5 * source.settings.gaussians, (), 0.02, 0.001)
 
@@ -79,7 +80,7 @@ def test_members_that_look_alike_get_more_gaussians_in_more_time(
 ) -> None:
     tried: list[int] = []
 
-    def pace(source: budget.Source, _: object) -> Pace:
+    def pace(source: budget.Source, *_: object) -> Pace:
         tried.append(source.settings.gaussians)
         return Pace(1e-5 * source.settings.gaussians, (), 0.02, 0.001)
 
@@ -92,8 +93,11 @@ def test_members_that_look_alike_get_more_gaussians_in_more_time(
     assert settings.gaussians == pytest.approx(worth, rel=0.2)  # what the steps that are left are worth
 
 
-def test_speed_is_measured_on_a_few_images(tmp_path: Path) -> None:
+def test_speed_is_measured_on_a_few_images_by_the_clock_of_the_budget(tmp_path: Path) -> None:
     source = budget.Source(budget.TrainingSettings(gaussians=30), make_catalog(tmp_path, "blobs"))
+    ticks = itertools.count()
+    ticking = budget.measure_pace(source, budget._rows(source), lambda: 0.5 * next(ticks))
+    assert (ticking.step, ticking.draw, ticking.load) == (0.5, 0.5 / 6, 0.5 / 6)
     pace = budget.measure_pace(source, budget._rows(source))
     assert 0.0 < pace.draw < 1.0
     assert 0.0 < pace.step < 1.0

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from catalogs.cameras import Camera
 from surrogate.explore.exporting.ply import SH_C0, SH_C2, ply_bytes
-from surrogate.gaussians import SH_C1, Normalization
+from surrogate.gaussians import Normalization
 from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians
 from surrogate.splatting import render
+from surrogate.splatting.directional import SH_C1
 from tests.support.surrogates import some_surrogate
 
 plyfile = pytest.importorskip("plyfile")

@@ -1,0 +1,70 @@
+"""Colours of Gaussians that depend linearly on the direction they are seen in: by the C++ kernel, and by its twin.
+
+Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering", section 2.1: colours in real spherical harmonics,
+here of degrees 0 and 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+import native
+from surrogate.derivatives import require_no_second_derivative
+from surrogate.splatting.threads import cores
+
+SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
+
+
+def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threads: int | None = None) -> Tensor:
+    """Colours (N, 3), not clamped, of N Gaussians as seen from `position` (3,); differentiable by means and coefficients.
+
+    At the very place of a mean there is no direction, and the constant coefficient is the colour.  On a CPU in float32 the kernel
+    does it, else `directional_colors_reference`, and also where a gradient by `position` is asked for.
+
+    Parameters
+    ----------
+    means : (N, 3).
+    colors : (N, 12), coefficients of 3 channels each: the constant one, and those of degree 1, by y, z, x.
+    """
+    if position.requires_grad or not all(t.is_cpu and t.dtype == torch.float32 for t in (means, colors)):
+        return directional_colors_reference(means, colors, position)
+    place, count = tuple(position.tolist()), cores() if threads is None else threads
+    if torch.is_grad_enabled():
+        found: Tensor = _Directional.apply(place, count, means, colors)
+        return found
+    return _seen(place, count, means, colors)
+
+
+def _seen(place: tuple[float, ...], threads: int, means: Tensor, colors: Tensor) -> Tensor:
+    return torch.from_numpy(native.directional_colors(means.detach().numpy(), colors.detach().numpy(), place, threads))
+
+
+class _Directional(torch.autograd.Function):
+    """`_seen` with its derivatives by means and coefficients."""
+
+    @staticmethod
+    def forward(ctx: Any, place: tuple[float, ...], threads: int, means: Tensor, colors: Tensor) -> Tensor:
+        ctx.place, ctx.threads = place, threads
+        ctx.save_for_backward(means, colors)
+        return _seen(place, threads, means, colors)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative("directional_colors", "directional_colors_reference")
+        means, colors = (tensor.detach().numpy() for tensor in ctx.saved_tensors)
+        found = native.directional_colors_gradient(means, colors, ctx.place, gradients[0].numpy(), ctx.threads)
+        return None, None, *(torch.from_numpy(array) for array in found)
+
+
+def directional_colors_reference(means: Tensor, colors: Tensor, position: Tensor) -> Tensor:
+    """The same in plain torch, on any device and in any float dtype: the definition that the kernel is tested against."""
+    rays = means - position  # [N, 3]
+    nowhere = (rays == 0.0).all(dim=1, keepdim=True)  # [N, 1]
+    lengths = torch.where(nowhere, 1.0, rays.norm(dim=1, keepdim=True))  # [N, 1]
+    directions = torch.where(nowhere, 0.0, rays / lengths)  # [N, 3]
+    x, y, z = (SH_C1 * directions).split(1, dim=1)  # [N, 1] each
+    constant, by_y, by_z, by_x = colors.split(3, dim=1)  # [N, 3] each
+    return constant - y * by_y + z * by_z - x * by_x
