@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from catalogs.appearance import Appearance, ImportedImages, Isosurface, TransferFunction, VolumeRendering
 from surrogate.settings import TrainingSettings
 from surrogate.training import budget
 from surrogate.training.budget import Budget, Pace, Worth, budgeted
@@ -102,6 +103,26 @@ def test_speed_is_measured_on_a_few_images_by_the_clock_of_the_budget(tmp_path: 
     assert 0.0 < pace.draw < 1.0
     assert 0.0 < pace.step < 1.0
     assert (pace.varied, pace.mean_step) == ((), pace.step)
+
+
+FUNCTION = TransferFunction(((0.0, 1.0, 1.0, 1.0), (1.0, 0.0, 0.0, 0.0)), ((0.0, 0.0), (1.0, 1.0)), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("shown", "asked", "degree"),
+    [
+        (ImportedImages("drawn"), "auto", 1),
+        (Isosurface("surface", 0.5), "auto", 1),
+        (VolumeRendering("lit", FUNCTION, shaded=True), "auto", 1),
+        (VolumeRendering("unlit", FUNCTION), "auto", "auto"),
+        (ImportedImages("drawn"), 0, 0),
+    ],
+    ids=lambda value: getattr(value, "name", str(value)),
+)
+def test_colours_that_may_depend_on_the_direction_are_planned_for(
+    shown: Appearance, asked: int | str, degree: int | str
+) -> None:
+    assert budget._slowest(TrainingSettings(color_degree=asked), shown).color_degree == degree
 
 
 @pytest.mark.parametrize(
