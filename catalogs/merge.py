@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +21,11 @@ from catalogs import durable
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogError, CatalogPlan, Member
 from catalogs.description import DESCRIPTION
-from catalogs.images import read_stored
 from catalogs.journal import key_of
 from catalogs.members import read_record
 from catalogs.missing import missing_members, report_missing
-from catalogs.transfer import add_members, place, summary_of
+from catalogs.pictures import pack_of, stored_picture
+from catalogs.transfer import add_members, pictures_of, place_pictures, summary_of
 from catalogs.words import shortened
 
 Progress = Callable[[str, int, int], None]
@@ -65,10 +65,7 @@ def merge(
     _refuse_repeated([into, *given])
     known = [Catalog.open(into)] if (into / DESCRIPTION).exists() else []
     catalogs = [*known, *map(Catalog.open, given)]
-    for packed in (catalog for catalog in catalogs if catalog.plan.packed):
-        raise CatalogError(
-            f"{packed.path} is packed: merge the catalogs that were packed, or `catalogs unpack` it first"
-        )
+    _refuse_mixed_layouts(catalogs)
     for other in catalogs[1:]:
         _refuse_other_plan(catalogs[0], other)
     wanted, same = _wanted(catalogs, len(known), progress)
@@ -77,8 +74,7 @@ def merge(
 
     def fill(source: Catalog, member: Member, folder: Path) -> None:
         nonlocal copied
-        for path in _pictures(source, member):
-            copied += place(path, folder / path.relative_to(member.path))
+        copied += place_pictures(source, member, folder)
 
     add_members(target, wanted, fill, lambda done, total: progress("merging", done, total))
     _tell_missing(target, catalogs)
@@ -135,6 +131,15 @@ def _refuse_repeated(paths: Sequence[Path]) -> None:
         )
 
 
+def _refuse_mixed_layouts(catalogs: Sequence[Catalog]) -> None:
+    packed = [catalog for catalog in catalogs if catalog.plan.packed]
+    if packed and len(packed) < len(catalogs):
+        other = next(catalog for catalog in catalogs if not catalog.plan.packed)
+        raise CatalogError(
+            f"{packed[0].path} is packed and {other.path} is not: `catalogs unpack` the one, or `catalogs pack` the other, first"
+        )
+
+
 def _refuse_other_plan(first: Catalog, other: Catalog) -> None:
     differing = plan_disagreements(first.plan, other.plan)
     if differing:
@@ -185,8 +190,7 @@ def _difference(one: Catalog, first: Member, other: Catalog, second: Member) -> 
         return "cameras"
     for appearance in first.appearances:
         for view in range(len(first.cameras)):
-            paths = one.image_path(first, appearance, view), other.image_path(second, appearance, view)
-            if not _same_picture(*paths):
+            if not _same_picture(one, first, other, second, appearance, view):
                 return f"the picture {one.plan.image_name(appearance, view)}"
     return ""
 
@@ -195,25 +199,27 @@ def _records(cameras: Sequence[Camera]) -> list[Any]:
     return [camera.to_json() for camera in cameras]
 
 
-def _same_picture(one: Path, other: Path) -> bool:
-    if os.path.samefile(one, other) or durable.read(one) == durable.read(other):
+def _same_picture(one: Catalog, first: Member, other: Catalog, second: Member, appearance: str, view: int) -> bool:
+    paths = one.image_path(first, appearance, view), other.image_path(second, appearance, view)
+    if os.path.samefile(*paths):
         return True
-    first, second = read_stored(one), read_stored(other)
-    return first.dtype == second.dtype and np.array_equal(first, second)
-
-
-def _pictures(catalog: Catalog, member: Member) -> Iterator[Path]:
-    return (catalog.image_path(member, a, view) for a in member.appearances for view in range(len(member.cameras)))
+    if not one.plan.packed and durable.read(paths[0]) == durable.read(paths[1]):
+        return True
+    pixels = [stored_picture(member, c.plan, appearance, view) for c, member in ((one, first), (other, second))]
+    return pixels[0].dtype == pixels[1].dtype and np.array_equal(*pixels)
 
 
 def _refuse_incomplete(catalog: Catalog, member: Member) -> None:
     """Raise CatalogError for a picture that is not there, and for links, which could lead out of the catalog."""
-    folders = dict.fromkeys([member.path, *(path.parent for path in _pictures(catalog, member))])
-    for path in [*folders, *_pictures(catalog, member), *summary_of(member)]:
+    pictures = pictures_of(catalog, member)
+    folders = dict.fromkeys([member.path, *(path.parent for path in pictures)])
+    for path in [*folders, *pictures, *summary_of(member)]:
         belongs = stat.S_ISDIR if path in folders else stat.S_ISREG
         if not path.exists() or not belongs(path.lstat().st_mode):
             problem = "is a link or no file" if path.exists() else "is missing"
             raise CatalogError(f"nothing was merged: {path} {problem}: `catalogs check {catalog.path}` tells more")
+    if catalog.plan.packed:
+        _ = pack_of(member)  # says what is wrong with its index
 
 
 def _tell_missing(target: Catalog, catalogs: Sequence[Catalog]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from catalogs.images import ImageError, in_memory, read_image
+from catalogs.images import ImageError, in_memory, read_image, read_stored
 from catalogs.members import Member
 from catalogs.packed import PACK, Pack, PackError, open_pack
 from catalogs.plan import CatalogPlan
@@ -30,6 +30,13 @@ def read_picture(
     if rgba.shape[:2] != (camera.height, camera.width):
         raise ImageError(f"{path} is {rgba.shape[0]}x{rgba.shape[1]}, its camera {camera.height}x{camera.width}")
     return rgba
+
+
+def stored_picture(member: Member, plan: CatalogPlan, appearance: str, view: int) -> NDArray[Any]:
+    """One of the member's pictures as it is stored, [H, W, C]; raises ImageError or PackError where it is absent or damaged."""
+    if plan.packed:
+        return pack_of(member).pixels(number_of(member, appearance, view))
+    return read_stored(member.path / plan.image_name(appearance, view))
 
 
 def picture_size(member: Member, plan: CatalogPlan, appearance: str, view: int) -> int:

@@ -21,7 +21,7 @@ from catalogs.catalog import Catalog, CatalogError, Member
 from catalogs.description import DESCRIPTION
 from catalogs.members import read_record
 from catalogs.table import MEMBERS, TABLE, member_names
-from catalogs.transfer import add_members, place
+from catalogs.transfer import add_members, place_pictures
 
 Progress = Callable[[int, int], None]
 SHARDS = "shards"
@@ -77,7 +77,7 @@ def split(
         there = set(member_names(made.path))
         wanted = [(given, name) for name in shard.members if name not in there]
         before = done + len(shard.members) - len(wanted)
-        add_members(made, wanted, _fill, lambda count, _, before=before: progress(before + count, total))  # type: ignore[misc]
+        add_members(made, wanted, place_pictures, lambda count, _, before=before: progress(before + count, total))  # type: ignore[misc]
         done += len(shard.members)
     durable.replace(target / TABLE, cinema.format_rows([header, *map(_row, shards)]).encode())
     return shards
@@ -126,9 +126,3 @@ def _refuse_others(target: Path, shards: Sequence[Shard]) -> None:
     for path in found:
         if path not in planned or not planned[path].issuperset(member_names(path)):
             raise CatalogError(f"{path} is no shard of this catalog as it is split now: choose a new folder")
-
-
-def _fill(source: Catalog, member: Member, folder: Path) -> None:
-    paths = (source.image_path(member, a, view) for a in member.appearances for view in range(len(member.cameras)))
-    for path in dict.fromkeys(paths):
-        place(path, folder / path.relative_to(member.path))

@@ -13,7 +13,7 @@ from catalogs.members import SUMMARY, write_record
 
 AT_ONCE = 256  # members in a commit
 
-Fill = Callable[[Catalog, Member, Path], None]
+Fill = Callable[[Catalog, Member, Path], object]
 
 
 def add_members(
@@ -47,6 +47,17 @@ def summary_of(member: Member) -> list[Path]:
     """The member's file of summaries, if there is one."""
     path = member.path / SUMMARY
     return [path] if path.is_file() else []
+
+
+def pictures_of(catalog: Catalog, member: Member) -> list[Path]:
+    """The files of a member's pictures, each once: one for each, or one for all."""
+    paths = (catalog.image_path(member, a, view) for a in member.appearances for view in range(len(member.cameras)))
+    return list(dict.fromkeys(paths))
+
+
+def place_pictures(catalog: Catalog, member: Member, folder: Path) -> int:
+    """Give a member's picture files a further place in `folder`, see `place`; returns how many were copied."""
+    return sum(place(path, folder / path.relative_to(member.path)) for path in pictures_of(catalog, member))
 
 
 def place(source: Path, target: Path) -> bool:

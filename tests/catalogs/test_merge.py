@@ -23,6 +23,8 @@ from catalogs.check import check
 from catalogs.cli import main
 from catalogs.merge import Merged, merge
 from catalogs.missing import report_missing
+from catalogs.packed import PACK, PackError
+from catalogs.packing import pack
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.plan import CatalogError
 from catalogs.quantity import Quantity
@@ -321,3 +323,47 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert result.exit_code == 1
     assert ".cdb" in result.output
     assert "Traceback" not in result.output
+
+
+def small_pack(path: Path, members: dict[str, float], **options: Any) -> Catalog:
+    """The same packed."""
+    source = small(path.with_suffix(".unpacked.cdb"), members, **options)
+    pack(source.path, path)
+    return Catalog.open(path)
+
+
+def test_packed_catalogs_become_one_without_further_space(tmp_path: Path) -> None:
+    one = small_pack(tmp_path / "one.cdb", {"b": 120.0, "d": 140.0})
+    two = small_pack(tmp_path / "two.cdb", {"c": 130.0, "d": 140.0}, split="test")
+    with pytest.raises(CatalogError, match="differ in split"):
+        merge(tmp_path / "all.cdb", [one.path, two.path])
+    three = small_pack(tmp_path / "three.cdb", {"c": 130.0, "d": 140.0})
+    assert merge(tmp_path / "all.cdb", [one.path, three.path]) == Merged(added=3, same=1, copied=0)
+    assert check(tmp_path / "all.cdb") == []
+    whole = small_pack(tmp_path / "whole.cdb", {"b": 120.0, "c": 130.0, "d": 140.0})
+    assert contents(tmp_path / "all.cdb") == contents(whole.path)
+    assert (tmp_path / "all.cdb/members/b" / PACK).samefile(one.path / "members/b" / PACK)
+    assert merge(tmp_path / "all.cdb", [three.path]) == Merged(added=0, same=2, copied=0)
+
+
+@pytest.mark.parametrize("harm", ["gone", "cut", "link"])
+def test_nothing_is_merged_with_a_pack_that_is_damaged(tmp_path: Path, harm: str) -> None:
+    one = small_pack(tmp_path / "one.cdb", {"b": 120.0})
+    two = small_pack(tmp_path / "two.cdb", {"c": 130.0})
+    damaged = two.path / "members/c" / PACK
+    data = damaged.read_bytes()
+    damaged.unlink()
+    if harm == "cut":
+        damaged.write_bytes(data[:100])
+    elif harm == "link":
+        damaged.symlink_to(one.path / "members/b" / PACK)
+    with pytest.raises((CatalogError, PackError), match=str(damaged)):
+        merge(tmp_path / "all.cdb", [one.path, two.path])
+    assert not (tmp_path / "all.cdb").exists()
+
+
+def test_packs_of_equal_parameters_but_other_pictures_are_told(tmp_path: Path) -> None:
+    one = small_pack(tmp_path / "one.cdb", {"b": 120.0})
+    two = small_pack(tmp_path / "two.cdb", {"b": 120.0}, seed=7)
+    with pytest.raises(CatalogError, match="nothing was merged: b of .*two.cdb and b of .*one.cdb differ in the picture"):
+        merge(tmp_path / "all.cdb", [one.path, two.path])

@@ -78,6 +78,8 @@ def test_packed_catalogs_are_split_too(whole: Catalog, tmp_path: Path) -> None:
     split(tmp_path / "packed.cdb", tmp_path / "split.cdb", rows=2 * ROWS)
     assert check(tmp_path / "split.cdb/shards/shard-1.cdb") == []
     assert Catalog.open(tmp_path / "split.cdb/shards/shard-1.cdb").image("a", "iso", 1).any()
+    merge(tmp_path / "again.cdb", sorted((tmp_path / "split.cdb/shards").glob("*.cdb")))
+    assert contents(tmp_path / "again.cdb") == contents(tmp_path / "packed.cdb")
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=12)
