@@ -1,5 +1,5 @@
 """C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values,
-opacities along rays, colours by direction, steps of Adam.
+opacities along rays, colours by direction and light, steps of Adam.
 
 No torch or logic.  The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are
 copied); the same input gives bitwise the same output for any number of threads.
@@ -50,6 +50,11 @@ copied); the same input gives bitwise the same output for any number of threads.
             -> colours (N, 3) as seen from a position (3,), of means (N, 3) and coefficients (N, 12)
     directional_colors_gradient(means, colors, position, by_seen, threads, instruction_set="")
             -> gradients by means and coefficients, from those by the colours that are seen (N, 3)
+    lit_colors(means, normals, light, position, threads, instruction_set="")
+            -> colours (N, 3) as seen from a position (3,), of means (N, 3) on surfaces of normals (N, 3)
+            light: red, green, blue, ambient, diffuse, specular, specular power, as `surrogate.lighting.Lighting` has them
+    lit_colors_gradient(means, normals, light, position, by_colors, threads, instruction_set="")
+            -> gradients by means and normals, from those by the colours (N, 3)
     step_rows(tensor, gradient, first, second, steps, rate, instruction_set="")
             changes tensor, both moments, of one shape (N, ...), and steps (N,) in place, where a row of the gradient is not zero
     instruction_sets() -> names, the best of this machine first; "" stands for what the environment variable
@@ -80,6 +85,8 @@ __all__ = [
     "forward",
     "image_loss",
     "instruction_sets",
+    "lit_colors",
+    "lit_colors_gradient",
     "ray_opacities",
     "ray_opacities_gradient",
     "step_rows",

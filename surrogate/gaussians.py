@@ -136,7 +136,7 @@ class Gaussians:
     def colors_from(self, position: Tensor, *, threads: int | None = None) -> Tensor:
         """Colours (N, 3) as seen from `position` (3,), in the Gaussians' coordinates; not clamped."""
         if self.lighting is not None:
-            return self.lighting.colors(self.colors, torch.nn.functional.normalize(self.means - position, dim=1))
+            return self.lighting.colors_from(self.means, self.colors, position, threads=threads)
         if self.color_degree == 0:
             return self.colors
         return directional_colors(self.means, self.colors, position, threads=threads)

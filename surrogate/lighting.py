@@ -11,8 +11,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+import native
 from catalogs.appearance import Appearance, Isosurface
 from catalogs.numbers import finite, fraction, row
+from surrogate.derivatives import require_no_second_derivative
+from surrogate.splatting.directional import directions
+from surrogate.splatting.threads import cores
 
 STRENGTHS = ("ambient", "diffuse", "specular", "specular_power")
 LEAST_FACING = 1e-6  # below which a power of it need not have a finite derivative
@@ -71,9 +75,56 @@ class Lighting:
         shade = (self.ambient + self.diffuse * facing) * color + self.specular * facing**self.specular_power  # [N, 3]
         return shade.clamp(max=1.0)
 
+    def colors_from(self, means: Tensor, normals: Tensor, position: Tensor, *, threads: int | None = None) -> Tensor:
+        """`colors` (N, 3) at `means` (N, 3) as seen from `position` (3,), where only ambient light is at the very place.
+
+        Differentiable by means and normals.  On a CPU in float32 the kernel does it, else `colors`, and also where a gradient by
+        `position` is asked for.
+        """
+        if position.requires_grad or not all(t.is_cpu and t.dtype == torch.float32 for t in (means, normals)):
+            return self.colors(normals, directions(means, position))
+        place = tuple(position.tolist()), cores() if threads is None else threads
+        if torch.is_grad_enabled():
+            found: Tensor = _Lit.apply(self, place, means, normals)
+            return found
+        return _lit(self, place, means, normals)
+
     def explains(self, pixels: NDArray[np.floating]) -> bool:
         """Whether opaque `pixels` (M, 3) in [0, 1] are such as this light leaves on the surface; not where there are none."""
         facing = torch.linspace(0.0, 1.0, 128)[:, None]  # [128, 1]
         shades = self.colors(facing, torch.ones_like(facing)).numpy()  # [128, 3]
         nearest = np.abs(pixels[:, None] - shades).max(axis=2).min(axis=1)  # [M]
         return len(pixels) > 0 and bool(np.mean(nearest <= CLOSE) >= MOSTLY)
+
+
+_Place = tuple[tuple[float, ...], int]  # where a surface is seen from, and how many threads look
+
+
+def _lit(lighting: Lighting, place: _Place, means: Tensor, normals: Tensor) -> Tensor:
+    """`Lighting.colors_from` by the kernel."""
+    return torch.from_numpy(
+        native.lit_colors(means.detach().numpy(), normals.detach().numpy(), _light(lighting), *place)
+    )
+
+
+def _light(lighting: Lighting) -> tuple[float, ...]:
+    return *lighting.color, *(getattr(lighting, name) for name in STRENGTHS)
+
+
+class _Lit(torch.autograd.Function):
+    """`_lit` with its derivatives by means and normals."""
+
+    @staticmethod
+    def forward(ctx: Any, lighting: Lighting, place: _Place, means: Tensor, normals: Tensor) -> Tensor:
+        ctx.lighting, ctx.place = lighting, place
+        ctx.save_for_backward(means, normals)
+        return _lit(lighting, place, means, normals)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative("Lighting.colors_from", "Lighting.colors")
+        means, normals = (tensor.detach().numpy() for tensor in ctx.saved_tensors)
+        position, threads = ctx.place
+        upstream = gradients[0].numpy()
+        found = native.lit_colors_gradient(means, normals, _light(ctx.lighting), position, upstream, threads)
+        return None, None, *(torch.from_numpy(array) for array in found)

@@ -24,8 +24,10 @@ namespace {
 #include "transfer.inc"
 #include "averages.inc"
 #include "blending.inc"
+#include "bearings.inc"
 #include "rays.inc"
 #include "directional.inc"
+#include "lit.inc"
 #include "row_steps.inc"
 
 }  // namespace
@@ -54,6 +56,8 @@ extern const Kernels GS_KERNELS = {
     ray_opacities_backward,
     directional_colors,
     directional_colors_backward,
+    lit_colors,
+    lit_colors_backward,
     step_rows,
 };
 

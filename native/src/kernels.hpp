@@ -209,6 +209,15 @@ struct Directional {
     double position[3];
 };
 
+// Gaussians on surfaces, see lit.inc: means and normals [count, 3], the light, and where they are seen from.
+struct Lit {
+    const float* means;
+    const float* normals;
+    double position[3];
+    float color[3];
+    float ambient, diffuse, specular, power;
+};
+
 // Places sorted into the cells of a grid around them: x varies fastest, and one cell's places follow another's.  kWidest more
 // numbers may be read behind the last place.
 struct PlaceGrid {
@@ -287,6 +296,9 @@ struct Kernels {
     void (*directional_colors)(const Directional&, int64_t first, int64_t last, float* colors);
     void (*directional_colors_backward)(const Directional&, int64_t first, int64_t last, const float* upstream, float* by_means,
                                         float* by_colors);
+    // The colours [.., 3] of Gaussians [first, last) on lit surfaces, and the derivatives by means and normals, see lit.inc.
+    void (*lit_colors)(const Lit&, int64_t first, int64_t last, float* colors);
+    void (*lit_colors_backward)(const Lit&, int64_t first, int64_t last, const float* upstream, float* by_means, float* by_normals);
     // A step of Adam for the rows that have a gradient, see row_steps.inc.
     void (*step_rows)(const RowStep&);
 };

@@ -109,6 +109,46 @@ std::tuple<Output, Output> bound_colors_gradient(Input means, Input colors, cons
     return made;
 }
 
+using Light = std::array<float, 7>;  // red, green, blue, ambient, diffuse, specular, power
+
+Lit lit_of(const Input& means, const Input& normals, const Light& light, const std::array<double, 3>& position) {
+    require(means.ndim() == 2, "means must have shape [N, 3], got " + shape_of(means));
+    require_shape(means, "means", {means.shape(0), 3});
+    require_shape(normals, "normals", {means.shape(0), 3});
+    Lit lit{means.data(), normals.data(), {}, {}, light[3], light[4], light[5], light[6]};
+    std::copy(position.begin(), position.end(), lit.position);
+    std::copy_n(light.begin(), 3, lit.color);
+    return lit;
+}
+
+Output bound_lit(Input means, Input normals, const Light& light, const std::array<double, 3>& position, int threads,
+                 const std::string& instruction_set) {
+    const Lit lit = lit_of(means, normals, light, position);
+    const Kernels& kernels = kernels_named(instruction_set);
+    const size_t count = means.shape(0);
+    Output made = unset_array({count, 3});
+    float* colors = made.data();
+    nb::gil_scoped_release released;
+    in_parts(int64_t(count), threads, [&](int64_t first, int64_t last) { kernels.lit_colors(lit, first, last, colors); });
+    return made;
+}
+
+std::tuple<Output, Output> bound_lit_gradient(Input means, Input normals, const Light& light, const std::array<double, 3>& position,
+                                              Input by_colors, int threads, const std::string& instruction_set) {
+    const Lit lit = lit_of(means, normals, light, position);
+    const size_t count = means.shape(0);
+    require_shape(by_colors, "by_colors", {count, 3});
+    const Kernels& kernels = kernels_named(instruction_set);
+    std::tuple<Output, Output> made{unset_array({count, 3}), unset_array({count, 3})};
+    float *by_means = std::get<0>(made).data(), *by_normals = std::get<1>(made).data();
+    const float* upstream = by_colors.data();
+    nb::gil_scoped_release released;
+    in_parts(int64_t(count), threads, [&](int64_t first, int64_t last) {
+        kernels.lit_colors_backward(lit, first, last, upstream, by_means, by_normals);
+    });
+    return made;
+}
+
 }  // namespace
 
 void bind_rays(nb::module_& m) {
@@ -119,6 +159,9 @@ void bind_rays(nb::module_& m) {
           "threads"_a, "instruction_set"_a = "");
     m.def("directional_colors", &bound_colors, "means"_a, "colors"_a, "position"_a, "threads"_a, "instruction_set"_a = "");
     m.def("directional_colors_gradient", &bound_colors_gradient, "means"_a, "colors"_a, "position"_a, "by_seen"_a, "threads"_a,
+          "instruction_set"_a = "");
+    m.def("lit_colors", &bound_lit, "means"_a, "normals"_a, "light"_a, "position"_a, "threads"_a, "instruction_set"_a = "");
+    m.def("lit_colors_gradient", &bound_lit_gradient, "means"_a, "normals"_a, "light"_a, "position"_a, "by_colors"_a, "threads"_a,
           "instruction_set"_a = "");
 }
 

@@ -61,10 +61,14 @@ class _Directional(torch.autograd.Function):
 
 def directional_colors_reference(means: Tensor, colors: Tensor, position: Tensor) -> Tensor:
     """The same in plain torch, on any device and in any float dtype: the definition that the kernel is tested against."""
+    x, y, z = (SH_C1 * directions(means, position)).split(1, dim=1)  # [N, 1] each
+    constant, by_y, by_z, by_x = colors.split(3, dim=1)  # [N, 3] each
+    return constant - y * by_y + z * by_z - x * by_x
+
+
+def directions(means: Tensor, position: Tensor) -> Tensor:
+    """Unit vectors (N, 3) from `position` (3,) to `means` (N, 3), zero at the very place, in plain torch."""
     rays = means - position  # [N, 3]
     nowhere = (rays == 0.0).all(dim=1, keepdim=True)  # [N, 1]
     lengths = torch.where(nowhere, 1.0, rays.norm(dim=1, keepdim=True))  # [N, 1]
-    directions = torch.where(nowhere, 0.0, rays / lengths)  # [N, 3]
-    x, y, z = (SH_C1 * directions).split(1, dim=1)  # [N, 1] each
-    constant, by_y, by_z, by_x = colors.split(3, dim=1)  # [N, 3] each
-    return constant - y * by_y + z * by_z - x * by_x
+    return torch.where(nowhere, 0.0, rays / lengths)

@@ -225,7 +225,7 @@ def _in_time(
 
 
 def _slowest(settings: TrainingSettings, shown: Appearance) -> TrainingSettings:
-    """With colours that depend on the direction, which take longer, where that is found out later and the catalog doesn't rule it out.
+    """With colours that depend on the direction, which take longer, where only training finds out whether they do.
 
     Foreign pictures of nyx took 354 of 300 seconds when steps were planned without.
     """

@@ -365,5 +365,7 @@ def test_nothing_is_merged_with_a_pack_that_is_damaged(tmp_path: Path, harm: str
 def test_packs_of_equal_parameters_but_other_pictures_are_told(tmp_path: Path) -> None:
     one = small_pack(tmp_path / "one.cdb", {"b": 120.0})
     two = small_pack(tmp_path / "two.cdb", {"b": 120.0}, seed=7)
-    with pytest.raises(CatalogError, match="nothing was merged: b of .*two.cdb and b of .*one.cdb differ in the picture"):
+    with pytest.raises(
+        CatalogError, match=r"nothing was merged: b of .*two\.cdb and b of .*one\.cdb differ in the picture"
+    ):
         merge(tmp_path / "all.cdb", [one.path, two.path])

@@ -115,11 +115,13 @@ def test_commands_read_it_as_the_folder(catalog: Catalog, packed: Catalog, tmp_p
     assert packed._repr_html_().count("<img") == catalog._repr_html_().count("<img") > 0
 
 
-def test_it_takes_no_members_and_is_merged_with_packed_ones_alone(catalog: Catalog, packed: Catalog, tmp_path: Path) -> None:
+def test_it_takes_no_members_and_is_merged_with_packed_ones_alone(
+    catalog: Catalog, packed: Catalog, tmp_path: Path
+) -> None:
     with pytest.raises(CatalogError, match="is packed"):
         add_member(packed, "third", 150.0)
     for pair in ((catalog.path, packed.path), (packed.path, catalog.path)):
-        with pytest.raises(CatalogError, match="packed.cdb is packed and .* is not: `catalogs unpack`"):
+        with pytest.raises(CatalogError, match=r"packed\.cdb is packed and .* is not: `catalogs unpack`"):
             merge(tmp_path / "all.cdb", pair)
     with pytest.raises(CatalogError, match="packed already"):
         pack(packed.path, tmp_path / "twice.cdb")

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 import torch
 
+import native
 from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
 from surrogate import Surrogate
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
+from surrogate.splatting.directional import directions
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, ISOVALUE
+from tests.support.kernel_calls import recorded
 from tests.support.visualizations import base, of_isovalue, surrogate
 
 GOLD = Isosurface("gold", 2.0, (0.95, 0.72, 0.35))
@@ -123,3 +126,103 @@ def test_a_model_whose_own_gaussians_do_not_fit_is_refused() -> None:
     broken = surrogate(fitted, own)
     with pytest.raises(ValueError, match="latents must have a row for each of 3 Gaussians"):
         Surrogate.of_bytes(*broken._stored().contents())
+
+
+POSITION = torch.tensor([0.4, -3.0, 1.2])
+POWERS = [0.0, 0.5, 1.0, 20.0, 300.0]
+
+
+def surfaces(count: int, seed: int = 0, longest: float = 1.2) -> tuple[torch.Tensor, torch.Tensor]:
+    """Means and normals (N, 3), some longer than 1."""
+    random = np.random.default_rng(seed)
+    normals = random.normal(size=(count, 3))
+    normals *= random.uniform(0.0, longest, (count, 1)) / np.linalg.norm(normals, axis=1, keepdims=True)
+    return torch.from_numpy(random.uniform(-1.0, 1.0, (count, 3))).float(), torch.from_numpy(normals).float()
+
+
+def lit_gradients(lighting: Lighting, tensors: tuple[torch.Tensor, ...], upstream: torch.Tensor) -> list[torch.Tensor]:
+    leaves = [tensor.clone().requires_grad_() for tensor in tensors]
+    found = lighting.colors_from(*leaves, POSITION.to(leaves[0].dtype))
+    return list(torch.autograd.grad((found * upstream.to(found)).sum(), leaves))
+
+
+@pytest.mark.parametrize("power", POWERS)
+@pytest.mark.parametrize("longest", [1e-7, 0.9, 1.2])
+def test_the_kernel_is_the_definition(power: float, longest: float) -> None:
+    """In its last digits, which a power of f multiplies; aside from the kinks, where either slope is one."""
+    lighting, tensors = Lighting((0.95, 0.7, 0.3), 0.15, 0.75, 0.4, power), surfaces(4000, longest=longest)
+    doubles = tuple(tensor.double() for tensor in tensors)
+    found = lighting.colors_from(*tensors, POSITION).double()
+    wanted = lighting.colors_from(*doubles, POSITION.double())
+    digits = 1e-6 * max(1.0, power)
+    assert (found - wanted).abs().max() < digits
+    facing = (doubles[1] * directions(doubles[0], POSITION.double())).sum(dim=1).abs()
+    free = (
+        ((facing - 1.0).abs() > 1e-5) & ((facing / 1e-6 - 1.0).abs() > 1e-4) & ((wanted - 1.0).abs() > 1e-5).all(dim=1)
+    )
+    assert free.double().mean() > 0.5
+    upstream = torch.randn(found.shape, generator=torch.Generator().manual_seed(1)) * free[:, None]
+    for mine, exact in zip(
+        lit_gradients(lighting, tensors, upstream), lit_gradients(lighting, doubles, upstream), strict=True
+    ):
+        largest = exact.abs().amax(dim=1, keepdim=True)  # [N, 1]
+        assert ((mine.double() - exact).abs() <= 10.0 * digits * (largest + 1e-2)).all()
+
+
+@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("count", [0, 1, 7, 65, 2000])
+def test_every_instruction_set_has_the_same_and_threads_change_no_bit(instruction_set: str, count: int) -> None:
+    given = (
+        *(tensor.numpy() for tensor in surfaces(count, longest=0.99)),
+        (0.9, 0.7, 0.3, 0.1, 0.5, 0.1, 20.0),
+        POSITION.tolist(),
+    )
+    upstream = np.linspace(-1.0, 1.0, 3 * count, dtype=np.float32).reshape(count, 3)
+
+    def made(threads: int, name: str) -> list[np.ndarray]:
+        return [native.lit_colors(*given, threads, name), *native.lit_colors_gradient(*given, upstream, threads, name)]
+
+    alone, best = made(1, instruction_set), made(1, "")
+    assert [a.shape for a in alone] == [(count, 3)] * 3
+    for mine, other, shared in zip(alone, best, made(3, instruction_set), strict=True):
+        np.testing.assert_array_equal(mine, shared)
+        np.testing.assert_allclose(mine, other, rtol=1e-4, atol=1e-5)
+
+
+def test_at_the_very_place_it_is_as_dark_as_one_that_faces_away() -> None:
+    for dtype in (torch.float32, torch.float64):
+        means, normals = (tensor.to(dtype).requires_grad_() for tensor in surfaces(3))
+        lighting = Lighting((0.9, 0.7, 0.3), 0.2, 0.7, 0.2, 20.0)
+        found = lighting.colors_from(means, normals, means[1].detach())
+        torch.testing.assert_close(found[1], 0.2 * torch.tensor([0.9, 0.7, 0.3], dtype=dtype), atol=1e-5, rtol=0.0)
+        for by in torch.autograd.grad(found[1].sum(), (means, normals)):
+            assert not by.any()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize("attribute", range(2))
+def test_what_is_not_finite_stays_in_its_row(attribute: int, number: float) -> None:
+    lighting, tensors = Lighting((0.9, 0.7, 0.3), 0.1, 0.5, 0.1, 20.0), surfaces(40)
+    clean = lighting.colors_from(*tensors, POSITION)
+    tensors[attribute][4, 0] = number
+    found = lighting.colors_from(*tensors, POSITION)
+    assert torch.equal(torch.cat([found[:4], found[5:]]), torch.cat([clean[:4], clean[5:]]))
+    wanted = lighting.colors_from(*(t.double() for t in tensors), POSITION.double())
+    torch.testing.assert_close(found[4].double(), wanted[4], rtol=1e-5, atol=1e-6, equal_nan=True)
+
+
+def test_only_where_it_can_the_kernel_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = recorded(monkeypatch, "lit_colors", "lit_colors_gradient")
+    lighting, tensors, upstream = Lighting((0.9, 0.7, 0.3), 0.1, 0.5, 0.1, 20.0), surfaces(5), torch.ones(5, 3)
+    with torch.no_grad():
+        lighting.colors_from(*tensors, POSITION)
+    lit_gradients(lighting, tensors, upstream)
+    assert calls == ["lit_colors", "lit_colors", "lit_colors_gradient"]
+    lit_gradients(lighting, tuple(t.double() for t in tensors), upstream)
+    lighting.colors_from(*tensors, POSITION.clone().requires_grad_())
+    assert len(calls) == 3
+    leaf = tensors[0].requires_grad_()
+    with pytest.raises(RuntimeError, match=r"differentiated once only.*apply `Lighting.colors`"):
+        torch.autograd.grad(lighting.colors_from(leaf, tensors[1], POSITION).sum(), leaf, create_graph=True)
+    with pytest.raises(ValueError, match=r"normals must have shape \[5, 3\]"):
+        native.lit_colors(np.zeros((5, 3), np.float32), np.zeros((4, 3), np.float32), (0.5,) * 7, (0.0,) * 3, 1)
