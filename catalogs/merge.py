@@ -205,8 +205,9 @@ def _same_picture(one: Catalog, first: Member, other: Catalog, second: Member, a
         return True
     if not one.plan.packed and durable.read(paths[0]) == durable.read(paths[1]):
         return True
-    pixels = [stored_picture(member, c.plan, appearance, view) for c, member in ((one, first), (other, second))]
-    return pixels[0].dtype == pixels[1].dtype and np.array_equal(*pixels)
+    mine = stored_picture(first, one.plan, appearance, view)
+    theirs = stored_picture(second, other.plan, appearance, view)
+    return mine.dtype == theirs.dtype and np.array_equal(mine, theirs)
 
 
 def _refuse_incomplete(catalog: Catalog, member: Member) -> None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs import cinema, durable
-from catalogs.catalog import Catalog, CatalogError, Member
+from catalogs.catalog import Catalog, CatalogError
 from catalogs.description import DESCRIPTION
 from catalogs.members import read_record
 from catalogs.table import MEMBERS, TABLE, member_names
