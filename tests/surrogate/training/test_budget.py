@@ -88,10 +88,26 @@ def test_members_that_look_alike_get_more_gaussians_in_more_time(
     monkeypatch.setattr(budget, "measure_pace", pace)
     monkeypatch.setattr(budget, "changing_share", lambda *_: changing)
     settings, chosen = budgeted({}, make_catalog(tmp_path, "blobs"), Budget(minutes=10.0))
-    assert tried == ([2_000, settings.gaussians] if grown else [2_000])
+    assert tried == ([2_000, settings.gaussians, settings.gaussians] if grown else [2_000, 2_000])
     assert (settings.gaussians > 3_000) == grown
     worth = Worth(2_000**2 / budget.PER_PIXEL, 6, changing).gaussians(chosen["steps"])
     assert settings.gaussians == pytest.approx(worth, rel=0.2)  # what the steps that are left are worth
+
+
+@pytest.mark.parametrize(("minutes", "lasting"), [(0.5, [0.0]), (5.0, [0.0, 9.0]), (60.0, [0.0, 20.0])])
+def test_steps_are_planned_by_a_longer_look_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, minutes: float, lasting: list[float]
+) -> None:
+    looked: list[float] = []
+
+    def pace(source: budget.Source, rows: object, clock: object, seconds: float) -> Pace:
+        looked.append(seconds)
+        return Pace(0.012 if seconds else 0.010, (), 0.002, 0.0)
+
+    monkeypatch.setattr(budget, "measure_pace", pace)
+    _, chosen = budgeted({"gaussians": 2_000}, make_catalog(tmp_path, "blobs"), Budget(minutes=minutes))
+    assert looked == lasting
+    assert chosen["milliseconds_per_step"] == (12.0 if len(lasting) > 1 else 10.0)
 
 
 def test_speed_is_measured_on_a_few_images_by_the_clock_of_the_budget(tmp_path: Path) -> None:
