@@ -17,7 +17,7 @@ CONTESTANTS: dict[str, Contestant] = {
             LIGHT,
             "GS-Surrogate, light",
             "its field with fewer and narrower layers, trained as ours is: `deformation=paper`",
-            {"deformation": "paper", "field_precision": "bfloat16"},
+            {"deformation": "paper"},
             precision="bfloat16",
         ),
         Published(hexplane_gaussians.METHOD),

@@ -25,9 +25,9 @@ from surrogate.evaluation.tables import ALL_METRICS, means
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
-from surrogate.studies.baselines.method import Plan
+from surrogate.studies.baselines.method import Plan, Precision
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.contestants import Contestant, Session, Trained
+from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.methods import CONTESTANTS
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
@@ -109,8 +109,14 @@ class Study:
 
     def _is_missing(self, minutes: float, seed: int, contestant: Contestant) -> bool:
         """Whether there is no result without an error."""
-        known = find(self.records, self.wanted(contestant.name, minutes, seed))
-        return known is None or bool(known.error)
+        return self._known(contestant.name, minutes, seed) is None
+
+    def _known(self, method: str, minutes: float, seed: int) -> Result | None:
+        """The result without an error, in the precision of this machine or in the method's own, as another machine trained it."""
+        wanted = self.wanted(method, minutes, seed)
+        forms = dict.fromkeys([wanted.precision, self._preferred(method)])
+        found = (find(self.records, replace(wanted, precision=precision)) for precision in forms)
+        return next((result for result in found if result is not None and not result.error), None)
 
     def _trained(
         self, minutes: float, seed: int, contestant: Contestant, watch: StudyWatch | None = None, following: int = 0
@@ -133,9 +139,12 @@ class Study:
         return Result(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
 
     def plan_of(self, method: str) -> Plan:
-        """The size of all, in the method's own precision."""
+        """The size of all, in the method's own precision where this machine multiplies in it."""
+        return replace(self.plan, precision=precision_here(self._preferred(method), self.device))
+
+    def _preferred(self, method: str) -> Precision:
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
-        return replace(self.plan, precision=known[method].precision) if method in known else self.plan
+        return known[method].precision if method in known else self.plan.precision
 
     def _keep_trivial(self, tell: Callable[[Result], None]) -> None:
         wanted = self.wanted(TRIVIAL, 0.0, 0)
@@ -158,8 +167,8 @@ class Study:
         """At least one, or as many as published; as another made whose steps this one takes, none before that is known."""
         if not contestant.steps_of:
             return 1 if minutes != AS_PUBLISHED else contestant.official_steps
-        like = find(self.records, self.wanted(contestant.steps_of, minutes, seed))
-        return 0 if like is None or like.error else like.steps
+        like = self._known(contestant.steps_of, minutes, seed)
+        return 0 if like is None else like.steps
 
     @contextlib.contextmanager
     def _claimed(self, wanted: Result) -> Iterator[Path | None]:

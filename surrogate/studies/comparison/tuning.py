@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from surrogate.storage.records import Provenance, Record
-from surrogate.studies.baselines.method import Plan
+from surrogate.studies.baselines.method import Plan, Precision
 from surrogate.studies.comparison.contestants import Contestant, Report, Session, emptied, validation
 from surrogate.studies.comparison.task import Task
 
 KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # of the records of all scenes
 KEY = ("method", "size", "precision")
+PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 RATES = (0.1, 0.3, 1.0, 3.0, 10.0)
 SECONDS = 60.0
 
@@ -77,11 +78,13 @@ def save(records: Path, tuning: Tuning) -> None:
 
 
 def find(records: Path, method: str, plan: Plan) -> Tuning | None:
-    """What is kept of a method in this size and precision; None where nobody tuned it."""
-    key = {"method": method, "size": plan.size, "precision": plan.precision}
-    path = records / FOLDER / f"{method}.{plan.size}.{plan.precision}.json"
-    record = Record.load(path, KIND, VERSION, key)
-    return None if record is None else record.to(Tuning)
+    """What is kept of a method in this size, in this precision or else in the other; None where nobody tuned it."""
+    for precision in sorted(PRECISIONS, key=lambda each: each != plan.precision):
+        key = {"method": method, "size": plan.size, "precision": precision}
+        record = Record.load(records / FOLDER / f"{method}.{plan.size}.{precision}.json", KIND, VERSION, key)
+        if record is not None:
+            return record.to(Tuning)
+    return None
 
 
 def load(records: Path) -> list[Tuning]:

@@ -16,7 +16,7 @@ from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.contestants import OurSurrogate, Published, emptied
+from surrogate.studies.comparison.contestants import OurSurrogate, Published, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
@@ -103,6 +103,45 @@ def test_a_failure_is_kept_and_leaves_the_others(task: Task, tmp_path: Path) -> 
     found = find(mended.records, mended.wanted("broken", SECOND, 0))
     assert found is not None
     assert not found.error
+
+
+def narrow_machine(monkeypatch: pytest.MonkeyPatch, **capabilities: bool) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: capabilities, raising=False)
+
+
+def test_networks_are_narrow_where_the_machine_multiplies_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    narrow_machine(monkeypatch, avx512_f=True)
+    assert precision_here("bfloat16", "cpu") == "float32"
+    assert precision_here("bfloat16", "cuda") == "bfloat16"
+    narrow_machine(monkeypatch, avx512_bf16=True)
+    assert [precision_here(p, "cpu") for p in ("bfloat16", "float32")] == ["bfloat16", "float32"]
+    monkeypatch.delattr(torch.cpu, "get_capabilities")
+    assert precision_here("bfloat16", "cpu") == "float32"
+
+
+def test_what_a_machine_of_another_precision_trained_is_not_trained_again(
+    task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    method = Published(mean_method(), "bfloat16")
+    narrow_machine(monkeypatch, amx_bf16=True)
+    first = study(task, tmp_path, method)
+    first.run()
+    assert [r.precision for r in load(first.records) if r.method == "mean"] == ["bfloat16"]
+    narrow_machine(monkeypatch)
+    told: list[Result] = []
+    study(task, tmp_path, method, seeds=2).run(tell=told.append)
+    assert [(r.seed, r.precision) for r in told] == [(1, "float32")]
+
+
+def test_rates_of_one_precision_stand_for_the_other(tmp_path: Path) -> None:
+    narrow = tuning.Tuning("mean", "small", "bfloat16", "blobs", 60.0, {"0.1": 20.0, "1": 21.0})
+    tuning.save(tmp_path, narrow)
+    assert tuning.find(tmp_path, "mean", Plan(1, size="small", precision="float32")) == narrow
+    tuning.save(tmp_path, replace(narrow, precision="float32", decibels={"3": 22.0}))
+    assert [
+        tuning.find(tmp_path, "mean", Plan(1, size="small", precision=p)).rate for p in ("float32", "bfloat16")
+    ] == [3.0, 1.0]
+    assert tuning.find(tmp_path, "mean", Plan(1, size="official")) is None
 
 
 def test_what_another_process_trains_is_left_to_it(task: Task, tmp_path: Path) -> None:
