@@ -8,7 +8,7 @@ folders of results; without them those that are there stay.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from benchmarks.page import DOCS, command_line
@@ -17,27 +17,33 @@ from surrogate.evaluation.tables import NOTHING, document, number, table
 from surrogate.provenance import in_words
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.page import tables
+from surrogate.studies.comparison.page import SHORT_HEADER, in_short, tables
 from surrogate.studies.comparison.plots import curves, sheet
 from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, Result, load, terms
 
 PAGE = "comparison.md"
 TEXT = """\
-Every method learns from the same pictures, members and views, over the same background, is judged by the same test images (24
-in each cell, drawn once) and the same metrics, and has the same **processor time on one core**: from the loading of the
-pictures to its last step. What is off the clock: looks at the eight validation images of the curves; how long a step takes,
-which decides how many are planned, for published methods (ours finds out on the clock); and the Gaussians that hold still,
-which GS-Surrogate and 4DGS-HD start from. Pictures with more than 128 pixels a side are averaged down to that, for all. Every
-schedule of a method is stretched or pressed to the steps that fit; *of the published* says how many of its published steps
-these are: a method with a few per cent of them is **starved**, and its row says what it is after so long on a processor, not
-what it can do on a GPU. The rates of published methods are multiplied by what did best in five trainings of a minute, on one
-scene, at validation images; ours are as they are. What does best there need not do so elsewhere: with its published rates ViSNeRF
-reaches 22.1 dB in the last cell of `nyx`, with those chosen on `cloverleaf` 18.9 (`surrogate compare scenes/nyx.toml --methods
-visnerf --minutes 5` with an empty folder of `--records`). Bold is the best of a cell. Stored pictures that are mixed need to exist
-at the very view, which ours and the others do not."""
-SIZES = """A step of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as
-published. What was written anew from which paper or code, and where it differs, stands at the head of each
-file in [`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
+Every method learns from the same pictures, members and views, over the same background, and is judged by the same test
+images (24 in each cell, drawn once) and the same metrics. Bold is the best of a cell; whoever it is, it stands here.
+
+- **Equal time** is processor time on one core, from the loading of the pictures to the last step. Off the clock are looks at
+  the eight validation images of the curves, the Gaussians that hold still, which GS-Surrogate and 4DGS-HD start from, and,
+  for published methods, how long a step takes, which decides how many are planned; ours finds that out on the clock.
+- **Starved** is a method that made a few per cent of its published steps (*of the published*): its row says what it is after
+  so long on a processor, not what it can do on a GPU. Every schedule is stretched or pressed to the steps that fit.
+- **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all. A step of published sizes takes
+  too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published. Networks of
+  GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
+- **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
+  images; ours are as they are. What does best there need not do so elsewhere: with its published rates ViSNeRF reaches 22.1
+  dB in the last cell of `nyx`, with those chosen on `cloverleaf` 18.9 (`surrogate compare scenes/nyx.toml --methods visnerf
+  --minutes 5` with an empty folder of `--records`).
+- **Stored pictures, mixed** are the best of the trivial predictors: they need a stored picture at the very view, which no
+  other row does, so they have none of novel views.
+
+What was written anew from which paper or code, and where it differs, stands at the head of each file in
+[`surrogate/studies/baselines`](../surrogate/studies/baselines)."""
+IN_SHORT = "PSNR (dB), means over seeds; all metrics, methods, sizes and times stand below."
 PUBLISHED = """Equal time on a processor says nothing about what a method can do. `surrogate compare scenes/SCENE.toml --published
 --device cuda --stop-after 9` trains all at their published sizes and for as many steps as were published, ours for as many as
 GS-Surrogate, in pieces of nine minutes; a checkpoint is kept between them."""
@@ -51,8 +57,9 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
     names, results = set(drawn), {scene: load(records / scene) for scene in scenes}
     return document(
         "# Beside published systems",
-        TEXT.replace("\n", " "),
-        SIZES.replace("\n", " "),
+        TEXT,
+        *_in_short(results),
+        "## Methods",
         table(("method", "published in", "steps there"), _who()),
         *(part for scene in scenes for part in _section(scene, results[scene], names)),
         *_published([result for of in results.values() for result in of]),
@@ -90,6 +97,11 @@ def main() -> None:
     there = [path.name for path in given.output.glob("comparison_*.png")]
     durable.replace(given.output / PAGE, page(given.records, scenes, there).encode())
     print(given.output / PAGE)
+
+
+def _in_short(results: Mapping[str, Sequence[Result]]) -> list[str]:
+    rows = [row for scene, of in results.items() for row in in_short(scene, of)]
+    return ["## In short", IN_SHORT, table(SHORT_HEADER, rows)] if rows else []
 
 
 def _who() -> list[list[str]]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
-from surrogate.studies.comparison.methods import CONTESTANTS
+from surrogate.studies.comparison.methods import CONTESTANTS, OURS
 from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, terms
 from surrogate.studies.comparison.trivial import best_of
 
@@ -36,6 +36,33 @@ def leaders(results: Sequence[Result], on: Terms) -> dict[str, str]:
         if scores:
             found[cell] = max(scores, key=lambda name: scores[name])
     return found
+
+
+SHORT_HEADER = ("scene", "time", "images", "this surrogate", "best published method", "stored pictures, mixed")
+
+
+def in_short(scene: str, results: Sequence[Result]) -> list[list[str]]:
+    """A row of `SHORT_HEADER` for each of the terms and each cell: PSNR (dB) of ours, of the best published method and of mixtures.
+
+    Cells of which one of the former is missing are left out.
+    """
+    rows = []
+    for on in terms(results):
+        for cell in cell_names(results):
+            scores = _means(results, on, cell)
+            published = {name: psnr for name, psnr in scores.items() if CONTESTANTS[name].official_steps}
+            if OURS not in scores or not published:
+                continue
+            best, mixed = max(published, key=lambda name: published[name]), _trivial(results, cell)
+            texts = {
+                OURS: f"{scores[OURS]:.2f}",
+                best: f"{published[best]:.2f} ({CONTESTANTS[best].title})",
+                TRIVIAL: NOTHING if mixed is None else f"{mixed[1]:.2f}",
+            }
+            known = {OURS: scores[OURS], best: published[best]} | ({} if mixed is None else {TRIVIAL: mixed[1]})
+            leader = max(known, key=lambda name: known[name])
+            rows.append([f"`{scene}`", str(on), cell, *(_bold(text, name == leader) for name, text in texts.items())])
+    return rows
 
 
 def _table(results: Sequence[Result], on: Terms) -> str:

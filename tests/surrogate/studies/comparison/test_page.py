@@ -10,7 +10,7 @@ import pytest
 
 from catalogs.images import write_image
 from surrogate.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
-from surrogate.studies.comparison.page import cell_names, leaders, tables
+from surrogate.studies.comparison.page import cell_names, in_short, leaders, tables
 from surrogate.studies.comparison.plots import curves, sheet
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Terms, load, save
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
@@ -46,6 +46,15 @@ def test_the_best_of_a_cell_is_bold() -> None:
     assert table["K-Planes (hybrid)"][:2] == ["**31.50**", "**31.50**"]
     assert table["stored pictures, mixed"][:2] == ["–", "28.00 (linear interpolation)"]
     assert leaders(found, FIVE) == {"novel views": "k-planes", "both": "k-planes"}
+
+
+def test_in_short_ours_stands_beside_the_best_published_one_and_mixtures() -> None:
+    found = [result(OURS, 0, 30.0), result(OURS, 1, 32.0), result("k-planes", 0, 31.5), result("visnerf", 0, 20.0)]
+    found += [trivial(40.0), result(LIGHT, 0, 50.0), result("visnerf", 0, 33.0, 30.0)]
+    assert in_short("blobs", found) == [
+        ["`blobs`", "5 min", "novel views", "31.00", "**31.50 (K-Planes (hybrid))**", "–"],
+        ["`blobs`", "5 min", "both", "31.00", "31.50 (K-Planes (hybrid))", "**40.00**"],
+    ]
 
 
 def test_stored_pictures_may_lead() -> None:
