@@ -129,7 +129,7 @@ def test_two_follow_visualization_parameters_as_one_does(tmp_path: Path, carried
 
 @pytest.mark.slow
 def test_larger_batches_differ_by_the_order_of_their_sums_alone(catalog: Catalog, tmp_path: Path) -> None:
-    settings = PLAIN.changed(batch=5)
+    settings = PLAIN.changed(batch=5, deformation_steps=8)  # Adam magnifies rounding where gradients nearly cancel
     two = trained_by_two(settings, catalog, tmp_path / "two")
     one = train(settings, catalog, tmp_path / "one")
     for camera in Blobs().cameras()[:2]:
