@@ -14,8 +14,8 @@ from torch import Tensor
 import native
 from catalogs.appearance import Appearance, Isosurface
 from catalogs.numbers import finite, fraction, row
-from surrogate.derivatives import require_no_second_derivative
 from surrogate.splatting.directional import directions
+from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.threads import cores
 
 STRENGTHS = ("ambient", "diffuse", "specular", "specular_power")
@@ -81,13 +81,17 @@ class Lighting:
         Differentiable by means and normals.  On a CPU in float32 the kernel does it, else `colors`, and also where a gradient by
         `position` is asked for.
         """
-        if position.requires_grad or not all(t.is_cpu and t.dtype == torch.float32 for t in (means, normals)):
+        if not kernel_takes(position, means, normals):
             return self.colors(normals, directions(means, position))
+        light = *self.color, *(getattr(self, name) for name in STRENGTHS)
         place = tuple(position.tolist()), cores() if threads is None else threads
-        if torch.is_grad_enabled():
-            found: Tensor = _Lit.apply(self, place, means, normals)
-            return found
-        return _lit(self, place, means, normals)
+        kernel = KernelFunction(
+            lambda arrays: native.lit_colors(*arrays, light, *place),
+            lambda arrays, upstream: native.lit_colors_gradient(*arrays, light, place[0], upstream, place[1]),
+            "Lighting.colors_from",
+            "Lighting.colors",
+        )
+        return kernel(means, normals)
 
     def explains(self, pixels: NDArray[np.floating]) -> bool:
         """Whether opaque `pixels` (M, 3) in [0, 1] are such as this light leaves on the surface; not where there are none."""
@@ -95,36 +99,3 @@ class Lighting:
         shades = self.colors(facing, torch.ones_like(facing)).numpy()  # [128, 3]
         nearest = np.abs(pixels[:, None] - shades).max(axis=2).min(axis=1)  # [M]
         return len(pixels) > 0 and bool(np.mean(nearest <= CLOSE) >= MOSTLY)
-
-
-_Place = tuple[tuple[float, ...], int]  # where a surface is seen from, and how many threads look
-
-
-def _lit(lighting: Lighting, place: _Place, means: Tensor, normals: Tensor) -> Tensor:
-    """`Lighting.colors_from` by the kernel."""
-    return torch.from_numpy(
-        native.lit_colors(means.detach().numpy(), normals.detach().numpy(), _light(lighting), *place)
-    )
-
-
-def _light(lighting: Lighting) -> tuple[float, ...]:
-    return *lighting.color, *(getattr(lighting, name) for name in STRENGTHS)
-
-
-class _Lit(torch.autograd.Function):
-    """`_lit` with its derivatives by means and normals."""
-
-    @staticmethod
-    def forward(ctx: Any, lighting: Lighting, place: _Place, means: Tensor, normals: Tensor) -> Tensor:
-        ctx.lighting, ctx.place = lighting, place
-        ctx.save_for_backward(means, normals)
-        return _lit(lighting, place, means, normals)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        require_no_second_derivative("Lighting.colors_from", "Lighting.colors")
-        means, normals = (tensor.detach().numpy() for tensor in ctx.saved_tensors)
-        position, threads = ctx.place
-        upstream = gradients[0].numpy()
-        found = native.lit_colors_gradient(means, normals, _light(ctx.lighting), position, upstream, threads)
-        return None, None, *(torch.from_numpy(array) for array in found)

@@ -8,16 +8,11 @@ from its side: one opacity for all directions would be right for balls only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
-
 import torch
 from torch import Tensor
 
 import native
-from catalogs.words import one_line
-from surrogate.derivatives import require_no_second_derivative
+from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.reference import rotations
 from surrogate.splatting.rendering import Constants
 from surrogate.splatting.threads import cores
@@ -49,46 +44,17 @@ def opacities_along_rays(
     opacity_logits : (N,).
     """
     tensors = (means, log_scales, quats, opacity_logits)
-    if position.requires_grad or not all(t.is_cpu and t.dtype == torch.float32 for t in tensors):
+    if not kernel_takes(position, *tensors):
         return opacities_along_rays_reference(*tensors, position)
-    place = _Place(tuple(position.tolist()), cores() if threads is None else threads)
-    return _AlongRays.apply(place, *tensors) if torch.is_grad_enabled() else _opacities(place, tensors)
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Where Gaussians are seen from, and how many threads look."""
-
-    position: tuple[float, ...]
-    threads: int
-
-    __repr__ = one_line
-
-
-def _opacities(place: _Place, tensors: Sequence[Tensor]) -> Tensor:
-    """Opacities (N,) by the kernel."""
-    return torch.from_numpy(native.ray_opacities(*_arguments(place, tensors), place.threads))
-
-
-def _arguments(place: _Place, tensors: Sequence[Tensor]) -> tuple[Any, ...]:
-    return [tensor.detach().numpy() for tensor in tensors], place.position, Constants.shortest_quaternion
-
-
-class _AlongRays(torch.autograd.Function):
-    """`_opacities` with its derivatives by the four tensors."""
-
-    @staticmethod
-    def forward(ctx: Any, *inputs: Any) -> Tensor:
-        ctx.place, *tensors = inputs
-        ctx.save_for_backward(*tensors)
-        return _opacities(ctx.place, tensors)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        require_no_second_derivative("opacities_along_rays", "opacities_along_rays_reference")
-        arguments = _arguments(ctx.place, ctx.saved_tensors)
-        found = native.ray_opacities_gradient(*arguments, gradients[0].numpy(), ctx.place.threads)
-        return None, *(torch.from_numpy(array) for array in found)
+    place = tuple(position.tolist()), Constants.shortest_quaternion
+    count = cores() if threads is None else threads
+    kernel = KernelFunction(
+        lambda arrays: native.ray_opacities(arrays, *place, count),
+        lambda arrays, upstream: native.ray_opacities_gradient(arrays, *place, upstream, count),
+        "opacities_along_rays",
+        "opacities_along_rays_reference",
+    )
+    return kernel(*tensors)
 
 
 def opacities_along_rays_reference(

@@ -6,13 +6,11 @@ here of degrees 0 and 1.
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from torch import Tensor
 
 import native
-from surrogate.derivatives import require_no_second_derivative
+from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.threads import cores
 
 SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical harmonics of degree 1
@@ -29,34 +27,16 @@ def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threa
     means : (N, 3).
     colors : (N, 12), coefficients of 3 channels each: the constant one, and those of degree 1, by y, z, x.
     """
-    if position.requires_grad or not all(t.is_cpu and t.dtype == torch.float32 for t in (means, colors)):
+    if not kernel_takes(position, means, colors):
         return directional_colors_reference(means, colors, position)
-    place, count = tuple(position.tolist()), cores() if threads is None else threads
-    if torch.is_grad_enabled():
-        found: Tensor = _Directional.apply(place, count, means, colors)
-        return found
-    return _seen(place, count, means, colors)
-
-
-def _seen(place: tuple[float, ...], threads: int, means: Tensor, colors: Tensor) -> Tensor:
-    return torch.from_numpy(native.directional_colors(means.detach().numpy(), colors.detach().numpy(), place, threads))
-
-
-class _Directional(torch.autograd.Function):
-    """`_seen` with its derivatives by means and coefficients."""
-
-    @staticmethod
-    def forward(ctx: Any, place: tuple[float, ...], threads: int, means: Tensor, colors: Tensor) -> Tensor:
-        ctx.place, ctx.threads = place, threads
-        ctx.save_for_backward(means, colors)
-        return _seen(place, threads, means, colors)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        require_no_second_derivative("directional_colors", "directional_colors_reference")
-        means, colors = (tensor.detach().numpy() for tensor in ctx.saved_tensors)
-        found = native.directional_colors_gradient(means, colors, ctx.place, gradients[0].numpy(), ctx.threads)
-        return None, None, *(torch.from_numpy(array) for array in found)
+    place = tuple(position.tolist()), cores() if threads is None else threads
+    kernel = KernelFunction(
+        lambda arrays: native.directional_colors(*arrays, *place),
+        lambda arrays, upstream: native.directional_colors_gradient(*arrays, place[0], upstream, place[1]),
+        "directional_colors",
+        "directional_colors_reference",
+    )
+    return kernel(means, colors)
 
 
 def directional_colors_reference(means: Tensor, colors: Tensor, position: Tensor) -> Tensor:

@@ -1,0 +1,66 @@
+"""A C++ kernel and the kernel of its gradient as one function that torch differentiates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from catalogs.words import one_line
+from surrogate.derivatives import require_no_second_derivative
+
+Arrays = Sequence[NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KernelFunction:
+    """Of several tensors, on a CPU in float32.
+
+    Attributes
+    ----------
+    forward : the result of the tensors' arrays.
+    gradient : the gradients by them, from the arrays and that by the result.
+    name, reference : of the function, and of its twin, which has second derivatives.
+    """
+
+    forward: Callable[[Arrays], NDArray[Any]]
+    gradient: Callable[[Arrays, NDArray[Any]], Arrays]
+    name: str
+    reference: str
+
+    __repr__ = one_line
+
+    def __call__(self, *tensors: Tensor) -> Tensor:
+        """The result, differentiable once where gradients are wanted."""
+        if torch.is_grad_enabled():
+            found: Tensor = _Differentiable.apply(self, *tensors)
+            return found
+        return self.of(tensors)
+
+    def of(self, tensors: Sequence[Tensor]) -> Tensor:
+        """The result alone."""
+        return torch.from_numpy(self.forward([tensor.detach().numpy() for tensor in tensors]))
+
+
+class _Differentiable(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, function: KernelFunction, *tensors: Tensor) -> Tensor:
+        ctx.function = function
+        ctx.save_for_backward(*tensors)
+        return function.of(tensors)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        require_no_second_derivative(ctx.function.name, ctx.function.reference)
+        arrays = [tensor.detach().numpy() for tensor in ctx.saved_tensors]
+        found = ctx.function.gradient(arrays, gradients[0].numpy())
+        return None, *(torch.from_numpy(array) for array in found)
+
+
+def kernel_takes(position: Tensor, *tensors: Tensor) -> bool:
+    """Whether kernels can look at the tensors from `position` (3,): on a CPU in float32, with no gradient by the position."""
+    return not position.requires_grad and all(t.is_cpu and t.dtype == torch.float32 for t in tensors)
