@@ -62,8 +62,7 @@ Clock = Callable[[], float]  # seconds since something
 
 # How the speed is measured
 SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
-# Of the time, and seconds at most, in which it is measured in the end.  On a machine that others used too, medians over a second
-# lay between 0.91 and 1.42 of that over a minute, medians over nine seconds between 0.97 and 1.05.
+# Of the time, and seconds at most, in which it is measured in the end: one second says little on a machine that others use too.
 MEASURED_SHARE, MOST_MEASURED = 0.03, 20.0
 
 

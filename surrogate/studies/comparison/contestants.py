@@ -124,7 +124,7 @@ class Contestant(Protocol):
 def precision_here(preferred: Precision, device: str) -> Precision:
     """The preferred precision, or float32 on a processor that does not multiply in bfloat16.
 
-    Where torch emulates it, a wide layer and its gradient took eight and fifty times as long as in float32.
+    Torch emulates it there, and takes longer than in float32.
     """
     known: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
     multiplies = device != "cpu" or any(known.get(name) for name in ("avx512_bf16", "amx_bf16", "bf16"))
