@@ -86,10 +86,10 @@ class Lighting:
         light = *self.color, *(getattr(self, name) for name in STRENGTHS)
         place = tuple(position.tolist()), cores() if threads is None else threads
         kernel = KernelFunction(
-            lambda arrays: native.lit_colors(*arrays, light, *place),
-            lambda arrays, upstream: native.lit_colors_gradient(*arrays, light, place[0], upstream, place[1]),
             "Lighting.colors_from",
             "Lighting.colors",
+            lambda arrays: native.lit_colors(*arrays, light, *place),
+            lambda arrays, upstream: native.lit_colors_gradient(*arrays, light, place[0], upstream, place[1]),
         )
         return kernel(means, normals)
 

@@ -49,10 +49,10 @@ def opacities_along_rays(
     place = tuple(position.tolist()), Constants.shortest_quaternion
     count = cores() if threads is None else threads
     kernel = KernelFunction(
-        lambda arrays: native.ray_opacities(arrays, *place, count),
-        lambda arrays, upstream: native.ray_opacities_gradient(arrays, *place, upstream, count),
         "opacities_along_rays",
         "opacities_along_rays_reference",
+        lambda arrays: native.ray_opacities(arrays, *place, count),
+        lambda arrays, upstream: native.ray_opacities_gradient(arrays, *place, upstream, count),
     )
     return kernel(*tensors)
 

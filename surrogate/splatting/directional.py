@@ -31,10 +31,10 @@ def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threa
         return directional_colors_reference(means, colors, position)
     place = tuple(position.tolist()), cores() if threads is None else threads
     kernel = KernelFunction(
-        lambda arrays: native.directional_colors(*arrays, *place),
-        lambda arrays, upstream: native.directional_colors_gradient(*arrays, place[0], upstream, place[1]),
         "directional_colors",
         "directional_colors_reference",
+        lambda arrays: native.directional_colors(*arrays, *place),
+        lambda arrays, upstream: native.directional_colors_gradient(*arrays, place[0], upstream, place[1]),
     )
     return kernel(means, colors)
 

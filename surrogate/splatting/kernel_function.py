@@ -22,15 +22,15 @@ class KernelFunction:
 
     Attributes
     ----------
+    name, reference : of the function, and of its twin, which has second derivatives.
     forward : the result of the tensors' arrays.
     gradient : the gradients by them, from the arrays and that by the result.
-    name, reference : of the function, and of its twin, which has second derivatives.
     """
 
-    forward: Callable[[Arrays], NDArray[Any]]
-    gradient: Callable[[Arrays, NDArray[Any]], Arrays]
     name: str
     reference: str
+    forward: Callable[[Arrays], NDArray[Any]]
+    gradient: Callable[[Arrays, NDArray[Any]], Arrays]
 
     __repr__ = one_line
 

@@ -24,6 +24,7 @@ from surrogate.model.places import place_of
 from surrogate.rasterizer import primitives
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import Constants, draw, reference
+from surrogate.splatting.kernel_function import KernelFunction
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.storage.encoding import encode
 from surrogate.storage.models import StoredModel
@@ -62,6 +63,7 @@ SHOWN: list[tuple[Any, str]] = [
     (Constants(), "Constants(near=0.02"),
     (DRAWN, "Primitives(means[30, 3]"),
     (draw(DRAWN, CAMERA, Constants()), "Rendering(color[20, 24, 3], alpha[20, 24], depth=None)"),
+    (KernelFunction("sum", "twin", sum, lambda arrays, by: (by, by)), "KernelFunction(name='sum', reference='twin'"),
     (reference.project(DRAWN, CAMERA, Constants()), "Splats(centers["),
     (Points(np.zeros((7, 3)), None), "Points(places[7, 3], colors=None, values=None)"),
     (POINTS, "<FieldPoints: 7 of 1 members, 7 of them evenly>"),
