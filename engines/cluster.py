@@ -74,7 +74,8 @@ class Cluster:
     ) -> None:
         """As `Engine.run`; a task whose worker dies is run on another one, up to the scheduler's `allowed-failures`.
 
-        What workers are at when this is left with an error, they finish, and `say` is told; tasks report nothing until they end.
+        What workers are at when this is left with an error, they go on with until they ask `stop_requested`, and `say` is told
+        which tasks these are; tasks report nothing until they end.
         Without any worker it waits for one.  Raises EngineError where the scheduler is lost.
         """
         from distributed import as_completed
@@ -107,7 +108,7 @@ class Cluster:
                     self._take_back(running)
 
     def _take_back(self, running: Mapping[Any, str]) -> None:
-        """Cancel what has not begun, and say what goes on."""
+        """Cancel everything, and say what had begun."""
         found = self.client.run(executing, on_error="ignore")
         begun = {key for keys in found.values() for key in keys}
         self.client.cancel(list(running), force=True)
@@ -115,10 +116,7 @@ class Cluster:
         if at_work:
             others = len(running) - len(at_work)
             taken_back = f"; {others} that had not begun were taken back" if others else ""
-            self.say(
-                f"workers end what they are at, and keep what comes of it: {shortened(at_work, 5)}{taken_back}. To stop them "
-                "too, end the workers"
-            )
+            self.say(f"workers stop, where that leaves nothing half-done, {shortened(at_work, 5)}{taken_back}")
 
     def _submitted(self, name: str, task: Task) -> Any:
         prepared = Prepared(task, software(), os.getcwd(), threads_here)

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from catalogs.scene import PlannedMember
+from engines.stopping import StopRequested
 from insitu.field_cache import load_field
-from insitu.workers import Report, StopRequested, send
+from insitu.workers import Report, send
 
 TIME = "time"  # the parameter by which members are dumps of one run
 

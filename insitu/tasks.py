@@ -10,6 +10,7 @@ from pathlib import Path
 
 from catalogs.catalog import Catalog
 from catalogs.scene import PlannedMember
+from engines.stopping import StopRequested
 from insitu.dumps import Dump, FieldSource, Run, dumps_of, identity_of, record_of
 from insitu.existing import Existing
 from insitu.field_cache import save_field
@@ -18,7 +19,7 @@ from insitu.hook import Session
 from insitu.planning import Pilot, PlanOptions, measure_pilot
 from insitu.rendered import RenderedMember
 from insitu.request import TIMES
-from insitu.workers import Report, StopRequested, send
+from insitu.workers import Report, send
 
 STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
 

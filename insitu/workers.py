@@ -17,13 +17,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from engines.engine import ONE_THREAD, TICK_SECONDS
+from engines.stopping import StopRequested, stop_requested
 
 KILLED = "its worker process was killed, twice; if memory ran out, take fewer workers"
 GRACE_SECONDS = 10.0
-
-
-class StopRequested(Exception):
-    """The ensemble was interrupted; raised in a worker at its next report so that it leaves nothing behind."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +45,10 @@ _idle.set()
 def send(report: Report) -> None:
     """Pass `report` to the process that runs the ensemble; raises StopRequested where that was interrupted.
 
-    Does nothing in the workers of another engine.
+    In the workers of another engine nobody is told.
     """
+    if stop_requested():
+        raise StopRequested
     if _parent is not None:
         reports, stop = _parent
         if stop.is_set():

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.progress import Rate, joined, per_second, time_left
+from engines.stopping import StopRequested, stop_requested
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.ranks import ALONE, Ranks
@@ -61,9 +62,8 @@ ProgressReport = Callable[[TrainingProgress], None]
 class Interruption:
     """Ctrl-C and SIGTERM as a request to stop, which training follows where it is safe.
 
-    Within its `with` block the first SIGINT or SIGTERM only sets `requested`; a second one acts at once.
-
-    Outside the main thread, where Python delivers no signals, it changes nothing.
+    Within its `with` block the first SIGINT or SIGTERM only sets `requested`; a second one acts at once.  Outside the main thread
+    Python delivers no signals; on the worker of an engine, training is to stop when its task was taken back.
     """
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Interruption:
 
     @property
     def requested(self) -> bool:
-        return self.received is not None
+        return self.received is not None or stop_requested()
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
@@ -85,11 +85,13 @@ class Interruption:
         self._restore()
 
     def act(self) -> None:
-        """Do what the signal asked for: raise KeyboardInterrupt, or SystemExit with 128 + SIGTERM."""
+        """Do what was asked for: raise KeyboardInterrupt, SystemExit with 128 + SIGTERM, or StopRequested."""
         if self.received is signal.SIGINT:
             raise KeyboardInterrupt
         if self.received is signal.SIGTERM:
             raise SystemExit(128 + signal.SIGTERM)
+        if stop_requested():
+            raise StopRequested
 
     def join(self, received: Sequence[signal.Signals | None]) -> None:
         """Take what other processes `received` for received here, where nothing was."""

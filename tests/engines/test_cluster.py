@@ -126,9 +126,9 @@ def test_who_waits_for_a_worker_says_so_and_goes_on(tmp_path: Path, monkeypatch:
     assert said[1] == said[3] == "a worker has come: it goes on"
 
 
-def test_interrupted_it_says_what_workers_are_still_at(workers: LocalCluster, tmp_path: Path) -> None:
+def test_interrupted_it_stops_the_tasks_that_ask_and_says_which(workers: LocalCluster, tmp_path: Path) -> None:
     said: list[str] = []
-    tasks = {f"task {i}": partial(dask_tasks.noted, tmp_path, str(i), 1.5) for i in range(5)}
+    tasks = {f"task {i}": partial(dask_tasks.until_stopped, tmp_path, str(i)) for i in range(5)}
 
     def interrupt(reports: Iterable[Any]) -> None:
         if list(tmp_path.iterdir()):
@@ -136,9 +136,13 @@ def test_interrupted_it_says_what_workers_are_still_at(workers: LocalCluster, tm
 
     with opened(workers.address, say=said.append) as engine, pytest.raises(KeyboardInterrupt):
         engine.run(tasks, lambda *_: None, lambda *_: None, interrupt)
-    [begun] = tmp_path.iterdir()
-    assert len(said) == 1
-    assert f"keep what comes of it: task {begun.name}; 4 that had not begun were taken back" in said[0]
+    with opened(workers.address) as engine:
+        assert outcomes(engine, {"next": partial(dask_tasks.square, 3)})[0] == {"next": 9}
+    begun, stopped = sorted(path.name for path in tmp_path.iterdir())
+    assert stopped == f"{begun}.stopped"
+    assert said == [
+        f"workers stop, where that leaves nothing half-done, task {begun}; 4 that had not begun were taken back"
+    ]
 
 
 def test_a_file_that_a_worker_does_not_see_is_named(workers: LocalCluster, tmp_path: Path) -> None:

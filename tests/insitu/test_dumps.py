@@ -18,11 +18,11 @@ from catalogs.catalog import Catalog
 from catalogs.check import check
 from catalogs.parameters import Parameter, ParameterSpace
 from catalogs.scene import PlannedMember, ViewPlan
+from engines.stopping import StopRequested
 from insitu.dumps import Run, dumps_of, runs_of
 from insitu.ensemble import run_ensemble
 from insitu.field import Field
 from insitu.planning import PlanOptions
-from insitu.workers import StopRequested
 from tests.support.executors import AtOnce
 
 SPACE = ParameterSpace((Parameter("w", 0.0, 3.0), Parameter("t", 0.0, 4.0)))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from engines.stopping import stop_requested
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
 
@@ -59,7 +60,8 @@ class Place:
     ----------
     folder : of the checkpoint, which is replaced.
     identity : of method, pictures and plan: a checkpoint of another one is none.
-    until : `time.monotonic()` after which `keep` raises `OutOfTime`, once a checkpoint is written.
+    until : `time.monotonic()` after which `keep` raises `OutOfTime`, once a checkpoint is written; it does so too on the worker
+        of an engine that took the training back.
     every : seconds between checkpoints.
     """
 
@@ -76,7 +78,7 @@ class Place:
 
     def keep(self, fit: Fit, record: Mapping[str, Any]) -> None:
         """Write a checkpoint where it is time for one."""
-        ends = time.monotonic() >= self.until
+        ends = time.monotonic() >= self.until or stop_requested()
         if ends or time.monotonic() - self._last > self.every:
             Checkpoint(fit.state(), {**record, "identity": self.identity}).save(self.folder)
             self._last = time.monotonic()

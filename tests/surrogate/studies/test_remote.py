@@ -184,3 +184,25 @@ def test_an_ablation_is_as_here(make_catalog: MakeCatalog, tmp_path: Path) -> No
     study.run(engine=InTurn(), tell=told.append)
     assert len(told) == len(study.variants)
     study.run(engine=InTurn(), tell=partial(pytest.fail, "made again"))
+
+
+@pytest.mark.slow
+def test_a_training_on_a_cluster_that_is_interrupted_stops_after_a_checkpoint(
+    workers: LocalCluster, make_catalog: MakeCatalog, tmp_path: Path
+) -> None:
+    catalog = make_catalog(Blobs(count=3, size=16), members=MEMBERS)
+    long = SCENE.changed(deformation_steps=100_000, checkpoint_seconds=0.2)
+    checkpoint = tmp_path / "run" / CHECKPOINT
+
+    def interrupt(reports: Any) -> None:
+        if checkpoint.is_file():
+            raise KeyboardInterrupt
+
+    tasks = {"long": partial(train, long, catalog, tmp_path / "run")}
+    with opened(workers.address) as engine, pytest.raises(KeyboardInterrupt):
+        engine.run(tasks, lambda *_: None, lambda *_: None, interrupt)
+    with opened(workers.address) as engine:  # whose only worker trained
+        train_on(engine, {"next": partial(abs, -3)}, lambda result: None)
+    stopped = checkpoint.read_bytes()
+    time.sleep(0.5)
+    assert checkpoint.read_bytes() == stopped
