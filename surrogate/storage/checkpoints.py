@@ -86,8 +86,11 @@ def locked(directory: Path) -> Iterator[None]:
         yield
 
 
-def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
-    """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes."""
+def fingerprint(settings: TrainingSettings, catalog: Catalog, *, sizes: bool = True) -> str:
+    """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes.
+
+    Without `sizes` it is the same where the same scene was rendered on a processor of another kind, which rounds otherwise.
+    """
     plan = catalog.plan
     appearance = settings.appearance or plan.appearances[0].name
     learnt = [v for v in plan.variations if v.base == appearance and settings.steps.visualization]
@@ -99,7 +102,7 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
         "plan": {k: v for k, v in plan.to_json().items() if k not in NOT_LEARNT},
         "variations": [v.to_json() for v in learnt],
         "appearances": [appearance_to_json(a) for a in plan.appearances if a.name in set(shown)],
-        "members": [_identity(catalog, member, shown) for member in catalog.members],
+        "members": [_identity(catalog, member, shown if sizes else ()) for member in catalog.members],
     }
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 

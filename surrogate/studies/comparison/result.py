@@ -44,7 +44,7 @@ class Result:
     method : its name; "trivial" for mixtures of stored pictures.
     minutes : of processor time that it was given, of the wall's on a GPU; `AS_PUBLISHED`, and for mixtures, 0.
     size, precision : as `surrogate.studies.baselines.method.Plan` has them.
-    mark : of the catalog, the pictures and how they are judged.
+    mark : of the catalog, and of how methods are judged by its pictures.
     device : "cpu" or "cuda".
     threads : of torch, in the training of a published method.
     rate : the factor on the method's rates that tuning chose.
@@ -52,6 +52,7 @@ class Result:
     seconds : on the clock, of all cores together; of the wall on a GPU.
     megabytes : of what must be kept of it, 10^6 bytes.
     cells : means by name of the cell and metric, and how many "images" they are of; of mixtures by the rule's name before.
+    colors : of mixtures alone: the mean RGBA of each cell's test images, in [0, 1].
     curve : seconds and dB at validation images, by time.
     change_milliseconds, picture_milliseconds : medians, of a picture at other parameters and of another view.
     error : why there is no result; "" where there is one.
@@ -70,6 +71,7 @@ class Result:
     seconds: float = 0.0
     megabytes: float = 0.0
     cells: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    colors: Mapping[str, Sequence[float]] = field(default_factory=dict)
     curve: Sequence[Sequence[float]] = ()
     change_milliseconds: float | None = None
     picture_milliseconds: float | None = None

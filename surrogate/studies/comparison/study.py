@@ -13,6 +13,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from catalogs import durable
 from catalogs.images import encode_png, to_bytes
 from engines.engine import Engine
@@ -38,6 +40,7 @@ from surrogate.studies.remote import train_on
 
 FITS, SHARED, PICTURES, TRUTH = "fits", "shared", "pictures", "truth"  # in the folder of a comparison
 _One = tuple[float, int, Contestant]  # minutes and seed of a training
+SAME_COLOR = 1e-4  # of 1: far more than few pixels change a mean that another processor rounds otherwise
 SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that all methods' pictures are kept of
 
 
@@ -78,8 +81,9 @@ class Study:
         """Train and score what has no result yet; `tell` is given each once it is kept, failures included.
 
         An interruption loses the last minutes of a published method's training, and of ours the current one; what another process
-        does is left to it.  With an `engine` its workers train, which must see all folders.  Raises `OutOfTime` where it stops
-        before the end, and RuntimeError in the end where trainings could not be made on the engine.
+        does is left to it.  With an `engine` its workers train, which must see all folders.  Raises ValueError where the records
+        are of other pictures, `OutOfTime` where it stops before the end, and RuntimeError in the end where trainings could not be
+        made on the engine.
         """
         self._keep_trivial(tell)
         order = list(product(sorted(self.minutes), range(self.seeds), self.contestants))
@@ -148,14 +152,29 @@ class Study:
 
     def _keep_trivial(self, tell: Callable[[Result], None]) -> None:
         wanted = self.wanted(TRIVIAL, 0.0, 0)
-        if find(self.records, wanted) is None:
-            begun = time.process_time()
-            cells = trivial_cells(self.task, ALL_METRICS)
-            seconds = time.process_time() - begun
-            result = replace(wanted, cells=cells, seconds=seconds, provenance=Provenance.now(seconds))
-            save(self.records, result)
-            self._keep_truth()
-            tell(result)
+        known = find(self.records, wanted)
+        if known is not None:
+            self._require_same_pictures(known)
+            return
+        begun = time.process_time()
+        cells = trivial_cells(self.task, ALL_METRICS)
+        seconds = time.process_time() - begun
+        provenance, colors = Provenance.now(seconds), self.task.colors
+        result = replace(wanted, cells=cells, colors=colors, seconds=seconds, provenance=provenance)
+        save(self.records, result)
+        self._keep_truth()
+        tell(result)
+
+    def _require_same_pictures(self, known: Result) -> None:
+        """Raise ValueError where the records are of pictures that differ by more than rounding."""
+        for cell, color in self.task.colors.items():
+            kept = known.colors.get(cell, ())
+            if len(kept) != len(color) or not np.allclose(kept, color, rtol=0.0, atol=SAME_COLOR):
+                raise ValueError(
+                    f"the results in {self.records} are of other pictures than {self.task.catalog.path}: the mean color of the "
+                    f"test images of {cell!r} was {np.round(kept, 5).tolist()} and is {np.round(color, 5).tolist()}; render the "
+                    "scene as it was, or keep results elsewhere with --records"
+                )
 
     def _keep_truth(self) -> None:
         catalog = self.task.catalog

@@ -42,9 +42,16 @@ class Task:
 
     @cached_property
     def mark(self) -> str:
-        """Of the catalog, and of how methods are judged by it."""
+        """Of the catalog, wherever it was rendered, and of how methods are judged by it."""
         judged = f"{IMAGES} test images a cell, {WATCHED} validation images"
-        return f"{fingerprint(TrainingSettings(), self.catalog)}, {judged}"
+        return f"{fingerprint(TrainingSettings(), self.catalog, sizes=False)}, {judged}"
+
+    @cached_property
+    def colors(self) -> dict[str, list[float]]:
+        """The mean premultiplied RGBA of each cell's test images, in [0, 1]: what tells other pictures from other rounding."""
+        return {
+            name: np.mean([self._mean(case) for case in cases], axis=0).tolist() for name, cases in self.cells.items()
+        }
 
     @cached_property
     def source(self) -> Source:
@@ -112,6 +119,10 @@ class Task:
     def camera(self, case: Case) -> Camera:
         """Its camera in normalized coordinates."""
         return self.source.normalization.camera(case.camera)
+
+    def _mean(self, case: Case) -> np.ndarray:
+        """The mean RGBA (4,) of a test image."""
+        return self.catalog.image(case.member, case.appearance, case.view, dtype="float32").mean(axis=(0, 1))
 
     @property
     def _appearances(self) -> list[str]:

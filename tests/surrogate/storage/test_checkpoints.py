@@ -66,6 +66,14 @@ def test_the_fingerprint_sees_every_setting_and_member_but_not_the_clock(make_ca
     assert fingerprint(TrainingSettings(), make_catalog(name="same.cdb")) == mark
 
 
+def test_without_sizes_it_is_of_the_scene_and_not_of_its_pictures(make_catalog) -> None:
+    marks = [
+        fingerprint(TrainingSettings(), make_catalog(name=f"{number}.cdb", **options), sizes=False)
+        for number, options in enumerate([{}, {"blank": True}, {"background": (0.0, 0.0, 0.0)}])
+    ]
+    assert marks[0] == marks[1] != marks[2]
+
+
 def varied(path: Path, **options: Any) -> Catalog:
     return field_catalog(path, **{"members": (("train", 0.0),), "view_splits": ("train",) * 2, **options})
 

@@ -18,19 +18,20 @@ from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import OurSurrogate, Published, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
-from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load, save
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
 from tests.support.blobs import Blobs
 from tests.support.mean_pictures import mean_method
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
+SMALL = Blobs(count=3, size=16)
 SECOND = 0.2 / 60.0  # minutes
 
 
 @pytest.fixture
 def task(make_catalog) -> Task:
-    return Task.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
+    return Task.of(make_catalog(SMALL, members=MEMBERS))
 
 
 def study(task: Task, tmp_path: Path, *contestants: Published, **asked) -> Study:
@@ -57,6 +58,25 @@ def test_what_is_missing_is_made_once(task: Task, tmp_path: Path) -> None:
     study(task, tmp_path, *both, seeds=2).run(tell=told.append)
     assert told == []
     assert len(load(tmp_path / "records" / "blobs")) == 5
+
+
+def test_pictures_of_another_processor_are_the_same_and_others_are_not(make_catalog, tmp_path: Path) -> None:
+    made = study(Task.of(make_catalog(SMALL, members=MEMBERS)), tmp_path)
+    made.run()
+    [mixed] = [result for result in load(made.records) if result.method == TRIVIAL]
+    assert set(mixed.colors) == set(made.task.cells)
+    for change, is_same in ((5e-5, True), (5e-4, False)):
+        colors = {cell: [value + change for value in color] for cell, color in mixed.colors.items()}
+        save(made.records, replace(mixed, colors=colors))
+        if is_same:
+            made.run(tell=pytest.fail)
+        else:
+            with pytest.raises(ValueError, match=r"are of other pictures than .*: the mean color of .* was .* and is"):
+                made.run()
+    save(made.records, mixed)
+    blank = Task.of(make_catalog(SMALL, members=MEMBERS, blank=True, name="blank.cdb"))
+    with pytest.raises(ValueError, match=r"are of other pictures than .*blank\.cdb: .* or keep results elsewhere with"):
+        study(blank, tmp_path).run()
 
 
 def test_published_methods_train_on_as_many_threads_as_are_asked_for(task: Task, tmp_path: Path) -> None:
