@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +26,7 @@ CAMERAS = "cameras.json"
 SUMMARY = "field.npz"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Member:
     """A member of an ensemble.
 
@@ -149,12 +150,18 @@ def read_record(path: Path, plan: CatalogPlan) -> Member:
         return Member(
             name=record["name"],
             parameters=parameters,
-            split=record["split"],
+            split=sys.intern(record["split"]),
             cameras=cameras,
-            view_splits=tuple(record["view_splits"]),
+            view_splits=_shared(record["view_splits"], plan.view_splits),
             path=path,
             provenance=record["provenance"],
             appearances=known_appearances(record.get("appearances"), plan.appearance_names),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error
+
+
+def _shared(splits: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:
+    """The splits of a member's views; the plan's own tuple where they are the same, of which 100,000 members need no copies."""
+    own = tuple(map(sys.intern, splits))
+    return known if own == known else own

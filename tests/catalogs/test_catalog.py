@@ -43,6 +43,15 @@ def test_what_was_written_is_read(catalog: Catalog) -> None:
     assert again.plan.differences(make_plan()) == []
 
 
+def test_members_of_many_views_do_not_each_keep_the_splits_of_all(catalog: Catalog) -> None:
+    again = Catalog.open(catalog.path)
+    assert all(member.view_splits is again.plan.view_splits for member in again.members)
+    record = catalog.path / "members" / "first" / "member.json"
+    other = [*again.plan.view_splits[:-1], "validation"]
+    record.write_text(json.dumps({**json.loads(record.read_text()), "view_splits": other}))
+    assert again.member("first").view_splits == tuple(other)
+
+
 def test_the_table_names_every_image_in_the_agreed_order(catalog: Catalog) -> None:
     header, rows = cinema.parse((catalog.path / "data.csv").read_bytes().decode())
     views = ["member", "view", "phi", "theta", "split", "member_split", "view_split"]

@@ -139,7 +139,7 @@ def test_splits_that_are_given_are_kept() -> None:
 def test_only_members_that_show_what_is_learnt_are_held_out() -> None:
     places = np.linspace(-1, 1, 12)[:, None]
     members = members_at(places[:6]) + members_at(places[6:], appearances=("iso",))
-    members = [Member(**{**vars(m), "name": f"m{i}"}) for i, m in enumerate(members)]
+    members = [replace(m, name=f"m{i}") for i, m in enumerate(members)]
     splits = choose_splits(members, space_of(1), "iso", hold_out=0.3)
     assert of_split(splits, "test")
     assert min(of_split(splits, "test")) > 5
