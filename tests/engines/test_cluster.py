@@ -75,7 +75,8 @@ def test_a_task_that_kills_every_worker_fails_in_plain_words(tmp_path: Path, mon
     assert "each worker that tried it died" in str(failed["one"])
 
 
-def test_a_scheduler_that_is_lost_is_told(tmp_path: Path) -> None:
+def test_a_scheduler_that_is_lost_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("engines.cluster.CONNECT_SECONDS", 5.0)
     with local_cluster(tmp_path, workers=1) as own, opened(own.address) as engine:
 
         def kill(reports: Iterable[Any]) -> None:
