@@ -62,7 +62,8 @@ class Optimize:
             done, name = self.before + run.step, run.stage.name
             if run.step == run.stage.steps or (interval and run.step % interval == 0):
                 mean, psnr = float(np.mean(losses)), run.validate()
-                curve.append({"stage": name, "step": done, "loss": mean, "psnr": psnr, "seconds": session.seconds})
+                taken = {"seconds": session.seconds, "processor_seconds": session.processor_seconds()}
+                curve.append({"stage": name, "step": done, "loss": mean, "psnr": psnr, **taken})
                 losses.clear()
             if session.report_is_due:
                 session.report(name, done, losses, curve)

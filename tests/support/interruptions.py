@@ -41,7 +41,7 @@ print(kills)
 def outcome(folder: Path) -> tuple[bytes, list[dict], list[tuple]]:
     """Everything that a run ends with, but for the time it took."""
     training = json.loads((folder / "model.json").read_text())["training"]
-    curve = [{**point, "seconds": None} for point in training["curve"]]
+    curve = [{**point, "seconds": None, "processor_seconds": None} for point in training["curve"]]
     choices = [(choice["name"], choice["kept"], choice["options"]) for choice in training["choices"]]
     return (folder / "model.safetensors").read_bytes(), curve, choices
 

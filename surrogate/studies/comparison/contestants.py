@@ -15,10 +15,12 @@ import torch
 from torch import Tensor
 
 from catalogs import durable
+from catalogs.variations import KINDS
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.timing import Milliseconds
+from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread, torch_threads
 from surrogate.storage.tensors import read_tensors, tensors_of
 from surrogate.studies.baselines.method import Fit, Method, Plan, Precision
@@ -169,18 +171,30 @@ class OurSurrogate:
         }
         budget = Budget(steps=plan.steps) if seconds is None or self.steps_of else Budget(minutes=seconds / 60.0)
         run = begin(task.catalog.path, emptied(session.work) / "run", Asked(budget, settings=settings), elapsed=elapsed)
+        planned = elapsed()
         surrogate = train(
             run.settings, run.catalog, run.model, progress=lambda now: session.report(now.stage, now.step, now.steps)
         ).to(session.device)
-        taken, curve = elapsed(), surrogate.training["curve"]
+        taken = elapsed()
         return Trained(
             SurrogatePredictor(surrogate.at, task.catalog.plan.background),
             lambda: measure(at, task.cases),
             replace(plan, steps=surrogate.training["steps"]),
             surrogate.megabytes,
             taken,
-            [(point["seconds"], point["psnr"]) for point in curve if point["psnr"] is not None],
+            curve_of(surrogate, task, planned, session.device),
         )
+
+
+def curve_of(surrogate: Surrogate, task: Task, planned: float, device: str) -> list[tuple[float, float]]:
+    """Seconds on the comparison's clock, of which planning took the first, and dB at images of what is compared."""
+    clock = "processor_seconds" if device == "cpu" else "seconds"
+    compared = None if task.variation is None else task.variation.kind
+    return [
+        (planned + point[clock], point["psnr"])
+        for point in surrogate.training["curve"]
+        if point["psnr"] is not None and (point["stage"] if point["stage"] in KINDS else None) == compared
+    ]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import math
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -16,13 +17,14 @@ from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.contestants import OurSurrogate, Published, emptied, precision_here
+from surrogate.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load, save
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
 from tests.support.blobs import Blobs
 from tests.support.mean_pictures import mean_method
+from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
 SMALL = Blobs(count=3, size=16)
@@ -304,3 +306,21 @@ def test_steps_are_taken_from_another_once_these_are_known(task: Task, tmp_path:
     found = {r.method: r for r in load(both[0].records)}
     assert not found["equal"].error
     assert found["equal"].steps == found["mean"].steps == pytest.approx(9, abs=1)
+    assert 0.0 < found["equal"].curve[-1][0] <= found["equal"].seconds
+
+
+def test_our_curve_is_of_what_is_compared_on_the_comparisons_clock(tmp_path: Path) -> None:
+    varied = varied_catalog(tmp_path / "varied.cdb", varied_surrogate())
+    kinds = [variation.kind for variation in varied.plan.variations]
+    stages = ["canonical", "deformation", *kinds]
+    points = [
+        {"stage": stage, "psnr": psnr, "seconds": 100.0 * n, "processor_seconds": float(n)}
+        for n, (stage, psnr) in enumerate((stage, psnr) for stage in stages for psnr in (None, 20.0))
+    ]
+    trained = SimpleNamespace(training={"curve": points})
+    base = Task(varied)
+    assert curve_of(trained, base, 0.5, "cpu") == [(1.5, 20.0), (3.5, 20.0)]
+    assert curve_of(trained, base, 0.5, "cuda") == [(100.5, 20.0), (300.5, 20.0)]
+    for number, variation in enumerate(varied.plan.variations):
+        expected = [(n + 0.5, 20.0) for n in (5 + 2 * k for k, kind in enumerate(kinds) if kind == variation.kind)]
+        assert curve_of(trained, Task(varied, variation), 0.5, "cpu") == expected, number
