@@ -19,7 +19,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import CONTESTANTS
 from surrogate.studies.comparison.page import SHORT_HEADER, in_short, tables
 from surrogate.studies.comparison.plots import curves, sheet
-from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, Result, load, terms
+from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
 
 PAGE = "comparison.md"
 TEXT = """\
@@ -34,6 +34,7 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
 - **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all. A step of published sizes takes
   too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published. Networks of
   GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
+- **Machines** were of several kinds; where those of a scene differ, its last lines say who was trained on which.
 - **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
   images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF stay
   grey. With its published rates it reaches 22.1 dB in the last cell of `nyx`, with those chosen on `cloverleaf` 18.9
@@ -136,9 +137,15 @@ def _published(results: Sequence[Result]) -> list[str]:
 
 
 def _made(results: Sequence[Result]) -> str:
-    machines = dict.fromkeys(in_words(r.provenance.machine) for r in results)
-    commits = dict.fromkeys(f"`{r.provenance.commit}`" for r in results)
-    return f"{', '.join(machines)}; commit {', '.join(commits)}"
+    """Machines and commits; where there are several machines, also who was trained on which."""
+    methods: dict[str, dict[str, None]] = {}
+    for result in (r for r in results if r.method != TRIVIAL):
+        title = CONTESTANTS[result.method].title.strip("*")
+        methods.setdefault(in_words(result.provenance.machine), {})[title] = None
+    commits = ", ".join(dict.fromkeys(f"`{r.provenance.commit}`" for r in results))
+    if len(methods) < 2:
+        return f"{''.join(methods)}; commit {commits}"
+    return ". ".join([f"commit {commits}", *(f"{machine}: {'; '.join(titles)}" for machine, titles in methods.items())])
 
 
 def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:

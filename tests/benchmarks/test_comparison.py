@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from benchmarks.comparison import main, page, plots
+from surrogate.storage.records import Provenance
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.result import AS_PUBLISHED, Result, save
 
@@ -30,6 +32,18 @@ def test_every_scene_has_a_section_and_rates_stand_below(records: Path) -> None:
     assert text.index("## `one`") < text.index("| ViSNeRF | 30.00") < text.index("## `two`") < text.index("## Rates")
     assert "| ViSNeRF | small | float32 | 12.25 | – | 14.50 | – | – |" in text
     assert "![" not in text
+
+
+def test_who_was_trained_where_is_said_where_machines_differ(records: Path) -> None:
+    def made(method: str, instructions: str) -> Result:
+        machine = {"processor": "P", "instructions": instructions, "cores": 1}
+        result = Result(method, 5.0, 0, "small", "float32", "mark", cells=CELLS, steps=9)
+        return replace(result, provenance=Provenance("c0ffee", "code", machine, "", 1.0))
+
+    for one in (made("ours", "avx2"), made("visnerf", "avx512"), made("k-planes", "avx512")):
+        save(records / "three", one)
+    last = page(records, ["three"], []).partition("scenes/three.toml`; ")[2].partition(".</sub>")[0]
+    assert last == "commit `c0ffee`. P (avx512), 1 core: K-Planes (hybrid); ViSNeRF. P (avx2), 1 core: this surrogate"
 
 
 def test_the_table_of_published_steps_is_empty_until_it_is_run(records: Path) -> None:
