@@ -9,28 +9,19 @@ strongly, steps were; where little of a picture shows anything, few Gaussians we
 from __future__ import annotations
 
 import math
-import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from catalogs.appearance import Appearance, VolumeRendering
 from catalogs.catalog import Catalog
-from surrogate.evaluation.metrics import WHITE
-from surrogate.evaluation.scoring import spread
-from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
-from surrogate.splatting.cuda import chosen_device
-from surrogate.splatting.threads import one_torch_thread
 from surrogate.training.content import changing_share, visible_pixels
-from surrogate.training.data import ImageRow, TrainingData, load_examples, training_rows, validation_rows
-from surrogate.training.loop import StageRun, mean_psnr
+from surrogate.training.data import ImageRow, training_rows, validation_rows
+from surrogate.training.pace import LEAST_SECONDS, Clock, Pace, measure_pace
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
-from surrogate.training.stages import Stage, new_deformation, simulation_stage
-from surrogate.training.state import Fitted
-from surrogate.training.visualizations import new_visualization, visualization_stage
 
 MINUTES = 10.0  # where nobody says
 FEWEST_SECONDS = 15.0  # below which a budget in minutes is refused
@@ -58,11 +49,7 @@ PICTURES = 4_000  # drawn to make the choices of compression
 LARGEST_SHARE = 0.2  # of the time that these pictures may take: else nothing is compressed
 SPARE = 3.0  # seconds, to begin and to write down
 
-Clock = Callable[[], float]  # seconds since something
-
-# How the speed is measured
-SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
-# Of the time, and seconds at most, in which it is measured in the end: one second says little on a machine that others use too.
+# Of the time, and seconds at most, in which the speed is measured in the end: one second says little where others use the machine.
 MEASURED_SHARE, MOST_MEASURED = 0.03, 20.0
 
 
@@ -80,21 +67,6 @@ class Budget:
             raise ValueError(f"--minutes must be a time, at least {FEWEST_SECONDS / 60.0:g}, got {self.minutes:g}")
         if self.steps is not None and self.steps < 1:
             raise ValueError(f"--steps must be at least 1, got {self.steps}")
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Seconds that a step takes in stage 2, and in stage 3 of each variation; that drawing and that loading an image take."""
-
-    step: float
-    varied: tuple[float, ...]
-    draw: float
-    load: float
-
-    @property
-    def mean_step(self) -> float:
-        """Over all stages, which have equally many steps."""
-        return statistics.fmean((self.step, *self.varied))
 
 
 def budgeted(
@@ -190,16 +162,48 @@ def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
     return TrainingSettings(**{**follows, **given, **lengths, **({"visualization_steps": each} if stages > 1 else {})})
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """What fits into the time that was left, as training a little with the settings that were `tried` showed.
+
+    Attributes
+    ----------
+    is_compressed : whether there is time for the choices of compression.
+    steps : over all stages.
+    asked : settings of so many steps, with as many Gaussians as these are worth.
+    """
+
+    tried: TrainingSettings
+    pace: Pace
+    is_compressed: bool
+    steps: int
+    asked: TrainingSettings
+
+    @property
+    def growth(self) -> float:
+        """Of the Gaussians that were tried, to as many as the steps are worth."""
+        return self.asked.gaussians / self.tried.gaussians
+
+    @property
+    def nearer(self) -> TrainingSettings:
+        """What to try next: fewer Gaussians are faster; more leave fewer steps, which are then worth fewer Gaussians."""
+        growth = min(self.growth, self.growth**BALANCED)
+        return self.asked.changed(gaussians=_rounded(self.tried.gaussians * growth))
+
+    @property
+    def settled(self) -> TrainingSettings:
+        """So many steps of the Gaussians that were tried."""
+        return self.asked.changed(gaussians=self.tried.gaussians)
+
+
 def _in_time(
     given: Mapping[str, Any], source: Source, seconds: float, elapsed: Clock
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
-    images = sum(map(len, rows))
+    images, worth = sum(map(len, rows)), _worth(source, rows[0])
     choosing = source.settings.compression.enabled and bool(validation_rows(source.catalog, [source.appearance], 1))
-    worth, is_first = _worth(source, rows[0]), True
-    tried = TrainingSettings(**{"gaussians": worth.gaussians(), **_design(source), **given})
-    lasting, longer = 0.0, min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows)
-    while True:
+
+    def planned(tried: TrainingSettings, lasting: float = 0.0) -> _Plan:
         slowest = Source(_slowest(tried, source.shown), source.catalog, source.ranks)
         pace = measure_pace(slowest, rows, elapsed, lasting)
         left = seconds - source.ranks.agreed(elapsed()) - SPARE - pace.load * images
@@ -212,23 +216,23 @@ def _in_time(
                 f"and a step {1e3 * pace.mean_step:.0f} ms"
             )
         choices = given if compressing or not choosing else {"fit_to_need": False, **given}
-        chosen = _sized(choices, source, worth, steps)
-        more = chosen.gaussians / tried.gaussians
-        settled = more == 1.0 or (more > 1.0 and not is_first)
-        if lasting or (settled and longer <= LEAST_SECONDS):
-            break
-        if settled:
-            lasting = longer
-            continue
-        # fewer Gaussians are faster; more leave fewer steps, and so fewer Gaussians are worth having than these steps ask for
-        tried, is_first = chosen.changed(gaussians=_rounded(tried.gaussians * min(more, more**BALANCED))), False
-    return chosen.changed(gaussians=tried.gaussians), {
-        "gaussians": tried.gaussians,
-        "steps": steps,
-        "milliseconds_per_step": round(1e3 * pace.mean_step, 2),
+        return _Plan(tried, pace, compressing, steps, _sized(choices, source, worth, steps))
+
+    plan = planned(TrainingSettings(**{"gaussians": worth.gaussians(), **_design(source), **given}))
+    if plan.growth > 1.0:
+        plan = planned(plan.nearer)
+    while plan.growth < 1.0:
+        plan = planned(plan.nearer)
+    lasting = min(MOST_MEASURED, MEASURED_SHARE * seconds) / len(rows)
+    if lasting > LEAST_SECONDS:
+        plan = planned(plan.tried, lasting)
+    return plan.settled, {
+        "gaussians": plan.tried.gaussians,
+        "steps": plan.steps,
+        "milliseconds_per_step": round(1e3 * plan.pace.mean_step, 2),
         "images": images,
-        "seconds_to_load": round(pace.load * images, 1),
-        "compressed": compressing,
+        "seconds_to_load": round(plan.pace.load * images, 1),
+        "compressed": plan.is_compressed,
     }
 
 
@@ -259,48 +263,3 @@ def _rows(source: Source) -> list[list[ImageRow]]:
     """The training images of the base appearance, and of each variation."""
     shown = [[source.appearance], *([s.appearance for s in v.settings] for v in source.variations)]
     return [training_rows(source.catalog, names) for names in shown]
-
-
-@one_torch_thread()
-def measure_pace(
-    source: Source, rows: Sequence[Sequence[ImageRow]], clock: Clock = time.perf_counter, lasting: float = 0.0
-) -> Pace:
-    """Train a little on some of the `rows` of each stage, for `lasting` seconds at least, and say how long it took on a clock."""
-    settings, loaded, seconds = source.settings, list[TrainingData](), 0.0
-    for variation, of in zip((None, *source.variations), rows, strict=True):
-        few = [of[i] for i in spread(len(of), SAMPLED)]
-        load_examples(source.catalog, few[:1], source.normalization, variation)  # what only the first one takes
-        started = clock()
-        examples = load_examples(source.catalog, few, source.normalization, variation)
-        seconds += clock() - started
-        loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values, source.ranks))
-    load = seconds / sum(len(data.examples) for data in loaded)
-    gaussians = source.initial_gaussians(loaded[0])
-    fitted = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
-    fitted = fitted.to(chosen_device(settings.device))
-    stages = [simulation_stage(*fitted.copy(), settings)]
-    for variation in source.variations:
-        stages.append(visualization_stage(*fitted, new_visualization(*fitted, variation, source), settings))
-    step, *varied = (
-        _seconds(stage, settings, data, clock, lasting) for stage, data in zip(stages, loaded, strict=True)
-    )
-    return source.ranks.agreed(Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0], clock), load))
-
-
-def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData, clock: Clock, lasting: float) -> float:
-    """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
-    least = max(LEAST_SECONDS, lasting)
-    run, taken = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
-    while run.step < MOST_STEPS and data.ranks.agreed(len(taken) < LEAST_STEPS or sum(taken) < least):
-        started = clock()
-        run.advance()
-        taken.append(clock() - started)
-    return statistics.median(taken[LEAST_STEPS // 4 :])
-
-
-def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:
-    """Of a picture that is judged, deformation included."""
-    some, background = data.examples[:LEAST_DRAWN], data.background or WHITE
-    started = clock()
-    mean_psnr(fitted.at, some, Rasterizer.of(settings), background, data.ranks)
-    return (clock() - started) / len(some)

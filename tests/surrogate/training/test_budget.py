@@ -1,4 +1,3 @@
-import itertools
 from pathlib import Path
 
 import pytest
@@ -6,7 +5,8 @@ import pytest
 from catalogs.appearance import Appearance, ImportedImages, Isosurface, TransferFunction, VolumeRendering
 from surrogate.settings import TrainingSettings
 from surrogate.training import budget
-from surrogate.training.budget import Budget, Pace, Worth, budgeted
+from surrogate.training.budget import Budget, Worth, budgeted
+from surrogate.training.pace import Pace
 from tests.support.results import make_catalog
 
 
@@ -108,17 +108,6 @@ def test_steps_are_planned_by_a_longer_look_in_the_end(
     _, chosen = budgeted({"gaussians": 2_000}, make_catalog(tmp_path, "blobs"), Budget(minutes=minutes))
     assert looked == lasting
     assert chosen["milliseconds_per_step"] == (12.0 if len(lasting) > 1 else 10.0)
-
-
-def test_speed_is_measured_on_a_few_images_by_the_clock_of_the_budget(tmp_path: Path) -> None:
-    source = budget.Source(budget.TrainingSettings(gaussians=30), make_catalog(tmp_path, "blobs"))
-    ticks = itertools.count()
-    ticking = budget.measure_pace(source, budget._rows(source), lambda: 0.5 * next(ticks))
-    assert (ticking.step, ticking.draw, ticking.load) == (0.5, 0.5 / 6, 0.5 / 6)
-    pace = budget.measure_pace(source, budget._rows(source))
-    assert 0.0 < pace.draw < 1.0
-    assert 0.0 < pace.step < 1.0
-    assert (pace.varied, pace.mean_step) == ((), pace.step)
 
 
 FUNCTION = TransferFunction(((0.0, 1.0, 1.0, 1.0), (1.0, 0.0, 0.0, 0.0)), ((0.0, 0.0), (1.0, 1.0)), 0.1)

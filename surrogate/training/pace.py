@@ -1,0 +1,85 @@
+"""How fast this machine trains on a scene's pictures, measured in a few steps of each stage."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from surrogate.evaluation.metrics import WHITE
+from surrogate.evaluation.scoring import spread
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.cuda import chosen_device
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.training.data import ImageRow, TrainingData, load_examples
+from surrogate.training.loop import StageRun, mean_psnr
+from surrogate.training.source import Source
+from surrogate.training.stages import Stage, new_deformation, simulation_stage
+from surrogate.training.state import Fitted
+from surrogate.training.visualizations import new_visualization, visualization_stage
+
+SAMPLED, LEAST_STEPS, MOST_STEPS, LEAST_SECONDS, LEAST_DRAWN = 64, 24, 2_000, 1.0, 8
+
+Clock = Callable[[], float]  # seconds since something
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Seconds that a step takes in stage 2, and in stage 3 of each variation; that drawing and that loading an image take."""
+
+    step: float
+    varied: tuple[float, ...]
+    draw: float
+    load: float
+
+    @property
+    def mean_step(self) -> float:
+        """Over all stages, which have equally many steps."""
+        return statistics.fmean((self.step, *self.varied))
+
+
+@one_torch_thread()
+def measure_pace(
+    source: Source, rows: Sequence[Sequence[ImageRow]], clock: Clock = time.perf_counter, lasting: float = 0.0
+) -> Pace:
+    """Train a little on some of the `rows` of each stage, for `lasting` seconds at least, and say how long it took on a clock."""
+    settings, loaded, seconds = source.settings, list[TrainingData](), 0.0
+    for variation, of in zip((None, *source.variations), rows, strict=True):
+        few = [of[i] for i in spread(len(of), SAMPLED)]
+        load_examples(source.catalog, few[:1], source.normalization, variation)  # what only the first one takes
+        started = clock()
+        examples = load_examples(source.catalog, few, source.normalization, variation)
+        seconds += clock() - started
+        loaded.append(TrainingData(examples, (), source.catalog.plan.background, source.values, source.ranks))
+    load = seconds / sum(len(data.examples) for data in loaded)
+    gaussians = source.initial_gaussians(loaded[0])
+    fitted = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), settings))
+    fitted = fitted.to(chosen_device(settings.device))
+    stages = [simulation_stage(*fitted.copy(), settings)]
+    for variation in source.variations:
+        stages.append(visualization_stage(*fitted, new_visualization(*fitted, variation, source), settings))
+    step, *varied = (
+        _seconds(stage, settings, data, clock, lasting) for stage, data in zip(stages, loaded, strict=True)
+    )
+    return source.ranks.agreed(Pace(step, tuple(varied), _seconds_to_draw(fitted, settings, loaded[0], clock), load))
+
+
+def _seconds(stage: Stage, settings: TrainingSettings, data: TrainingData, clock: Clock, lasting: float) -> float:
+    """Of a step: the median over at least a second and 24 steps, the first few, which are slower, aside."""
+    least = max(LEAST_SECONDS, lasting)
+    run, taken = StageRun(replace(stage, steps=MOST_STEPS), settings, data), list[float]()
+    while run.step < MOST_STEPS and data.ranks.agreed(len(taken) < LEAST_STEPS or sum(taken) < least):
+        started = clock()
+        run.advance()
+        taken.append(clock() - started)
+    return statistics.median(taken[LEAST_STEPS // 4 :])
+
+
+def _seconds_to_draw(fitted: Fitted, settings: TrainingSettings, data: TrainingData, clock: Clock) -> float:
+    """Of a picture that is judged, deformation included."""
+    some, background = data.examples[:LEAST_DRAWN], data.background or WHITE
+    started = clock()
+    mean_psnr(fitted.at, some, Rasterizer.of(settings), background, data.ranks)
+    return (clock() - started) / len(some)
