@@ -281,10 +281,10 @@ def test_a_damaged_member_may_be_replaced(small: Catalog) -> None:
         *(pytest.param(*case, marks=pytest.mark.slow) for case in ((True, False), (False, True), (False, False))),
     ],
 )
-def test_a_replacement_may_die_at_any_operation(tmp_path: Path, exchange: bool, same: bool) -> None:
+def test_a_replacement_may_die_at_any_operation(folder: Path, exchange: bool, same: bool) -> None:
     """Before, within or after whichever operation: the table names whole images, and the next writer finds one of the two."""
     for step in range(1, 60):
-        small = Catalog.create(tmp_path / f"{step}.cdb", make_plan(**few_views()))
+        small = Catalog.create(folder / f"{step}.cdb", make_plan(**few_views()))
         add_member(small, "a", 110.0, seed=1)
         child = os.fork()
         if child == 0:
