@@ -1,6 +1,7 @@
 """What commands cost on catalogs of few and of many members: seconds, and the process's peak memory.
 
     python -m benchmarks.catalog_scale [--members 10,1000,10000] [--folder DIR]
+    python -m benchmarks.catalog_scale --records-of CATALOG
 
 Every member is one 8x8 picture.  The members' folders are written by the package's own functions, without waiting for the disk, and
 their table is rebuilt once; what commits cost one after the other, `benchmarks.commits` tells.  Each command runs once, in a
@@ -10,12 +11,14 @@ process of its own: `check` and `show` as on the command line, `browse` until it
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import resource
 import shutil
 import tempfile
 import time
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -96,13 +99,34 @@ def costs(path: Path, count: int) -> dict[str, tuple[float, float]]:
         return {command: pool.apply(cost, (command, path)) for command in COMMANDS}
 
 
+def record_bytes(path: Path) -> float:
+    """Bytes that a member's record takes in memory, the mean over a catalog's members."""
+    catalog = Catalog.open(path)
+    tracemalloc.start()
+    try:
+        members = catalog.members
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0] / len(members)
+    finally:
+        tracemalloc.stop()
+
+
 @click.command()
 @click.option("--members", default="10,1000,10000", show_default=True, help="How many, with commas between.")
 @click.option(
     "--folder", type=click.Path(file_okay=False, path_type=Path), help="Where to write; a temporary folder by default."
 )
-def main(members: str, folder: Path | None) -> None:
+@click.option(
+    "--records-of",
+    "catalog",
+    type=click.Path(exists=True, path_type=Path),
+    help="Say instead what a record of this catalog's members takes.",
+)
+def main(members: str, folder: Path | None, catalog: Path | None) -> None:
     """Print a table of seconds and peak memory."""
+    if catalog is not None:
+        click.echo(f"{digits(record_bytes(catalog) / 1e3)} KB a record")
+        return
     place = Path(tempfile.mkdtemp(dir=folder))
     try:
         click.echo(" ".join([" members", *(f"{command:>18}" for command in COMMANDS)]))

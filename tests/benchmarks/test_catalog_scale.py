@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from benchmarks import catalog_scale
 from catalogs.catalog import Catalog
@@ -25,3 +26,9 @@ def test_every_command_is_measured_and_leaves_a_whole_catalog(tmp_path: Path, co
     assert megabytes > 0
     assert len(Catalog.open(tmp_path / "tiny.cdb").members) == 3 + (command == "commit")
     assert check(tmp_path / "tiny.cdb") == []
+
+
+def test_what_a_record_takes_is_said(tmp_path: Path) -> None:
+    catalog_scale.build(tmp_path / "tiny.cdb", 30)
+    said = CliRunner().invoke(catalog_scale.main, ["--records-of", str(tmp_path / "tiny.cdb")]).output
+    assert 0.2 < float(said.removesuffix(" KB a record\n")) < 20.0
