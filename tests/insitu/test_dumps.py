@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import weakref
@@ -23,6 +24,7 @@ from insitu.dumps import Run, dumps_of, runs_of
 from insitu.ensemble import run_ensemble
 from insitu.field import Field
 from insitu.planning import PlanOptions
+from insitu.tasks import render_run
 from tests.support.executors import AtOnce
 
 SPACE = ParameterSpace((Parameter("w", 0.0, 3.0), Parameter("t", 0.0, 4.0)))
@@ -200,6 +202,21 @@ def test_a_source_that_ends_early_or_is_interrupted_is_told_apart(log: Path) -> 
     assert "ended before member m02" in str(second.error)
     with pytest.raises(StopRequested):
         list(dumps_of(Short(str(log), (((9, 9), ""),)), run, None))
+
+
+def test_a_member_whose_task_is_taken_back_leaves_nothing(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, source, asked = tmp_path / "a.cdb", Marching(str(log)), itertools.count()
+    run_ensemble(path, planned(1), source, OPTIONS, executor=AtOnce())
+    before = names(path)
+    monkeypatch.setattr("insitu.workers.stop_requested", lambda: next(asked) > 8)  # within the first member's pictures
+    with pytest.raises(StopRequested):
+        render_run(path, source, source.runs(planned(2))[1], "error", None)
+    assert next(asked) == 10
+    assert names(path) == before
+    assert Catalog.open(path).unfinished() == []
+    assert check(path) == []
 
 
 def test_a_source_without_runs_has_members_alone(log: Path) -> None:
