@@ -29,9 +29,10 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
 - **Equal time** is processor time on one core, from the loading of the pictures to the last step. Off the clock are looks at
   the eight validation images of the curves, the Gaussians that hold still, which GS-Surrogate and 4DGS-HD start from, and,
   for published methods, how long a step takes, which decides how many are planned; ours finds that out on the clock.
-- **Where isovalues or transfer functions vary**, our time also buys the base appearance, which nobody else learns and no cell
-  asks for: its curve begins after that. A curve is missing where an earlier version kept it on
-  the wall's clock, and that ran unlike the processor's.
+- **Where isovalues or transfer functions vary**, this surrogate, and GS-Surrogate, light, first learn the base appearance in the
+  same time, though no cell asks for it: their curves begin after that. Published methods learn all in one; they are given the
+  base pictures where transfer functions vary. A curve is missing where an earlier version kept it on the wall's clock, and
+  that ran unlike the processor's.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*): its row says what it is after
   so long on a processor, not what it can do on a GPU. Every schedule is stretched or pressed to the steps that fit.
 - **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all. A step of published sizes takes
