@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from surrogate.storage.records import Provenance, Record
+from surrogate.studies.baselines.method import Precision
 
 KIND, VERSION = "comparison", 1
 KEY = ("method", "minutes", "seed", "size", "precision", "device", "mark")
@@ -62,7 +63,7 @@ class Result:
     minutes: float
     seed: int
     size: str
-    precision: str
+    precision: Precision
     mark: str
     device: str = "cpu"
     threads: int = 1

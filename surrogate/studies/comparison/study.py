@@ -32,7 +32,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load, save
 from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
 from surrogate.studies.progress import StudyProgress, StudyWatch
@@ -116,11 +116,18 @@ class Study:
         return self._known(contestant.name, minutes, seed) is None
 
     def _known(self, method: str, minutes: float, seed: int) -> Result | None:
-        """The result without an error, in the precision of this machine or in the method's own, as another machine trained it."""
-        wanted = self.wanted(method, minutes, seed)
-        forms = dict.fromkeys([wanted.precision, self._preferred(method)])
-        found = (find(self.records, replace(wanted, precision=precision)) for precision in forms)
-        return next((result for result in found if result is not None and not result.error), None)
+        """The result without an error."""
+        result = find(self.records, self.wanted(method, minutes, seed))
+        return None if result is None or result.error else result
+
+    def left_out(self) -> list[str]:
+        """The missing trainings that are left to a machine which multiplies in the precision of the method's other results."""
+        order = product(sorted(self.minutes), range(self.seeds), self.contestants)
+        return [_named(*one) for one in order if self._is_missing(*one) and self._is_left(one[2])]
+
+    def _is_left(self, contestant: Contestant) -> bool:
+        precision = self.plan_of(contestant.name).precision
+        return precision_here(precision, self.device) != precision
 
     def _trained(
         self, minutes: float, seed: int, contestant: Contestant, watch: StudyWatch | None = None, following: int = 0
@@ -129,7 +136,7 @@ class Study:
         watch = watch or StudyWatch(lambda _: None)
         wanted, steps = self.wanted(contestant.name, minutes, seed), self._steps_for(contestant, minutes, seed)
         with self._claimed(wanted) as work:
-            if work is None or not steps or not self._is_missing(minutes, seed, contestant):
+            if work is None or not steps or not self._is_missing(minutes, seed, contestant) or self._is_left(contestant):
                 return None
             watch.begin(_named(minutes, seed, contestant), following)
             result = self._attempted(contestant, wanted, steps, work, watch)
@@ -143,8 +150,15 @@ class Study:
         return Result(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
 
     def plan_of(self, method: str) -> Plan:
-        """The size of all, in the method's own precision where this machine multiplies in it."""
-        return replace(self.plan, precision=precision_here(self._preferred(method), self.device))
+        """The size of all, in the precision of the method's results of this scene, so that seeds differ in nothing else.
+
+        The first is trained in the method's own precision where the machine multiplies in it.
+        """
+        mine = (method, self.plan.size, self.device, self.task.mark)
+        known = (r for r in load(self.records) if (r.method, r.size, r.device, r.mark) == mine and not r.error)
+        first = next(known, None)
+        precision = precision_here(self._preferred(method), self.device) if first is None else first.precision
+        return replace(self.plan, precision=precision)
 
     def _preferred(self, method: str) -> Precision:
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}

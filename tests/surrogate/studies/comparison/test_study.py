@@ -150,6 +150,23 @@ def test_what_a_machine_of_another_precision_trained_is_not_trained_again(
     first.run()
     assert [r.precision for r in load(first.records) if r.method == "mean"] == ["bfloat16"]
     narrow_machine(monkeypatch)
+    slower = study(task, tmp_path, method, seeds=2)
+    slower.run(tell=pytest.fail)
+    assert slower.left_out() == ["mean, 0.00333333 min, seed 1"]
+    narrow_machine(monkeypatch, avx512_bf16=True)
+    told: list[Result] = []
+    slower.run(tell=told.append)
+    assert [(r.seed, r.precision) for r in told] == [(1, "bfloat16")]
+    assert slower.left_out() == []
+
+
+def test_seeds_are_of_one_precision_also_on_a_faster_machine(
+    task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    method = Published(mean_method(), "bfloat16")
+    narrow_machine(monkeypatch)
+    study(task, tmp_path, method).run()
+    narrow_machine(monkeypatch, amx_bf16=True)
     told: list[Result] = []
     study(task, tmp_path, method, seeds=2).run(tell=told.append)
     assert [(r.seed, r.precision) for r in told] == [(1, "float32")]
