@@ -14,28 +14,41 @@ from catalogs.numbers import finite, positive
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import AUTO, BACKENDS, Constants, Primitives, Rendering, draw, draw_over
+from surrogate.splatting.samples import MOST_SAMPLES, averaged, finer
+
+SAMPLES = ("samples", "surface_samples")
 
 
 @dataclass(frozen=True)
 class Rasterizer:
-    """Constants in normalized units, and the backend that draws; a model is only right with those it was trained with."""
+    """How pictures are drawn; a model is only right as it was trained.
+
+    Attributes
+    ----------
+    constants : in normalized units.
+    backend : that draws.
+    samples, surface_samples : along each side of a pixel, see `surrogate.splatting.samples`; the second on lit surfaces.
+    """
 
     constants: Constants = field(default_factory=Constants)
     backend: str = AUTO
+    samples: int = 1
+    surface_samples: int = 1
 
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:
         """The rasterizer that `settings` ask for."""
         chosen = asdict(settings.splatting)
-        backend = chosen.pop("backend")
-        return cls(Constants(**chosen), backend)
+        others = {name: chosen.pop(name) for name in ("backend", *SAMPLES)}
+        return cls(Constants(**chosen), **others)
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Rasterizer:
         """The rasterizer that `to_json` described; raises ValueError naming a value that is unknown or can't be."""
-        if unknown := sorted(set(values) - {"backend", *(each.name for each in fields(Constants))}):
+        names = {each.name for each in fields(Constants)}
+        if unknown := sorted(set(values) - {"backend", *SAMPLES, *names}):
             raise ValueError(f"unknown values {unknown}")
-        constants = Constants(**{name: finite(value, name) for name, value in values.items() if name != "backend"})
+        constants = Constants(**{name: finite(value, name) for name, value in values.items() if name in names})
         positive(constants.near, "near")
         if not constants.dilation >= 0.0:
             raise ValueError(f"dilation must not be negative, got {constants.dilation:g}")
@@ -47,11 +60,15 @@ class Rasterizer:
         backend = values.get("backend", AUTO)
         if backend not in (AUTO, *BACKENDS):
             raise ValueError(f"backend must be one of {[AUTO, *sorted(BACKENDS)]}, got {backend!r}")
-        return cls(constants, backend)
+        samples = {name: values.get(name, 1) for name in SAMPLES}  # earlier versions had one
+        for name, number in samples.items():
+            if type(number) is not int or not 1 <= number <= MOST_SAMPLES:
+                raise ValueError(f"{name} must be an integer from 1 to {MOST_SAMPLES}, got {number!r}")
+        return cls(constants, backend, **samples)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain JSON values: the constants and the backend."""
-        return asdict(self.constants) | {"backend": self.backend}
+        """Plain JSON values."""
+        return asdict(self.constants) | {"backend": self.backend} | {name: getattr(self, name) for name in SAMPLES}
 
     def for_any_device(self) -> Rasterizer:
         """The same, which draws also what has left the GPU, as a model does that is stored."""
@@ -65,12 +82,24 @@ class Rasterizer:
         options: dict[str, Any] = (
             {"threads": threads} if self.backend in (AUTO, "cpu") and not gaussians.means.is_cuda else {}
         )
-        seen = primitives(gaussians, camera, threads=threads)
-        return draw(seen, camera, self.constants, backend=self.backend, **options)
+        samples, seen = self._samples_of(gaussians), primitives(gaussians, camera, threads=threads)
+        drawn = draw(seen, finer(camera, samples), self.constants, backend=self.backend, **options)
+        return Rendering(*(averaged(part, samples) for part in (drawn.color, drawn.alpha)))
 
     def draw_over(self, gaussians: Gaussians, camera: Camera, background: Sequence[float]) -> Tensor:
         """What training compares: colours over `background` (3,) and alpha, (H, W, 4)."""
-        return draw_over(primitives(gaussians, camera), camera, background, self.constants, backend=self.backend)
+        return self.draw_primitives(primitives(gaussians, camera), gaussians, camera, background)
+
+    def draw_primitives(
+        self, seen: Primitives, gaussians: Gaussians, camera: Camera, background: Sequence[float]
+    ) -> Tensor:
+        """The same of `gaussians` that are `seen` in the coordinates of `camera`."""
+        samples = self._samples_of(gaussians)
+        picture = draw_over(seen, finer(camera, samples), background, self.constants, backend=self.backend)
+        return averaged(picture, samples)
+
+    def _samples_of(self, gaussians: Gaussians) -> int:
+        return self.samples if gaussians.lighting is None else self.surface_samples
 
 
 def primitives(gaussians: Gaussians, camera: Camera, *, threads: int | None = None) -> Primitives:

@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple
 from catalogs.appearance import Appearance, VolumeRendering
 from surrogate.gaussians import NAMES
 from surrogate.splatting.rendering import Constants
+from surrogate.splatting.samples import MOST_SAMPLES
 
 ColorDegree = Literal["auto", 0, 1]
 VisualizationKind = Literal["auto", "bilinear", "paper", "values"]
@@ -31,6 +32,7 @@ ONE_OR_MORE = Bound("at least 1", lambda value: value >= 1)
 TWO_OR_MORE = Bound("at least 2", lambda value: value >= 2)
 MOST_FREQUENCIES = 8
 FREQUENCIES = Bound(f"from 0 to {MOST_FREQUENCIES}", lambda value: 0 <= value <= MOST_FREQUENCIES)
+SAMPLES = Bound(f"from 1 to {MOST_SAMPLES}", lambda value: 1 <= value <= MOST_SAMPLES)
 NOT_NEGATIVE = Bound("at least 0", lambda value: value >= 0)
 POSITIVE = Bound("positive", lambda value: value > 0)
 FRACTION = Bound("in [0, 1]", lambda value: 0 <= value <= 1)
@@ -173,12 +175,14 @@ class Relocation:
 
 @dataclass(frozen=True)
 class Splatting:
-    """Those of the rasterizer's `surrogate.splatting.Constants` that can be set, and the backend that draws."""
+    """Those of the rasterizer's `surrogate.splatting.Constants` that can be set, the backend, and samples along a pixel's side."""
 
     alpha_floor: float = _setting(Constants.alpha_floor, FRACTION)
     alpha_cap: float = Constants.alpha_cap
     dilation: float = _setting(Constants.dilation, NOT_NEGATIVE)  # added to each projected variance, in pixels squared
     backend: str = "auto"
+    samples: int = _setting(1, SAMPLES, optional=True)
+    surface_samples: int = _setting(2, SAMPLES, optional=True)  # where the light on isosurfaces is known
 
     def __post_init__(self) -> None:
         above = Bound("above alpha_floor and below 1", lambda value: self.alpha_floor < value < 1)

@@ -23,7 +23,6 @@ from surrogate.model.deformed import checked_background
 from surrogate.model.places import Place, place_of
 from surrogate.model.rigid import in_camera, posed
 from surrogate.rasterizer import Rasterizer, primitives
-from surrogate.splatting import draw_over
 
 BLACK = (0.0, 0.0, 0.0)
 
@@ -99,8 +98,7 @@ class DifferentiableSurrogate(torch.nn.Module):
         else:
             view = replace(posed(camera, pose), world_to_camera=np.eye(4))
             drawn = in_camera(gaussians, self.normalization, pose)
-        rasterizer = self.rasterizer
-        picture = draw_over(drawn, view, BLACK, rasterizer.constants, backend=rasterizer.backend)  # [H, W, 4]
+        picture = self.rasterizer.draw_primitives(drawn, gaussians, view, BLACK)  # [H, W, 4]
         if behind is None:
             return picture
         color = picture[..., :3] + (1.0 - picture[..., 3:]) * torch.from_numpy(behind).to(picture)

@@ -61,6 +61,8 @@ def test_a_whole_number_will_do_for_a_float() -> None:
         ({"gaussians": 0}, "training.gaussians must be at least 1, got 0"),
         ({"seed": -1}, "training.seed must be at least 0"),
         ({"parameter_frequencies": 9}, "training.parameter_frequencies must be from 0 to 8, got 9"),
+        ({"samples": 0}, "training.samples must be from 1 to 4, got 0"),
+        ({"surface_samples": 5}, "training.surface_samples must be from 1 to 4, got 5"),
         ({"mean_rate": float("nan")}, "training.mean_rate must be finite"),
         ({"mean_rate": 0.0}, "training.mean_rate must be positive"),
         ({"ssim_weight": 1.5}, r"training.ssim_weight must be in \[0, 1\], got 1.5"),

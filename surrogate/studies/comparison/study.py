@@ -136,7 +136,12 @@ class Study:
         watch = watch or StudyWatch(lambda _: None)
         wanted, steps = self.wanted(contestant.name, minutes, seed), self._steps_for(contestant, minutes, seed)
         with self._claimed(wanted) as work:
-            if work is None or not steps or not self._is_missing(minutes, seed, contestant) or self._is_left(contestant):
+            if (
+                work is None
+                or not steps
+                or not self._is_missing(minutes, seed, contestant)
+                or self._is_left(contestant)
+            ):
                 return None
             watch.begin(_named(minutes, seed, contestant), following)
             result = self._attempted(contestant, wanted, steps, work, watch)

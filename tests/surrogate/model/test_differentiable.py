@@ -16,6 +16,7 @@ from catalogs.cameras import Camera
 from catalogs.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate, look_at
 from surrogate.deformation import FieldDeformation
+from surrogate.lighting import Lighting
 from surrogate.rasterizer import Rasterizer
 from tests.support.field_blobs import BLOBS
 from tests.support.surrogates import CENTER, EXTENT, some_surrogate
@@ -176,6 +177,18 @@ def test_the_picture_is_that_of_the_surrogate_bit_for_bit(make: Any, background:
     expected = model.at(Re=1830.0, time=0.4).render(CAMERA, background=background)
     found = model.differentiable()(torch.tensor([1830.0, 0.4], dtype=F64), CAMERA, background=background)
     np.testing.assert_array_equal(found.detach().clamp(0.0, 1.0).numpy(), expected)
+
+
+def test_pictures_of_surfaces_are_those_of_the_surrogate_however_many_samples_they_have() -> None:
+    fitted, camera = base(), BLOBS.cameras()[3].resized(10, 10)
+    lighting = Lighting((0.9, 0.5, 0.2), 0.2, 0.7, 0.1, 20.0)
+    surfaces = replace(of_isovalue(fitted), simulation=None, gaussians=fitted.gaussians, lighting=lighting)
+    model = replace(surrogate(fitted, surfaces), rasterizer=Rasterizer(surface_samples=2))
+    expected = model.at(p=0.3, isovalue=0.23).render(camera)
+    found = model.differentiable()({"p": 0.3, "isovalue": 0.23}, camera)
+    np.testing.assert_array_equal(found.detach().clamp(0.0, 1.0).numpy(), expected)
+    coarse = replace(model, rasterizer=Rasterizer()).at(p=0.3, isovalue=0.23).render(camera)
+    assert abs(coarse - expected).max() > 1e-3
 
 
 def test_a_pose_is_that_of_a_camera() -> None:
