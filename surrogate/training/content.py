@@ -1,4 +1,4 @@
-"""What pictures show: how many of their pixels, and how much of that changes from member to member."""
+"""What pictures show: how many of their pixels, how rough it is, and how much of it changes from member to member."""
 
 from __future__ import annotations
 
@@ -24,6 +24,21 @@ def visible_pixels(source: Source, rows: Sequence[ImageRow]) -> float:
     """How many pixels of a picture show something: the mean over some of the `rows`."""
     examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
     return statistics.fmean(float(_shows(example.pixels, source).sum()) for example in examples)
+
+
+def roughness(source: Source, rows: Sequence[ImageRow]) -> float:
+    """How much of a picture is as fine as its pixels: 0 where it is smooth, 1 and more where neighbours have nothing in common.
+
+    The mean square by which pixels differ from the mean of their four neighbours, over the variance, each over some of the `rows`.
+    """
+    examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
+    fine = whole = 0.0
+    for example in examples:
+        colors = example.compared()[..., :3] / 255.0  # [H, W, 3]
+        around = colors[2:, 1:-1] + colors[:-2, 1:-1] + colors[1:-1, 2:] + colors[1:-1, :-2]  # [H - 2, W - 2, 3]
+        fine += float(((colors[1:-1, 1:-1] - around / 4.0) ** 2).sum()) / colors.size
+        whole += float(((colors - colors.mean(axis=(0, 1))) ** 2).mean())
+    return fine / whole if whole else 0.0
 
 
 def changing_share(source: Source, rows: Sequence[ImageRow]) -> float:

@@ -75,6 +75,24 @@ def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
     assert (kept.gaussians, kept.compression.enabled) == (2_000, True)
 
 
+@pytest.mark.parametrize(("rough", "given", "samples"), [(0.04, {}, 1), (0.06, {}, 2), (0.06, {"samples": 1}, 1)])
+def test_rough_pictures_get_more_samples_in_a_pixel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rough: float, given: dict[str, int], samples: int
+) -> None:
+    tried: list[int] = []
+
+    def pace(source: budget.Source, *_: object) -> Pace:
+        tried.append(source.settings.splatting.samples)
+        return Pace(0.010, (), 0.002, 0.001)
+
+    monkeypatch.setattr(budget, "measure_pace", pace)
+    monkeypatch.setattr(budget, "roughness", lambda *_: rough)
+    catalog = make_catalog(tmp_path, "blobs")
+    for asked in (Budget(minutes=10.0), Budget(steps=100)):
+        assert budgeted(given, catalog, asked)[0].splatting.samples == samples
+    assert set(tried) == {samples}
+
+
 @pytest.mark.parametrize(("changing", "grown"), [(0.0, True), (0.9, False)])
 def test_members_that_look_alike_get_more_gaussians_in_more_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changing: float, grown: bool

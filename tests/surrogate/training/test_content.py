@@ -13,7 +13,7 @@ from catalogs.appearance import ImportedImages
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogPlan
 from surrogate.settings import TrainingSettings
-from surrogate.training.content import changing_share, visible_pixels
+from surrogate.training.content import changing_share, roughness, visible_pixels
 from surrogate.training.data import training_rows
 from surrogate.training.source import Source
 from tests.support.results import BLOBS
@@ -65,6 +65,28 @@ def test_pixels_are_visible_that_differ_from_the_background(
     catalog = catalog_of(tmp_path, [[(0, picture)]], background)
     source = Source(TrainingSettings(), catalog)
     assert visible_pixels(source, training_rows(catalog, [source.appearance])) == 6.0
+
+
+@pytest.mark.parametrize("background", [None, (0.2, 0.4, 0.6)])
+def test_pictures_are_rough_whose_neighbouring_pixels_differ(
+    tmp_path: Path, background: tuple[float, float, float] | None
+) -> None:
+    def rough(name: str, *pictures: NDArray[np.uint8]) -> float:
+        catalog = catalog_of(tmp_path / name, [list(enumerate(pictures))], background)
+        source = Source(TrainingSettings(), catalog)
+        return roughness(source, training_rows(catalog, [source.appearance]))
+
+    x, y = np.meshgrid(np.arange(16), np.arange(16))
+    board, ramp, flat = (np.full((16, 16, 4), 255, np.uint8) for _ in range(3))
+    board[..., :3] = 255 * ((x + y) % 2)[..., None]
+    ramp[..., :3] = (9 * x + 7 * y)[..., None]
+    flat[..., :3] = 90
+    inner = (14 / 16) ** 2
+    assert rough("board", board) == pytest.approx(4.0 * inner)  # twice the deviation, but at the border
+    assert rough("ramp", ramp) == pytest.approx(0.0, abs=1e-12)
+    assert rough("flat", flat) == 0.0
+    weight = 0.25 / (0.25 + float((ramp[..., 0] / 255.0).var()))
+    assert rough("both", board, ramp) == pytest.approx(4.0 * inner * weight)
 
 
 @pytest.mark.parametrize("background", [None, (0.2, 0.4, 0.6)])
