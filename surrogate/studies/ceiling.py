@@ -56,9 +56,9 @@ class Subject:
         setting = None if self.variation is None else self.variation.setting(self.appearance)
         return {} if self.variation is None or setting is None else self.variation.asked(setting)
 
-    def cases(self) -> list[Case]:
-        """Its images at test views."""
-        return [Case(self.member, view, self.appearance, self.varied) for view in self.views("test")]
+    def cases(self, split: str = "test") -> list[Case]:
+        """Its images at the views of a split."""
+        return [Case(self.member, view, self.appearance, self.varied) for view in self.views(split)]
 
     def views(self, split: str) -> list[int]:
         """Numbers of the views of a split."""
@@ -212,7 +212,21 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
 
 def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, watch: StudyWatch) -> dict[str, Any]:
     """Fit the subject, and judge it at its test views."""
-    started, catalog = time.perf_counter(), source.catalog
+    started, count = time.perf_counter(), watch.counter("steps")
+    still = fitted_alone(settings, source, subject, lambda done, steps: count("fitting", done, steps))
+    return {
+        "train_views": len(subject.views("train")),
+        "test_views": len(subject.cases()),
+        "seconds": time.perf_counter() - started,
+        **_means(lambda **_: still, source.catalog, subject),
+    }
+
+
+def fitted_alone(
+    settings: TrainingSettings, source: Source, subject: Subject, progress: Callable[[int, int], None] = lambda *_: None
+) -> DeformedGaussians:
+    """The subject by stage 1 alone; `progress` is told how many of how many steps are done."""
+    catalog = source.catalog
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
     data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
     lighting = _lighting(source, subject)
@@ -221,19 +235,12 @@ def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, 
     else:
         first = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
     gaussians = first.to(chosen_device(settings.device))
-    run, count = StageRun(canonical_stage(gaussians, settings), settings, data), watch.counter("steps")
+    run = StageRun(canonical_stage(gaussians, settings), settings, data)
     while run.step < run.stage.steps:
         run.advance()
         if run.step % REPORT_STEPS == 0 or run.step == run.stage.steps:
-            count("fitting", run.step, run.stage.steps)
-    seconds = time.perf_counter() - started
-    still = DeformedGaussians(gaussians.drawn().copy(), {}, source.normalization, Rasterizer.of(settings))
-    return {
-        "train_views": len(rows),
-        "test_views": len(subject.cases()),
-        **_means(lambda **_: still, catalog, subject),
-        "seconds": seconds,
-    }
+            progress(run.step, run.stage.steps)
+    return DeformedGaussians(gaussians.drawn().copy(), {}, source.normalization, Rasterizer.of(settings))
 
 
 def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> dict[str, Any] | None:

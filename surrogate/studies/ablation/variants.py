@@ -125,6 +125,7 @@ VARIANTS = (
         {"gaussians-x0.5": 0.5, "gaussians-x2": 2.0},
         scaled=True,
     ),
+    Variant("samples-2", "whether a pixel is better the mean of four samples, which take longer", {"samples": 2}),
     Variant("colors", "Gaussians that carry colours instead of the field's values", {"carried": "colors"}),
     Variant("pictures-alone", "what the field's values at points teach beside pictures", {"field_value_weight": 0.0}),
     *_each("latent_size", "how many modes of deformation the Gaussians share", {"latent-8": 8, "latent-32": 32}),
@@ -152,6 +153,7 @@ VISUALIZATION_VARIANTS = (
         "how much F_sim is tuned along with F_vis, where it is",
         {"simulation-rate-0": 0.0, "simulation-rate-0.01": 0.01, "simulation-rate-1": 1.0},
     ),
+    Variant("surface-samples-1", "what four samples a pixel are worth on lit surfaces", {"surface_samples": 1}),
     *_each("visualization_latent_size", "how many modes F_vis has", {"latent-8": 8, "latent-32": 32}),
     *_each(
         "value_bins", "of how many field values every Gaussian has weights", {"value-bins-16": 16, "value-bins-64": 64}
