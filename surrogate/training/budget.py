@@ -256,7 +256,7 @@ def _slowest(settings: TrainingSettings, shown: Appearance) -> TrainingSettings:
 def _design(source: Source, worth: Worth) -> dict[str, Any]:
     """Settings that follow from what Gaussians carry, and from what pictures show.
 
-    Of rough pictures carried colours learn more with several samples a pixel (nyx at 128 pixels, five minutes: 33.3 dB instead of
+    Of rough pictures carried colours learn more with several samples a pixel (nyx at 128 pixels, five minutes: 33.1 dB instead of
     32.4), carried values less (tgv-tf: 39.1 instead of 41.9).
     """
     return {"samples": worth.samples} if source.field is None else {"latent_size": MODES_OF_VALUES}
