@@ -24,7 +24,7 @@ from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread, torch_threads
 from surrogate.storage.tensors import read_tensors, tensors_of
 from surrogate.studies.baselines.method import Fit, Method, Plan, Precision
-from surrogate.studies.comparison.fitting import Clock, Place, Point, fit_in_time
+from surrogate.studies.comparison.fitting import Clock, Fitted, Place, Point, fit_in_time
 from surrogate.studies.comparison.predictor import FitPredictor, measure
 from surrogate.studies.comparison.task import WATCHED, Task
 from surrogate.training.begin import Asked, begin
@@ -32,6 +32,7 @@ from surrogate.training.budget import Budget
 from surrogate.training.run import train
 
 BYTES = 4  # of a stored number
+MOST_OFF = 1.15  # from its time: a training whose steps took longer or shorter than in trial is made again, with as many as fit
 CHANGE_AND_VIEW = tuple[Milliseconds, Milliseconds]
 Report = Callable[[str, int, int], None]  # what, done, of how many
 
@@ -229,13 +230,14 @@ class Published:
 
     def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
         """See `Contestant`."""
-        prepared, identity = self._prepared(task, plan.seed, session), f"{task.mark}, {self.name}, {plan}, {seconds}"
+        prepared = self._prepared(task, plan.seed, session)
 
         def look(fit: Fit) -> float:
             return validation(task, FitPredictor(fit, task))
 
-        with torch_threads(plan.threads):
-            found = fit_in_time(
+        def fitted(plan: Plan, seconds: float | None) -> Fitted:
+            identity = f"{task.mark}, {self.name}, {plan}, {seconds}"
+            return fit_in_time(
                 self.method,
                 lambda: task.pictures(session.device),
                 plan,
@@ -246,6 +248,12 @@ class Published:
                 report=lambda step, steps: session.report(self.title, step, steps),
                 place=Place(session.work, identity, session.until),
             )
+
+        with torch_threads(plan.threads):
+            found = fitted(plan, seconds)
+            if seconds is not None and not 1.0 / MOST_OFF <= found.seconds / seconds <= MOST_OFF:
+                steps = max(1, int(found.plan.steps * seconds / found.seconds))
+                found = fitted(replace(plan, steps=steps), None)
         predictor = FitPredictor(found.fit, task, (self.title,))
         megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6
         return Trained(

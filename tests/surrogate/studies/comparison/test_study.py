@@ -29,6 +29,7 @@ from tests.support.varied_blobs import varied_catalog, varied_surrogate
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
 SMALL = Blobs(count=3, size=16)
 SECOND = 0.2 / 60.0  # minutes
+TRIALS = 2  # of a few steps, which say how many fit
 
 
 @pytest.fixture
@@ -294,6 +295,26 @@ def test_a_study_that_is_stopped_goes_on_where_it_was(task: Task, tmp_path: Path
     assert not result.error
     assert result.steps == steps[-1]
     assert not (again.folder / FITS / result.name / "fit").exists()
+
+
+@pytest.mark.parametrize(("factor", "trainings"), [(3.0, 2), (1.1, 1), (0.9, 1), (0.4, 2)])
+def test_a_training_that_misses_its_time_is_made_again(
+    task: Task, tmp_path: Path, factor: float, trainings: int
+) -> None:
+    """Its steps take so many times as long as in both trials; within 15 % it stays."""
+    turned, begun = [0.0], [0]
+
+    def loss(step: int) -> float:
+        begun[0] += step == 1
+        turned[0] += 60.0 * SECOND / 400.0 * (1.0 if begun[0] <= TRIALS else factor)
+        return 0.5
+
+    made = study(task, tmp_path, Published(mean_method(loss=loss), clock=lambda: turned[0]))
+    made.run()
+    [result] = [r for r in load(made.records) if r.method == "mean"]
+    assert begun[0] == TRIALS + trainings
+    assert result.seconds == pytest.approx(60.0 * SECOND * (factor if trainings == 1 else 1.0), rel=0.02)
+    assert result.steps == pytest.approx(400 if trainings == 1 else 400 / factor, rel=0.02)
 
 
 def test_published_steps_are_made_without_a_time(task: Task, tmp_path: Path) -> None:
