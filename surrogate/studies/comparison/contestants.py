@@ -22,6 +22,7 @@ from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.timing import Milliseconds
 from surrogate.model import Surrogate
 from surrogate.splatting.threads import one_torch_thread, torch_threads
+from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.storage.tensors import read_tensors, tensors_of
 from surrogate.studies.baselines.method import Fit, Method, Plan, Precision
 from surrogate.studies.comparison.fitting import Clock, Fitted, Place, Point, fit_in_time
@@ -230,13 +231,12 @@ class Published:
 
     def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
         """See `Contestant`."""
-        prepared = self._prepared(task, plan.seed, session)
+        prepared, identity = self._prepared(task, plan.seed, session), f"{task.mark}, {self.name}, {plan}, {seconds}"
 
         def look(fit: Fit) -> float:
             return validation(task, FitPredictor(fit, task))
 
         def fitted(plan: Plan, seconds: float | None) -> Fitted:
-            identity = f"{task.mark}, {self.name}, {plan}, {seconds}"
             return fit_in_time(
                 self.method,
                 lambda: task.pictures(session.device),
@@ -253,6 +253,7 @@ class Published:
             found = fitted(plan, seconds)
             if seconds is not None and not 1.0 / MOST_OFF <= found.seconds / seconds <= MOST_OFF:
                 steps = max(1, int(found.plan.steps * seconds / found.seconds))
+                (session.work / CHECKPOINT).unlink(missing_ok=True)  # the next one goes on with the new steps
                 found = fitted(replace(plan, steps=steps), None)
         predictor = FitPredictor(found.fit, task, (self.title,))
         megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6

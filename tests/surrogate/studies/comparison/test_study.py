@@ -317,6 +317,31 @@ def test_a_training_that_misses_its_time_is_made_again(
     assert result.steps == pytest.approx(400 if trainings == 1 else 400 / factor, rel=0.02)
 
 
+def test_a_training_that_is_made_again_goes_on_where_it_was_stopped(task: Task, tmp_path: Path) -> None:
+    turned, begun, steps, until = [0.0], [0], list[int](), time.monotonic() + 2.0
+
+    def loss(step: int) -> float:
+        begun[0] += step == 1
+        steps.append(step)
+        turned[0] += 60.0 * SECOND / 400.0 * (1.0 if begun[0] <= TRIALS else 3.0)
+        while begun[0] == TRIALS + 2 and step == 20 and time.monotonic() < until:
+            time.sleep(0.01)
+        return 0.5
+
+    method = Published(mean_method(loss=loss), clock=lambda: turned[0])
+    with pytest.raises(OutOfTime):
+        study(task, tmp_path, method, until=until).run()
+    last = steps[-1]
+    assert (begun[0], 20 <= last < 133) == (TRIALS + 2, True)
+    steps.clear()
+    again = study(task, tmp_path, method)
+    again.run()
+    assert (steps[0], begun[0]) == (last + 1, TRIALS + 2)
+    [result] = [r for r in load(again.records) if r.method == "mean"]
+    assert result.steps == steps[-1] == pytest.approx(133, abs=2)
+    assert result.seconds == pytest.approx(60.0 * SECOND, rel=0.02)
+
+
 def test_published_steps_are_made_without_a_time(task: Task, tmp_path: Path) -> None:
     ours = OurSurrogate("ours", "ours", "nobody")
     made = study(task, tmp_path, Published(mean_method()), ours, minutes=(AS_PUBLISHED,), plan=Plan(1, size="official"))
