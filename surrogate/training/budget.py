@@ -17,7 +17,7 @@ from typing import Any
 from catalogs.appearance import Appearance, VolumeRendering
 from catalogs.catalog import Catalog
 from surrogate.settings import TrainingSettings
-from surrogate.training.content import changing_share, roughness, visible_pixels
+from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
 from surrogate.training.data import ImageRow, training_rows, validation_rows
 from surrogate.training.pace import LEAST_SECONDS, Clock, Pace, measure_pace
 from surrogate.training.ranks import ALONE, Ranks
@@ -113,7 +113,7 @@ class Worth:
     visible : pixels of a picture that show something.
     images : that are learnt, of the base appearance.
     changing : the share of what is seen that changes from member to member.
-    rough : how much of a picture is as fine as its pixels.
+    rough : how much of a picture is as fine as its pixels, where Gaussians carry colours.
     """
 
     visible: float
@@ -130,7 +130,7 @@ class Worth:
 
     @property
     def samples(self) -> int:
-        """Along the side of a pixel, of Gaussians that carry colours."""
+        """Along the side of a pixel."""
         return 2 if self.rough > ROUGH else 1
 
     @property
@@ -141,7 +141,9 @@ class Worth:
 
 
 def _worth(source: Source, rows: Sequence[ImageRow]) -> Worth:
-    return Worth(visible_pixels(source, rows), len(rows), changing_share(source, rows), roughness(source, rows))
+    some = sampled(source, rows)
+    rough = roughness(some) if source.field is None else 0.0
+    return Worth(visible_pixels(source, some), len(rows), changing_share(source, rows), rough)
 
 
 def _rounded(count: float) -> int:

@@ -15,23 +15,26 @@ from surrogate.evaluation.scoring import spread
 from surrogate.training.data import Example, ImageRow, load_examples
 from surrogate.training.source import Source
 
-SAMPLED = 64  # pictures whose visible pixels are counted
+SAMPLED = 64  # pictures that visible pixels and roughness are judged by
 CAMERAS, MEMBERS = 6, 24  # at most that are compared
 VISIBLE = 0.01  # of a pixel that shows something: its opacity, or how far any channel is from the background
 
 
-def visible_pixels(source: Source, rows: Sequence[ImageRow]) -> float:
-    """How many pixels of a picture show something: the mean over some of the `rows`."""
-    examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
+def sampled(source: Source, rows: Sequence[ImageRow]) -> list[Example]:
+    """Some pictures of the `rows`, evenly."""
+    return load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
+
+
+def visible_pixels(source: Source, examples: Sequence[Example]) -> float:
+    """How many pixels of a picture show something: the mean over `examples`."""
     return statistics.fmean(float(_shows(example.pixels, source).sum()) for example in examples)
 
 
-def roughness(source: Source, rows: Sequence[ImageRow]) -> float:
+def roughness(examples: Sequence[Example]) -> float:
     """How much of a picture is as fine as its pixels: 0 where it is smooth, 1 and more where neighbours have nothing in common.
 
-    The mean square by which pixels differ from the mean of their four neighbours, over the variance, each over some of the `rows`.
+    The mean square by which pixels differ from the mean of their four neighbours, over the variance, each over all `examples`.
     """
-    examples = load_examples(source.catalog, [rows[i] for i in spread(len(rows), SAMPLED)], source.normalization)
     fine = whole = 0.0
     for example in examples:
         colors = example.compared()[..., :3] / 255.0  # [H, W, 3]

@@ -13,7 +13,7 @@ from catalogs.appearance import ImportedImages
 from catalogs.cameras import Camera
 from catalogs.catalog import Catalog, CatalogPlan
 from surrogate.settings import TrainingSettings
-from surrogate.training.content import changing_share, roughness, visible_pixels
+from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
 from surrogate.training.data import training_rows
 from surrogate.training.source import Source
 from tests.support.results import BLOBS
@@ -64,7 +64,7 @@ def test_pixels_are_visible_that_differ_from_the_background(
         picture[..., 3] = 255
     catalog = catalog_of(tmp_path, [[(0, picture)]], background)
     source = Source(TrainingSettings(), catalog)
-    assert visible_pixels(source, training_rows(catalog, [source.appearance])) == 6.0
+    assert visible_pixels(source, sampled(source, training_rows(catalog, [source.appearance]))) == 6.0
 
 
 @pytest.mark.parametrize("background", [None, (0.2, 0.4, 0.6)])
@@ -74,7 +74,7 @@ def test_pictures_are_rough_whose_neighbouring_pixels_differ(
     def rough(name: str, *pictures: NDArray[np.uint8]) -> float:
         catalog = catalog_of(tmp_path / name, [list(enumerate(pictures))], background)
         source = Source(TrainingSettings(), catalog)
-        return roughness(source, training_rows(catalog, [source.appearance]))
+        return roughness(sampled(source, training_rows(catalog, [source.appearance])))
 
     x, y = np.meshgrid(np.arange(16), np.arange(16))
     board, ramp, flat = (np.full((16, 16, 4), 255, np.uint8) for _ in range(3))
