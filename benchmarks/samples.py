@@ -8,19 +8,15 @@ fills its part of docs/splatting.md, or of a copy in the folder `--output`.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.page import DOCS, command_line, made_by, page_in, stopwatch, table, write_parts
 from catalogs.catalog import Catalog
-from surrogate.evaluation.predictor import SurrogatePredictor
-from surrogate.evaluation.scoring import mean, score_cases
-from surrogate.model import DeformedGaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import one_torch_thread
-from surrogate.studies.ceiling import Subject, fitted_alone, subjects
+from surrogate.studies.ceiling import fitted_alone, means_of, subjects
 from surrogate.training.source import Source
 from surrogate.training.visualizations import lighting_of
 
@@ -51,18 +47,13 @@ def rows(
         still = fitted_alone(form, source, shown[0])
         taken = time.process_time() - begun
         width = shown[0].member.cameras[0].width
-        seen, other = (f"{decibels(still, opened, shown[0], split):.2f}" for split in ("train", "test"))
-        found.append([f"{width}", f"{number**2}", seen, other, f"{1e3 * taken / steps:.1f}"])
+        of_views = [
+            means_of(lambda still=still, **_: still, opened, shown[0].cases(split)) for split in ("train", "test")
+        ]
+        decibels = [f"{means['psnr']:.2f}" for means in of_views]
+        found.append([f"{width}", f"{number**2}", *decibels, f"{1e3 * taken / steps:.1f}"])
         say(", ".join(found[-1]))
     return found
-
-
-def decibels(still: DeformedGaussians, catalog: Catalog, subject: Subject, split: str) -> float:
-    """Mean PSNR (dB) at the views of a split."""
-    predictor = SurrogatePredictor(lambda **_: still, catalog.plan.background)
-    [scores] = score_cases(predictor, catalog, subject.cases(split))
-    found = mean(scores.values(), "psnr")
-    return math.nan if found is None else found
 
 
 @one_torch_thread()

@@ -8,7 +8,7 @@ the fewer views of one member may overfit.  It learns from a test member, so no 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -218,7 +218,7 @@ def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, 
         "train_views": len(subject.views("train")),
         "test_views": len(subject.cases()),
         "seconds": time.perf_counter() - started,
-        **_means(lambda **_: still, source.catalog, subject),
+        **means_of(lambda **_: still, source.catalog, subject.cases()),
     }
 
 
@@ -252,11 +252,11 @@ def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> d
     return {
         "fingerprint": surrogate.training["fingerprint"],
         "gaussians": len(surrogate.gaussians),
-        **_means(surrogate.at, source.catalog, subject),
+        **means_of(surrogate.at, source.catalog, subject.cases()),
     }
 
 
-def _means(at: Callable[..., DeformedGaussians], catalog: Catalog, subject: Subject) -> dict[str, float | None]:
-    """What Gaussians reach on the subject's images."""
-    [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, subject.cases())
+def means_of(at: Callable[..., DeformedGaussians], catalog: Catalog, cases: Sequence[Case]) -> dict[str, float | None]:
+    """What Gaussians reach on images: "psnr" (dB) and "ssim", None where there are none."""
+    [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, cases)
     return {metric: mean(found.values(), metric) for metric in ("psnr", "ssim")}

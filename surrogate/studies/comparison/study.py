@@ -86,7 +86,7 @@ class Study:
         made on the engine.
         """
         self._keep_trivial(tell)
-        order = list(product(sorted(self.minutes), range(self.seeds), self.contestants))
+        order = self._order(self.contestants)
         if engine is not None:
             self._run_on(engine, order, progress, tell)
             return
@@ -97,6 +97,9 @@ class Study:
             result = self._trained(*one, watch, len(order) - number)
             if result is not None:
                 tell(result)
+
+    def _order(self, contestants: Sequence[Contestant]) -> list[_One]:
+        return list(product(sorted(self.minutes), range(self.seeds), contestants))
 
     def _run_on(
         self,
@@ -122,11 +125,10 @@ class Study:
 
     def left_out(self) -> list[str]:
         """The missing trainings that are left to a machine which multiplies in the precision of the method's other results."""
-        order = product(sorted(self.minutes), range(self.seeds), self.contestants)
-        return [_named(*one) for one in order if self._is_missing(*one) and self._is_left(one[2])]
+        left = [contestant for contestant in self.contestants if self._is_left(self.plan_of(contestant.name).precision)]
+        return [_named(*one) for one in self._order(left) if self._is_missing(*one)]
 
-    def _is_left(self, contestant: Contestant) -> bool:
-        precision = self.plan_of(contestant.name).precision
+    def _is_left(self, precision: Precision) -> bool:
         return precision_here(precision, self.device) != precision
 
     def _trained(
@@ -139,8 +141,8 @@ class Study:
             if (
                 work is None
                 or not steps
+                or self._is_left(wanted.precision)
                 or not self._is_missing(minutes, seed, contestant)
-                or self._is_left(contestant)
             ):
                 return None
             watch.begin(_named(minutes, seed, contestant), following)
