@@ -29,7 +29,8 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
 - **Equal time** is processor time on one core, from the loading of the pictures to the last step. Off the clock are looks at
   the eight validation images of the curves, the Gaussians that hold still, which GS-Surrogate and 4DGS-HD start from, and,
   for published methods, how long a step takes, which decides how many are planned; ours finds that out on the clock. Where
-  their training takes 15 % more or less than its time, it is made again with as many steps as fit.
+  their training takes 15 % more or less than its time, it is made again with as many steps as fit. Earlier ones were not: ViSNeRF
+  took longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds.
 - **Where isovalues or transfer functions vary**, this surrogate, and GS-Surrogate, light, first learn the base appearance in the
   same time, though no cell asks for it: their curves begin after that. Published methods learn all in one; they are given the
   base pictures where transfer functions vary. A curve is missing where an earlier version kept it on the wall's clock, and
@@ -39,9 +40,9 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
 - **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all. A step of published sizes takes
   too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published. Networks of
   GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
-- **Samples.** A picture is the mean over its pixels. On lit surfaces, and where pictures are as fine as their pixels (`nyx`), this
-  surrogate draws four samples a pixel, within its time. Published methods draw one, as published; so did GS-Surrogate, light,
-  on `nyx`.
+- **Samples.** Pictures of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
+  fine as their pixels, with four samples a pixel, within its time; so does GS-Surrogate, light, but for its earlier training
+  on `nyx`. Published methods draw one, as published.
 - **Machines** were of several kinds; where those of a scene differ, its last lines say who was trained on which.
 - **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
   images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF stay
