@@ -259,7 +259,7 @@ def _design(source: Source, worth: Worth) -> dict[str, Any]:
     """Settings that follow from what Gaussians carry, and from what pictures show.
 
     Of rough pictures carried colours learn more with several samples a pixel (nyx at 128 pixels, five minutes: 33.1 dB instead of
-    32.4), carried values less (tgv-tf: 39.1 instead of 41.9).
+    32.4), carried values less (tgv-tf: 38.8 instead of 41.8); docs/splatting.md says how that was measured.
     """
     return {"samples": worth.samples} if source.field is None else {"latent_size": MODES_OF_VALUES}
 
