@@ -37,7 +37,7 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
   that ran unlike the processor's.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*): its row says what it is after
   so long on a processor, not what it can do on a GPU. Every schedule is stretched or pressed to the steps that fit.
-- **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all. A step of published sizes takes
+- **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all; MS-SSIM needs 161. A step of published sizes takes
   too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published. Networks of
   GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
 - **Samples.** Pictures of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as

@@ -11,7 +11,7 @@ from surrogate.studies.comparison.methods import CONTESTANTS, OURS
 from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, terms
 from surrogate.studies.comparison.trivial import best_of
 
-DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell
+DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell, where pictures are large enough to have it
 
 
 def tables(results: Sequence[Result]) -> str:
@@ -67,10 +67,12 @@ def in_short(scene: str, results: Sequence[Result]) -> list[list[str]]:
 
 def _table(results: Sequence[Result], on: Terms) -> str:
     cells, first = cell_names(results), leaders(results, on)
+    whole = [r for r in results if r.terms == on and not r.error]
+    details = [metric for metric in DETAILS if any(r.cells[cells[-1]][metric] is not None for r in whole)]
     header = (
         str(on),
         *(f"{cell}, PSNR (dB)" for cell in cells),
-        *(f"{cells[-1]}, {HEADINGS[metric]}" for metric in DETAILS),
+        *(f"{cells[-1]}, {HEADINGS[metric]}" for metric in details),
         "steps",
         "of the published",
         "size (MB)",
@@ -79,22 +81,25 @@ def _table(results: Sequence[Result], on: Terms) -> str:
         "at other parameters (ms)",
         "seeds",
     )
-    rows = [_row(name, [r for r in results if (r.method, r.terms) == (name, on)], cells, first) for name in CONTESTANTS]
+    trained = {name: [r for r in results if (r.method, r.terms) == (name, on)] for name in CONTESTANTS}
+    rows = [_row(name, of, cells, details, first) for name, of in trained.items()]
     return table(header, [*filter(None, rows), _trivial_row(results, cells, first, len(header))])
 
 
-def _row(name: str, of: Sequence[Result], cells: Sequence[str], first: Mapping[str, str]) -> list[str]:
+def _row(
+    name: str, of: Sequence[Result], cells: Sequence[str], details: Sequence[str], first: Mapping[str, str]
+) -> list[str]:
     """Of one contestant after one time; empty without a training."""
     if not of:
         return []
     whole, contestant = [r for r in of if not r.error], CONTESTANTS[name]
     if not whole:
-        return [contestant.title, of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(DETAILS) + 6)]
+        return [contestant.title, of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(details) + 6)]
     official = contestant.official_steps
     return [
         contestant.title,
         *(_bold(_spread("psnr", [r.cells[cell]["psnr"] for r in whole]), first.get(cell) == name) for cell in cells),
-        *(_spread(metric, [r.cells[cells[-1]][metric] for r in whole]) for metric in DETAILS),
+        *(_spread(metric, [r.cells[cells[-1]][metric] for r in whole]) for metric in details),
         f"{statistics.fmean(r.steps for r in whole):,.0f}",
         f"{100.0 * statistics.fmean(r.steps for r in whole) / official:.2g} %" if official else NOTHING,
         f"{statistics.fmean(r.megabytes for r in whole):.2f}",

@@ -28,6 +28,7 @@ def test_a_method_goes_on_from_its_checkpoint(
 ) -> None:
     monkeypatch.setattr(gs_surrogate, "RENEWAL", 30_000)  # chances are renewed after a step or two
     monkeypatch.setitem(insitunet.EXTENTS, "small", insitunet.Extent(2, 4))  # steps of milliseconds
+    monkeypatch.setitem(visnerf.SIZES, "small", visnerf.Sizes(64, 6, 12, 1.0, 8**3 + 1))
     plan = Plan(6, seed=1, size="small")
     prepared = {} if method.prepare is None else method.prepare(PICTURES, 0, count=60, steps=5)  # type: ignore[call-arg]
     whole, first, second = (method.begin(PICTURES, plan, prepared) for _ in range(3))

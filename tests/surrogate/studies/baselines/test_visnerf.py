@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ from surrogate.studies.baselines.visnerf_field import (
 from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 TINY = Sizes(rays=128, first_samples=12, last_samples=24, stride=1.0, voxels=12**3 + 1)
+QUICK = replace(TINY, rays=64, first_samples=6, last_samples=12, voxels=8**3 + 1)  # enough to learn a member
 BOX = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 UNEVEN = Architecture((5, 4, 3), (3, 6))
 QUANTITIES: tuple[Quantity, ...] = ("density", "color")
@@ -383,7 +385,7 @@ def test_a_single_picture_is_enough() -> None:
     assert np.isfinite([training.advance() for _ in range(3)]).all()
 
 
-def trained(pictures: Pictures, plan: Plan, sizes: Sizes = TINY) -> Training:
+def trained(pictures: Pictures, plan: Plan, sizes: Sizes = QUICK) -> Training:
     training = Training(pictures, plan, sizes)
     for _ in range(plan.steps):
         training.advance()
@@ -475,7 +477,7 @@ def test_it_learns_the_pictures_of_one_member() -> None:
 def test_it_learns_what_a_parameter_moves() -> None:
     """Shown are the pictures that were asked for, not those of the other member."""
     pictures = ball_pictures([[-1.0], [1.0]], 3, 12)
-    training = trained(pictures, Plan(500))
+    training = trained(pictures, Plan(500), TINY)
     for number in range(6):
         shown = training.at(pictures.parameters[number])(pictures.camera(number))
         assert psnr_over(pictures, number, shown) > 28.0

@@ -88,7 +88,15 @@ def test_there_is_a_table_for_each_time() -> None:
 def test_steps_stand_beside_the_published_ones() -> None:
     table = rows(tables([result("visnerf", 0, 20.0, steps=900), result(OURS, 0, 30.0)]))
     assert "1 %" in table[CONTESTANTS["visnerf"].title]
-    assert table["**this surrogate**"][6] == "–"
+    assert table["**this surrogate**"][5] == "–"
+
+
+def test_a_metric_that_no_picture_is_large_enough_for_has_no_column() -> None:
+    small = result(OURS, 0, 30.0)
+    cells = {name: {**cell, "ms_ssim": 0.75} for name, cell in small.cells.items()}
+    large = replace(small, size="official", minutes=AS_PUBLISHED, cells=cells)
+    headers = [line for line in tables([small, large]).splitlines() if "both, SSIM" in line]
+    assert ["both, MS-SSIM" in header for header in headers] == [False, True]
 
 
 def test_a_failure_stands_in_its_row() -> None:

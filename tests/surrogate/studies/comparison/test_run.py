@@ -105,7 +105,7 @@ def test_ours_is_trained_in_its_time(run: Path) -> None:
 def test_the_light_field_is_trained(make_catalog, tmp_path: Path) -> None:
     task = Task.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
     session = Session(tmp_path / "work", tmp_path)
-    trained = CONTESTANTS[LIGHT].trained(task, Plan(20, precision=precision_here("bfloat16", "cpu")), None, session)
-    assert trained.plan.steps == 20
+    trained = CONTESTANTS[LIGHT].trained(task, Plan(6, precision=precision_here("bfloat16", "cpu")), None, session)
+    assert trained.plan.steps == 6
     change, view = trained.measured()
     assert change.median >= view.lowest > 0.0
