@@ -2,14 +2,12 @@
 
 He et al. 2019, "InSituNet: Deep Image Synthesis for Parameter Space Exploration of Ensemble Simulations", IEEE TVCG 26(1); where
 paper and official code (github.com/hewenbin/insitu_net) differ, the code is followed, except for Adam's momentum, the paper's.
+The networks are in `insitunet_networks`.
 
-    subnets: Linear-ReLU-Linear-ReLU, one each for simulation parameters, visualization parameters and the view, concatenated
-    generator: linear map of the subnets' features to 4x4 pixels, then residual blocks that double the resolution each
     loss = mean squared error + 1e-2 softplus(-D(picture)),   D = a discriminator that sees parameters and view, too
 
 The published loss compares features of VGG19, whose weights are no part of this package: this is the official code's `--mse-loss`
-mode, with its adversarial loss and, as by default there, without spectral normalization.  Rates are constant as published, so
-the planned number of steps changes nothing.
+mode, with its adversarial loss.  Rates are constant as published, so the planned number of steps changes nothing.
 
 What it can't do: pictures are opaque and as large as those it learnt from, and the view is a direction: neither the camera's
 distance nor its field of view nor its roll is seen.  At the poles the azimuth is undefined, and views close to them that look
@@ -20,26 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, interpolate, mse_loss, relu, softplus
+from torch.nn.functional import mse_loss, softplus
 
 from catalogs.cameras import Camera, spherical_angles
+from surrogate.studies.baselines.insitunet_networks import Architecture, Discriminator, Generator, start
 from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
 from surrogate.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from surrogate.training.sampling import ShuffledEpochs
 
-VIEW = 3  # numbers that a viewpoint is encoded by
-FIRST_RESOLUTION = 4  # of the generator's first maps
-MAPS = (16, 16, 8, 8, 4, 2, 1, 1)  # channels at 4, 8, 16, ... 512 pixels, in units of `Architecture.channels`
-RESOLUTIONS = tuple(FIRST_RESOLUTION << doublings for doublings in range(2, len(MAPS)))
 ADVERSARIAL = 1e-2  # weight of the adversarial loss
 RATE = 1e-3  # Adam's, of both networks
 MOMENTA = (0.0, 0.999)  # Adam's betas, the paper's; the code's own are 0.9 and 0.999
@@ -54,149 +47,6 @@ class Extent(NamedTuple):
 
 
 EXTENTS: dict[Size, Extent] = {"official": Extent(64, 50), "small": Extent(16, 8)}
-
-
-@dataclass(frozen=True)
-class Architecture:
-    """How large both networks are.
-
-    Attributes
-    ----------
-    resolution : pixels of a picture's side, one of `RESOLUTIONS`.
-    parameters : how many the ensemble has.
-    visualization : so many of the last parameters belong to the visualization and have a subnet of their own.
-    channels : the unit of the channels of all maps.
-    width : of the subnets' layers.
-
-    Published for 256 pixels; fewer drop the generator's last blocks, 512 add one, and the discriminator mirrors them.  With 6
-    parameters, 3 of them of the visualization, the published networks have 60,974,019 and 45,769,409 parameters.
-    """
-
-    resolution: int
-    parameters: int
-    visualization: int = 0
-    channels: int = 64
-    width: int = 512
-
-    def __post_init__(self) -> None:
-        if self.resolution not in RESOLUTIONS:
-            raise ValueError(f"InSituNet draws square pictures of {RESOLUTIONS} pixels, got {self.resolution}")
-        if not 0 <= self.visualization <= self.parameters:
-            raise ValueError(f"visualization must be 0 to {self.parameters}, all parameters, got {self.visualization}")
-
-    @property
-    def kinds(self) -> list[int]:
-        """How many numbers each subnet sees: simulation parameters, visualization parameters, view; kinds of none are left out."""
-        sizes = [self.parameters - self.visualization, self.visualization, VIEW]
-        return [size for size in sizes if size]
-
-    @property
-    def maps(self) -> list[int]:
-        """Channels at 4 pixels, at 8, and so on up to the resolution."""
-        doublings = (self.resolution // FIRST_RESOLUTION).bit_length() - 1
-        return [self.channels * units for units in MAPS[: doublings + 1]]
-
-
-class Subnets(nn.Module):
-    """Features of what a picture depends on: each kind's from its own two layers, side by side."""
-
-    def __init__(self, architecture: Architecture) -> None:
-        super().__init__()
-        self.kinds, width = architecture.kinds, architecture.width
-        self.columns = len(self.kinds) * width
-        self.subnets = nn.ModuleList(
-            nn.Sequential(nn.Linear(size, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU()) for size in self.kinds
-        )
-
-    def forward(self, conditions: Tensor) -> Tensor:
-        """Features (B, `columns`) of conditions (B, P + 3)."""
-        parts = conditions.split(self.kinds, dim=1)
-        return torch.cat([subnet(part) for subnet, part in zip(self.subnets, parts, strict=True)], dim=1)
-
-
-class GeneratorBlock(nn.Module):
-    """Doubles the resolution: BN-ReLU-up-conv3-BN-ReLU-conv3, plus a 1x1 convolution of the input, all without biases."""
-
-    def __init__(self, before: int, after: int) -> None:
-        super().__init__()
-        self.shortcut = nn.Conv2d(before, after, 1, bias=False)
-        self.first_norm = nn.BatchNorm2d(before)
-        self.first = nn.Conv2d(before, after, 3, padding=1, bias=False)
-        self.second_norm = nn.BatchNorm2d(after)
-        self.second = nn.Conv2d(after, after, 3, padding=1, bias=False)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        """(B, before, S, S) to (B, after, 2 S, 2 S)."""
-        inner = self.first(_doubled(relu(self.first_norm(maps))))  # [B, after, 2 S, 2 S]
-        inner = self.second(relu(self.second_norm(inner)))
-        # the shortcut's 1x1 convolution gives the same before the doubling as after it, at a quarter of the cost
-        return inner + _doubled(self.shortcut(maps))
-
-
-class Generator(nn.Module):
-    """Draws pictures."""
-
-    def __init__(self, architecture: Architecture) -> None:
-        super().__init__()
-        maps = architecture.maps
-        self.subnets = Subnets(architecture)
-        self.start = nn.Linear(self.subnets.columns, maps[0] * FIRST_RESOLUTION**2, bias=False)
-        self.blocks = nn.Sequential(*(GeneratorBlock(before, after) for before, after in pairwise(maps)))
-        self.norm = nn.BatchNorm2d(maps[-1])
-        self.colors = nn.Conv2d(maps[-1], 3, 3, padding=1)
-
-    def forward(self, conditions: Tensor) -> Tensor:
-        """Pictures (B, 3, S, S) in [-1, 1] for conditions (B, P + 3)."""
-        start = self.start(self.subnets(conditions))
-        maps = start.reshape(len(start), -1, FIRST_RESOLUTION, FIRST_RESOLUTION)  # [B, C, 4, 4]
-        return torch.tanh(self.colors(relu(self.norm(self.blocks(maps)))).float())
-
-
-class DiscriminatorBlock(nn.Module):
-    """Halves the resolution, or keeps it: ReLU-conv3-ReLU-conv3-pool, plus a pooled 1x1 convolution where anything changes.
-
-    The one that sees `pixels` has no ReLU before its first convolution.
-    """
-
-    def __init__(self, before: int, after: int, *, halved: bool = True, pixels: bool = False) -> None:
-        super().__init__()
-        self.halved, self.pixels = halved, pixels
-        self.shortcut = nn.Conv2d(before, after, 1) if halved or before != after else nn.Identity()
-        self.first = nn.Conv2d(before, after, 3, padding=1)
-        self.second = nn.Conv2d(after, after, 3, padding=1)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        """(B, before, S, S) to (B, after, S / 2, S / 2), or S where it is not halved."""
-        inner = self.second(relu(self.first(maps if self.pixels else relu(maps))))
-        if not self.halved:
-            return inner + self.shortcut(maps)
-        # the shortcut's 1x1 convolution gives the same after the mean as before it, at a quarter of the cost
-        return avg_pool2d(inner, 2) + self.shortcut(avg_pool2d(maps, 2))
-
-
-class Discriminator(nn.Module):
-    """Scores how real pictures look for their conditions: a linear map of their features plus a projection on the conditions'.
-
-    Miyato & Koyama 2018, "cGANs with Projection Discriminator".
-    """
-
-    def __init__(self, architecture: Architecture) -> None:
-        super().__init__()
-        maps = architecture.maps[::-1]
-        self.subnets = Subnets(architecture)
-        self.projection = nn.Linear(self.subnets.columns, maps[-1])
-        self.blocks = nn.Sequential(
-            DiscriminatorBlock(3, maps[0], pixels=True),
-            *(DiscriminatorBlock(before, after) for before, after in pairwise(maps[:-1])),
-            DiscriminatorBlock(maps[-2], maps[-1], halved=False),
-        )
-        self.score = nn.Linear(maps[-1], 1)
-
-    def forward(self, conditions: Tensor, pictures: Tensor) -> Tensor:
-        """Scores (B,) of conditions (B, P + 3) and pictures (B, 3, S, S): large where they look real."""
-        features = relu(self.blocks(pictures)).float().sum(dim=(2, 3))  # [B, C]
-        projected = relu(self.projection(self.subnets(conditions))).float()  # [B, C]
-        return (features * (projected + self.score.weight)).sum(dim=1) + self.score.bias
 
 
 def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
@@ -314,24 +164,8 @@ class Training:
         return torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=self._precision == "bfloat16")
 
 
-def start(network: nn.Module, random: torch.Generator) -> None:
-    """Set weights to random orthogonal matrices, biases to zero, and normalizations to the identity, as the official code does."""
-    for part in network.modules():
-        if isinstance(part, nn.Linear | nn.Conv2d):
-            nn.init.orthogonal_(part.weight, generator=random)
-            if part.bias is not None:
-                nn.init.zeros_(part.bias)
-        elif isinstance(part, nn.BatchNorm2d):
-            part.reset_parameters()
-
-
 def _adam(network: nn.Module, plan: Plan) -> torch.optim.Adam:
     return torch.optim.Adam(network.parameters(), lr=RATE * plan.rate, betas=MOMENTA)
-
-
-def _doubled(maps: Tensor) -> Tensor:
-    """(B, C, S, S) to (B, C, 2 S, 2 S), each value four times."""
-    return interpolate(maps, scale_factor=2)
 
 
 def begin(pictures: Pictures, plan: Plan, prepared: Prepared) -> Fit:
