@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from itertools import cycle
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -16,6 +17,7 @@ from surrogate.studies.comparison.methods import CONTESTANTS, OURS
 from surrogate.studies.comparison.result import TRIVIAL, Result, Terms
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 
+DASHES, LINES, MARKED = ("-", "--", ":"), ("solid", "dashed", "dotted"), 20  # by time; points that are marked, at most
 RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
 ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what differences are multiplied by
 
@@ -27,28 +29,29 @@ def curves(results: Sequence[Result]) -> bytes | None:
     shown = [r for r in results if r.curve and not r.error and r.device == "cpu"]
     if not shown:
         return None
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
     axes, named = figure.add_subplot(), set[str]()
+    times = sorted({result.minutes for result in shown})
     for result in shown:
-        place = list(CONTESTANTS).index(result.method)
-        seconds, decibels = zip(*result.curve, strict=True)
-        ours = result.method == OURS
-        label = None if result.method in named else CONTESTANTS[result.method].title.strip("*")
-        named.add(result.method)
+        title = CONTESTANTS[result.method].title.strip("*")
         axes.plot(
-            seconds,
-            decibels,
-            color=f"C{place}",
-            label=label,
-            linewidth=2.2 if ours else 1.0,
-            marker="o",
+            *zip(*result.curve, strict=True),
+            color=f"C{list(CONTESTANTS).index(result.method)}",
+            label=title if title not in named else None,
+            linestyle=DASHES[times.index(result.minutes) % len(DASHES)],
+            linewidth=2.2 if result.method == OURS else 1.0,
+            marker="o" if len(result.curve) <= MARKED else None,
             markersize=2.5,
         )
+        named.add(title)
+    if len(times) > 1:
+        lines = zip(times, cycle(LINES))
+        axes.set_title(", ".join(f"{line}: {minutes:g} min" for minutes, line in lines), fontsize=8)
     axes.set_xscale("log")
     axes.set_xlabel("seconds of processor time")
     axes.set_ylabel("PSNR of validation images, dB")
     axes.grid(linewidth=0.4, alpha=0.5)
-    axes.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside lower center", ncols=3)
     return _png(figure)
 
 
