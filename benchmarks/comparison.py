@@ -37,9 +37,9 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
   that ran unlike the processor's.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*): its row says what it is after
   so long on a processor, not what it can do on a GPU. Every schedule is stretched or pressed to the steps that fit.
-- **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all; MS-SSIM needs 161. A step of published sizes takes
-  too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published. Networks of
-  GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
+- **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all, which are too small for MS-SSIM. A step
+  of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published.
+  Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
 - **Samples.** Pictures of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
   fine as their pixels, with four samples a pixel, within its time; so does GS-Surrogate, light, but for its earlier training
   on `nyx`. Published methods draw one, as published.
@@ -47,7 +47,8 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
 - **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
   images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF stay
   grey. With its published rates it reaches 22.1 dB in the last cell of `nyx`, with those chosen on `cloverleaf` 18.9
-  (`surrogate compare scenes/nyx.toml --methods visnerf --minutes 5` with an empty folder of `--records`).
+  (`surrogate compare scenes/nyx.toml --methods visnerf --minutes 5` with an empty folder of `--records`). Where a longer training
+  diverges at these rates it is made again at the next lower ones; K-Planes on `cloverleaf`, in half an hour, is yet to be.
 - **Stored pictures, mixed** are the best of the trivial predictors: they need a stored picture at the very view, which no
   other row does, so they have none of novel views.
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
+from surrogate.studies.baselines.method import Diverged
+
 
 def bilinear(grids: Tensor, at: Tensor) -> Tensor:
     """Grids (B, C, height, width) at (B, N, 2) in [-1, 1], across before down: (B, C, N).
 
-    The corners are the middles of the outermost entries; beyond them the border goes on.  Raises ValueError for coordinates that
-    are no numbers, as after a training has diverged: torch (2.13, on a processor) would read outside its memory.
+    The corners are the middles of the outermost entries; beyond them the border goes on.  Raises `Diverged` for coordinates that
+    are no numbers: torch (2.13, on a processor) would read outside its memory.
     """
     if at.isnan().any():
-        raise ValueError("a field is asked at coordinates that are no numbers: its training has diverged")
+        raise Diverged("a field is asked at coordinates that are no numbers: its training has diverged")
     found = grid_sample(grids, at[:, None], mode="bilinear", padding_mode="border", align_corners=True)  # [B, C, 1, N]
     return found.squeeze(2)

@@ -11,7 +11,7 @@ from typing import Any
 
 from engines.stopping import stop_requested
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
+from surrogate.studies.baselines.method import Diverged, Fit, Method, Pictures, Plan, Prepared
 
 PROBE = 0.1  # of the time, in which the speed is measured beforehand
 ROUGH_STEPS, MOST_PROBED = 3, 400
@@ -20,10 +20,6 @@ REPORT_SECONDS = 2.0
 
 Clock = Callable[[], float]
 Point = tuple[float, float]  # seconds on the clock, dB
-
-
-class Diverged(ValueError):
-    """A method's loss is not finite."""
 
 
 class OutOfTime(Exception):

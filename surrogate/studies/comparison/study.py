@@ -27,7 +27,7 @@ from surrogate.evaluation.tables import ALL_METRICS, means
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
-from surrogate.studies.baselines.method import Plan, Precision
+from surrogate.studies.baselines.method import Diverged, Plan, Precision
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
@@ -237,14 +237,18 @@ class Study:
     ) -> dict[str, Any]:
         form = self.plan_of(contestant.name)
         tuned = tuning.find(self.all_records, contestant.name, form) if contestant.is_tuned else None
-        plan = replace(form, steps=steps, seed=wanted.seed, rate=1.0 if tuned is None else tuned.rate)
-        durable.make_folder(work)
-        session = Session(work, self.folder / SHARED, self.device, self.until, watch.counter("steps"))
         seconds = None if wanted.minutes == AS_PUBLISHED else 60.0 * wanted.minutes
-        trained = contestant.trained(self.task, plan, seconds, session)
-        cells = scored(trained.predictor, self.task)
-        if not all(math.isfinite(cell["psnr"]) for cell in cells.values()):
-            raise ValueError("training diverged: its pictures are no numbers")
+
+        def made(rate: float, folder: Path) -> tuple[Trained, dict[str, dict[str, Any]]]:
+            plan = replace(form, steps=steps, seed=wanted.seed, rate=rate)
+            session = Session(folder, self.folder / SHARED, self.device, self.until, watch.counter("steps"))
+            trained = contestant.trained(self.task, plan, seconds, session)
+            cells = scored(trained.predictor, self.task)
+            if not all(math.isfinite(cell["psnr"]) for cell in cells.values()):
+                raise Diverged("training diverged: its pictures are no numbers")
+            return trained, cells
+
+        trained, cells = tuning.at_rates_that_hold(1.0 if tuned is None else tuned.rate, work, made)
         if wanted.seed == 0:
             self._keep_pictures(trained, wanted)
         change, view = trained.measured()

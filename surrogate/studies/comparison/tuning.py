@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
+from catalogs import durable
 from surrogate.storage.records import Provenance, Record
-from surrogate.studies.baselines.method import Plan, Precision
+from surrogate.studies.baselines.method import Diverged, Plan, Precision
 from surrogate.studies.comparison.contestants import Contestant, Report, Session, emptied, validation
 from surrogate.studies.comparison.task import Task
 
@@ -16,6 +18,7 @@ KEY = ("method", "size", "precision")
 PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 RATES = (0.1, 0.3, 1.0, 3.0, 10.0)
 SECONDS = 60.0
+DIVERGED = "diverged"  # a file, beside a training's other files
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,27 @@ def tune(
         tell(rate, psnr)
     made = Provenance.now()
     return Tuning(contestant.name, plan.size, plan.precision, scene, SECONDS, decibels, made)
+
+
+Made = TypeVar("Made")
+
+
+def at_rates_that_hold(rate: float, work: Path, made: Callable[[float, Path], Made]) -> Made:
+    """What is made at a rate, or at the next lower one of `RATES` where that diverges; each has a folder of its own in `work`.
+
+    Longer trainings diverge at rates that a minute's did well with.  Which did is kept, so that one that was interrupted goes on
+    with the rate that it was at.  Raises `Diverged` where even the lowest does.
+    """
+    for lower in (rate, *(other for other in reversed(RATES) if other < rate)):
+        folder = work / f"rate {lower:g}"
+        if (folder / DIVERGED).exists():
+            continue
+        try:
+            durable.make_folder(folder)
+            return made(lower, folder)
+        except Diverged as error:
+            durable.replace(folder / DIVERGED, str(error).encode())
+    raise Diverged((folder / DIVERGED).read_text())
 
 
 def save(records: Path, tuning: Tuning) -> None:

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 import torch
 
-from surrogate.studies.baselines.method import Fit, Plan
+from surrogate.studies.baselines.method import Diverged, Fit, Plan
 from surrogate.studies.comparison.fitting import (
     LOOKS,
-    Diverged,
     Fitted,
     OutOfTime,
     Place,

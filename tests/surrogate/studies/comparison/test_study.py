@@ -15,7 +15,7 @@ from catalogs import durable
 from catalogs.images import read_image
 from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
-from surrogate.studies.baselines.method import Plan
+from surrogate.studies.baselines.method import Diverged, Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
@@ -23,7 +23,7 @@ from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, f
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
 from tests.support.blobs import Blobs
-from tests.support.mean_pictures import mean_method
+from tests.support.mean_pictures import MeanPicture, mean_method
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
@@ -240,6 +240,38 @@ def test_tuning_is_used_by_all_scenes(task: Task, tmp_path: Path, monkeypatch: p
 def test_a_method_that_diverged_everywhere_keeps_its_own_rate() -> None:
     nothing = tuning.Tuning("mean", "small", "float32", "blobs", 60.0, {"0.1": None, "1": None})
     assert nothing.rate == 1.0
+
+
+def test_what_diverges_is_made_again_at_the_next_lower_rate(tmp_path: Path) -> None:
+    tried = list[float]()
+
+    def made(rate: float, folder: Path) -> float:
+        assert folder.is_dir()
+        tried.append(rate)
+        if rate > 0.5:
+            raise Diverged(f"at {rate:g}")
+        if len(tried) < 4:
+            raise OutOfTime
+        return rate
+
+    with pytest.raises(OutOfTime):
+        tuning.at_rates_that_hold(3.0, tmp_path, made)
+    assert tuning.at_rates_that_hold(3.0, tmp_path, made) == 0.3  # it goes on at the rate that it was at
+    assert tried == [3.0, 1.0, 0.3, 0.3]
+
+
+def test_the_rate_that_held_is_kept_and_what_diverges_at_all_is_a_failure(task: Task, tmp_path: Path) -> None:
+    class Unsteady(MeanPicture):
+        def advance(self) -> float:
+            return super().advance() if self.plan.rate < least else math.nan
+
+    method = replace(mean_method(), begin=lambda *given: Unsteady(*given, lambda _: 0.5))
+    for least, rate in ((0.2, 0.1), (0.0, None)):
+        made = study(task, tmp_path / str(least), Published(method))
+        made.run()
+        [result] = [r for r in load(made.records) if r.method == "mean"]
+        assert (None if result.error else result.rate) == rate
+        assert ("The mean diverged" in result.error) == (rate is None)
 
 
 def test_what_trainings_start_from_is_made_once_a_seed(task: Task, tmp_path: Path) -> None:
