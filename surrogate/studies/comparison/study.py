@@ -248,7 +248,9 @@ class Study:
                 raise Diverged("training diverged: its pictures are no numbers")
             return trained, cells
 
-        trained, cells = tuning.at_rates_that_hold(1.0 if tuned is None else tuned.rate, work, made)
+        rate = 1.0 if tuned is None else tuned.rate
+        rates = tuning.rates_from(rate) if contestant.is_tuned else [rate]
+        trained, cells = tuning.at_rates_that_hold(rates, work, made)
         if wanted.seed == 0:
             self._keep_pictures(trained, wanted)
         change, view = trained.measured()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
@@ -76,19 +76,24 @@ def tune(
 Made = TypeVar("Made")
 
 
-def at_rates_that_hold(rate: float, work: Path, made: Callable[[float, Path], Made]) -> Made:
-    """What is made at a rate, or at the next lower one of `RATES` where that diverges; each has a folder of its own in `work`.
+def rates_from(rate: float) -> list[float]:
+    """A factor on a method's rates, and the lower ones of `RATES`: longer trainings diverge where a minute's did well."""
+    return [rate, *(lower for lower in reversed(RATES) if lower < rate)]
 
-    Longer trainings diverge at rates that a minute's did well with.  Which did is kept, so that one that was interrupted goes on
-    with the rate that it was at.  Raises `Diverged` where even the lowest does.
+
+def at_rates_that_hold(rates: Sequence[float], work: Path, made: Callable[[float, Path], Made]) -> Made:
+    """What is made at the first of the `rates` that does not diverge; each has a folder of its own in `work`.
+
+    Which did diverge is kept, so that a training that was interrupted goes on with the rate that it was at.  Raises `Diverged`
+    where all do.
     """
-    for lower in (rate, *(other for other in reversed(RATES) if other < rate)):
-        folder = work / f"rate {lower:g}"
+    for rate in rates:
+        folder = work / f"rate {rate:g}"
         if (folder / DIVERGED).exists():
             continue
         try:
             durable.make_folder(folder)
-            return made(lower, folder)
+            return made(rate, folder)
         except Diverged as error:
             durable.replace(folder / DIVERGED, str(error).encode())
     raise Diverged((folder / DIVERGED).read_text())

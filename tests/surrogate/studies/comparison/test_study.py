@@ -255,8 +255,10 @@ def test_what_diverges_is_made_again_at_the_next_lower_rate(tmp_path: Path) -> N
         return rate
 
     with pytest.raises(OutOfTime):
-        tuning.at_rates_that_hold(3.0, tmp_path, made)
-    assert tuning.at_rates_that_hold(3.0, tmp_path, made) == 0.3  # it goes on at the rate that it was at
+        tuning.at_rates_that_hold(tuning.rates_from(3.0), tmp_path, made)
+    assert (
+        tuning.at_rates_that_hold(tuning.rates_from(3.0), tmp_path, made) == 0.3
+    )  # it goes on at the rate that it was at
     assert tried == [3.0, 1.0, 0.3, 0.3]
 
 
@@ -272,6 +274,24 @@ def test_the_rate_that_held_is_kept_and_what_diverges_at_all_is_a_failure(task: 
         [result] = [r for r in load(made.records) if r.method == "mean"]
         assert (None if result.error else result.rate) == rate
         assert ("The mean diverged" in result.error) == (rate is None)
+
+
+def test_what_no_rate_is_chosen_for_is_trained_once(
+    task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its result would say that it was trained at a rate that changes nothing."""
+    begun = list[float]()
+
+    def diverged(self: OurSurrogate, task: Task, plan: Plan, *_: object) -> None:
+        begun.append(plan.rate)
+        raise Diverged("its pictures are no numbers")
+
+    monkeypatch.setattr(OurSurrogate, "trained", diverged)
+    made = study(task, tmp_path, OurSurrogate("ours", "ours", "nobody"))
+    made.run()
+    [result] = [r for r in load(made.records) if r.method == "ours"]
+    assert begun == [1.0]
+    assert "no numbers" in result.error
 
 
 def test_what_trainings_start_from_is_made_once_a_seed(task: Task, tmp_path: Path) -> None:
