@@ -17,7 +17,7 @@ from surrogate.studies.comparison.methods import CONTESTANTS, OURS
 from surrogate.studies.comparison.result import TRIVIAL, Result, Terms
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 
-DASHES, LINES, MARKED = ("-", "--", ":"), ("solid", "dashed", "dotted"), 20  # by time; points that are marked, at most
+LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
 RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
 ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what differences are multiplied by
 
@@ -31,22 +31,21 @@ def curves(results: Sequence[Result]) -> bytes | None:
         return None
     figure = Figure(figsize=(8.0, 5.2), layout="constrained")
     axes, named = figure.add_subplot(), set[str]()
-    times = sorted({result.minutes for result in shown})
+    lines = dict(zip(sorted({result.minutes for result in shown}), cycle(LINES)))  # by time
     for result in shown:
         title = CONTESTANTS[result.method].title.strip("*")
         axes.plot(
             *zip(*result.curve, strict=True),
             color=f"C{list(CONTESTANTS).index(result.method)}",
             label=title if title not in named else None,
-            linestyle=DASHES[times.index(result.minutes) % len(DASHES)],
+            linestyle=lines[result.minutes],
             linewidth=2.2 if result.method == OURS else 1.0,
             marker="o" if len(result.curve) <= MARKED else None,
             markersize=2.5,
         )
         named.add(title)
-    if len(times) > 1:
-        lines = zip(times, cycle(LINES))
-        axes.set_title(", ".join(f"{line}: {minutes:g} min" for minutes, line in lines), fontsize=8)
+    if len(lines) > 1:
+        axes.set_title(", ".join(f"{line}: {minutes:g} min" for minutes, line in lines.items()), fontsize=8)
     axes.set_xscale("log")
     axes.set_xlabel("seconds of processor time")
     axes.set_ylabel("PSNR of validation images, dB")
