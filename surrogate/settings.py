@@ -121,7 +121,7 @@ class Designs:
 
 @dataclass(frozen=True)
 class Rates:
-    """Adam's step sizes at the start of a stage, and what they are multiplied by."""
+    """Adam's step sizes at the start of a stage, and what they are multiplied by: see `decay`."""
 
     means: float = _setting(3e-3, POSITIVE, "mean_rate")
     log_scales: float = _setting(6e-3, POSITIVE, "log_scale_rate")
@@ -136,7 +136,19 @@ class Rates:
     simulation_factor: float = _setting(0.1, NOT_NEGATIVE, "simulation_rate_factor")  # of F_sim in stage 3; 0: frozen
     # Of Gaussians that carry values, and of their F_sim, where they learn from more functions.
     refinement_factor: float = _setting(0.3, POSITIVE, "refinement_rate_factor", optional=True)
-    final_factor: float = _setting(0.05, POSITIVE, "final_rate_factor")  # of all, reached exponentially in each stage
+    final_factor: float = _setting(0.2, POSITIVE, "final_rate_factor")  # of all, reached exponentially in each stage
+    cooldown: float = _setting(
+        0.3, FRACTION, optional=True
+    )  # of a stage: its last steps, in which all fall to 0 as well
+
+    def decay(self, done: float) -> float:
+        """What all rates are multiplied by once this part of a stage, from 0 to 1, is done.
+
+        The exponential fall of 3D Gaussian splatting, times a linear one to 0 at the end (Hägele et al. 2024, "Scaling laws and
+        compute-optimal training beyond fixed training durations"): steps that still wander leave noise in the last pictures.
+        """
+        falling = min(1.0, (1.0 - done) / self.cooldown) if self.cooldown else 1.0
+        return self.final_factor**done * falling
 
 
 @dataclass(frozen=True)

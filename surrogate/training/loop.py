@@ -106,7 +106,7 @@ class StageRun:
         if self._hard is not None:
             for item, of_image in zip(items, step.errors.tolist(), strict=True):
                 self._hard.tell(item, of_image)
-        decay, warmth = self.settings.rates.final_factor ** (self.step / self.stage.steps), self.stage.warmth(self.step)
+        decay, warmth = self.settings.rates.decay(self.step / self.stage.steps), self.stage.warmth(self.step)
         self._adam.step(math.sqrt(batch) * decay, dict.fromkeys(self.stage.warming, warmth))
         self.step += 1
         if self.stage.per_gaussian:

@@ -28,6 +28,26 @@ def test_a_change_keeps_all_else() -> None:
         settings.changed(seed=-1)
 
 
+@pytest.mark.parametrize(
+    ("factor", "cooldown", "done", "expected"),
+    [
+        (0.2, 0.3, 0.0, 1.0),
+        (0.2, 0.3, 0.5, 0.2**0.5),
+        (0.2, 0.3, 0.7, 0.2**0.7),  # where the last 30 % begin
+        (0.2, 0.3, 0.85, 0.5 * 0.2**0.85),
+        (0.2, 0.3, 1.0, 0.0),
+        (0.05, 0.0, 1.0, 0.05),
+        (1.0, 0.0, 0.6, 1.0),
+        (1.0, 1.0, 0.25, 0.75),
+    ],
+)
+def test_rates_fall_exponentially_and_to_zero_at_the_end(
+    factor: float, cooldown: float, done: float, expected: float
+) -> None:
+    rates = TrainingSettings(final_rate_factor=factor, cooldown=cooldown).rates
+    assert rates.decay(done) == pytest.approx(expected, abs=1e-12)
+
+
 def test_settings_are_told_on_one_line_by_what_is_not_the_default() -> None:
     assert repr(TrainingSettings()) == "TrainingSettings()"
     settings = TrainingSettings(gaussians=77, visualization_hidden_width=5)

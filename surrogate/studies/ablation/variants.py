@@ -86,7 +86,8 @@ AS_GIVEN = "what the scene's settings give; all others are compared with it"
 FASTEST = "the same in the precision that processors with matrix units are fastest in"
 MORE_OFTEN = "images that are badly reproduced are shown more often, as in GS-Surrogate, whose power is 1.5"
 SMALL_OFFSETS = "small offsets are preferred, as L_deform of GS-Surrogate does"
-DECAY = "what the exponential decay of all rates is worth"
+DECAY = "what it is worth that all rates fall"
+COOLDOWN = "what it is worth that all rates fall to 0 at the end, rather than to a twentieth"
 
 # The first is what the others are compared with; one that takes another's steps stands after it.
 VARIANTS = (
@@ -106,7 +107,8 @@ VARIANTS = (
     *_each(
         "deformation_penalty", SMALL_OFFSETS, {f"deformation-penalty-{w}": float(w) for w in ("1e-4", "1e-3", "1e-2")}
     ),
-    Variant("no-decay", DECAY, {"final_rate_factor": 1.0}),
+    Variant("no-decay", DECAY, {"final_rate_factor": 1.0, "cooldown": 0.0}),
+    Variant("no-cooldown", COOLDOWN, {"final_rate_factor": 0.05, "cooldown": 0.0}),
     Variant(
         "gradient-relocation",
         "dead Gaussians go where pictures pull, as densification chooses, not where opacity is",
@@ -160,7 +162,8 @@ VISUALIZATION_VARIANTS = (
     ),
     *_each("hard_example_power", MORE_OFTEN, {"hard-examples-1": 1.0}),
     *_each("deformation_penalty", SMALL_OFFSETS, {"deformation-penalty-1e-3": 1e-3}),
-    Variant("no-decay", DECAY, {"final_rate_factor": 1.0}),
+    Variant("no-decay", DECAY, {"final_rate_factor": 1.0, "cooldown": 0.0}),
+    Variant("no-cooldown", COOLDOWN, {"final_rate_factor": 0.05, "cooldown": 0.0}),
     Variant(
         "default-in-paper-steps",
         "both designs after equally many steps, as few as the paper's takes in the budget",

@@ -122,7 +122,7 @@ def _run(
         image = learn[order[step - 1]]
         loss = loss_of(drawn(image), image.pixels.to(dtype))
         loss.backward()
-        adam.step(settings.rates.final_factor ** (step / steps))
+        adam.step(settings.rates.decay((step - 1) / steps))
         losses.append(float(loss.detach()))
         if step in SNAPSHOT_STEPS or step == steps:
             with torch.no_grad():

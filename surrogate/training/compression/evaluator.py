@@ -21,7 +21,8 @@ from surrogate.training.stages import simulation_stage
 from surrogate.training.state import Fitted
 
 TIMED = 8  # pictures
-RECOVERY_DECAY = 0.3  # of the rates in a fine-tuning, which begins with those of stage 2's end
+RECOVERY_RATE = 0.05  # of stage 2's rates, with which a fine-tuning begins
+RECOVERY_DECAY = 0.3  # of these in it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,9 +61,9 @@ class Evaluator:
         )
 
     def fine_tuned(self, fitted: Fitted, turn: int) -> Fitted:
-        """A copy after a few more steps at the low rates of stage 2's end; `turn` decides on which images."""
+        """A copy after a few more steps at low rates; `turn` decides on which images."""
         steps = self.steps(self.settings.compression.recovery_fraction)
-        return self._trained(fitted, steps, turn, self.settings.rates.final_factor, RECOVERY_DECAY)
+        return self._trained(fitted, steps, turn, RECOVERY_RATE, RECOVERY_DECAY)
 
     def settled(self, fitted: Fitted, steps: int) -> Fitted:
         """A copy whose training was brought to an early end: in so many steps its rates decay as stage 2 lets them."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -11,6 +12,7 @@ from surrogate import TrainingSettings, train
 from surrogate.gaussians import Gaussians
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.loop import Diverged, LoopMemory, StageRun, as_drawn, first_huge, first_infinite, seen
+from surrogate.training.optimizer import Adam
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 from tests.support.blobs import Blobs
@@ -27,6 +29,20 @@ COMPLAINT = (
 
 def complaint(stage: str, steps: int, what: str) -> str:
     return COMPLAINT.format(stage=stage, steps=steps, what=what)
+
+
+def test_rates_fall_to_nothing_over_each_stage(make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    factors, step = [], Adam.step
+
+    def told(adam: Adam, factor: float, *rest) -> None:
+        factors.append(factor)
+        step(adam, factor, *rest)
+
+    monkeypatch.setattr(Adam, "step", told)
+    settings = QUICK.changed(final_rate_factor=0.5, cooldown=0.4)
+    train(settings, make_catalog(SMALL, view_splits=("train",) * 3), tmp_path / "surrogate")
+    falls = [0.5**done * min(1.0, (1.0 - done) / 0.4) for steps in (10, 20) for done in np.arange(steps) / steps]
+    assert factors == pytest.approx([settings.batch**0.5 * fall for fall in falls])
 
 
 def test_the_first_number_that_is_not_finite_is_named() -> None:
