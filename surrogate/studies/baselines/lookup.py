@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from surrogate.studies.baselines.method import Diverged
+from surrogate.training.loop import Diverged
 
 
 def bilinear(grids: Tensor, at: Tensor) -> Tensor:

@@ -19,10 +19,6 @@ Size = Literal["official", "small"]
 Precision = Literal["float32", "bfloat16"]
 
 
-class Diverged(ValueError):
-    """A training whose loss, network or picture is no longer finite."""
-
-
 @dataclass(frozen=True, eq=False)
 class Pictures:
     """All pictures that a method learns from, in normalized coordinates.

@@ -11,7 +11,8 @@ from typing import Any
 
 from engines.stopping import stop_requested
 from surrogate.storage.checkpoints import Checkpoint
-from surrogate.studies.baselines.method import Diverged, Fit, Method, Pictures, Plan, Prepared
+from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
+from surrogate.training.loop import Diverged
 
 PROBE = 0.1  # of the time, in which the speed is measured beforehand
 ROUGH_STEPS, MOST_PROBED = 3, 400

@@ -27,7 +27,7 @@ from surrogate.evaluation.tables import ALL_METRICS, means
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
-from surrogate.studies.baselines.method import Diverged, Plan, Precision
+from surrogate.studies.baselines.method import Plan, Precision
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
@@ -37,6 +37,7 @@ from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
 from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.studies.remote import train_on
+from surrogate.training.loop import Diverged
 
 FITS, SHARED, PICTURES, TRUTH = "fits", "shared", "pictures", "truth"  # in the folder of a comparison
 _One = tuple[float, int, Contestant]  # minutes and seed of a training

@@ -9,9 +9,10 @@ from typing import TypeVar
 
 from catalogs import durable
 from surrogate.storage.records import Provenance, Record
-from surrogate.studies.baselines.method import Diverged, Plan, Precision
+from surrogate.studies.baselines.method import Plan, Precision
 from surrogate.studies.comparison.contestants import Contestant, Report, Session, emptied, validation
 from surrogate.studies.comparison.task import Task
+from surrogate.training.loop import Diverged
 
 KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # of the records of all scenes
 KEY = ("method", "size", "precision")

@@ -10,7 +10,7 @@ import torch
 from scipy.interpolate import RegularGridInterpolator
 
 from surrogate.studies.baselines.lookup import bilinear
-from surrogate.studies.baselines.method import Diverged
+from surrogate.training.loop import Diverged
 
 
 def test_entries_are_interpolated_and_the_border_goes_on() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from surrogate.studies.baselines.method import Diverged, Fit, Plan
+from surrogate.studies.baselines.method import Fit, Plan
 from surrogate.studies.comparison.fitting import (
     LOOKS,
     Fitted,
@@ -20,6 +20,7 @@ from surrogate.studies.comparison.fitting import (
     fit_in_time,
     steps_in,
 )
+from surrogate.training.loop import Diverged
 from tests.support.baseline_scenes import ball_pictures
 from tests.support.mean_pictures import mean_method
 

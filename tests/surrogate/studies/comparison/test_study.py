@@ -15,13 +15,14 @@ from catalogs import durable
 from catalogs.images import read_image
 from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
-from surrogate.studies.baselines.method import Diverged, Plan
+from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load, save
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
+from surrogate.training.loop import Diverged
 from tests.support.blobs import Blobs
 from tests.support.mean_pictures import MeanPicture, mean_method
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
