@@ -19,6 +19,7 @@ from catalogs import durable
 from catalogs.appearance import appearance_to_json
 from catalogs.catalog import Catalog, Member
 from catalogs.pictures import picture_size
+from catalogs.variations import Variation
 from catalogs.words import one_line
 from surrogate.settings import TrainingSettings
 
@@ -86,24 +87,44 @@ def locked(directory: Path) -> Iterator[None]:
         yield
 
 
-def fingerprint(settings: TrainingSettings, catalog: Catalog, *, sizes: bool = True) -> str:
-    """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes.
-
-    Without `sizes` it is the same where the same scene was rendered on a processor of another kind, which rounds otherwise.
-    """
+def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
+    """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes."""
     plan = catalog.plan
     appearance = settings.appearance or plan.appearances[0].name
     learnt = [v for v in plan.variations if v.base == appearance and settings.steps.visualization]
-    shown = [appearance, *(s.appearance for v in learnt for s in v.settings)]
     carried = any(settings.designs.carry_values(a) for a in plan.appearances if a.name == appearance)
-    values = {
-        **({"carried": "values"} if carried else {}),
-        "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},
+    return _digest(
+        {
+            **({"carried": "values"} if carried else {}),
+            "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},
+            **_shown(catalog, appearance, learnt, sizes=True),
+        }
+    )
+
+
+def fingerprint_of_scene(catalog: Catalog) -> str:
+    """A SHA-256 over what a catalog's first appearance and its variations show, whatever learns it.
+
+    It is the same where the same scene was rendered on a processor of another kind, which rounds otherwise.
+    """
+    appearance = catalog.plan.appearances[0].name
+    varied = [v for v in catalog.plan.variations if v.base == appearance]
+    return _digest(_shown(catalog, appearance, varied, sizes=False))
+
+
+def _shown(catalog: Catalog, appearance: str, variations: Sequence[Variation], *, sizes: bool) -> dict[str, Any]:
+    """A catalog's plan, as far as it matters to an appearance and its variations, and its members."""
+    plan = catalog.plan
+    shown = [appearance, *(s.appearance for v in variations for s in v.settings)]
+    return {
         "plan": {k: v for k, v in plan.to_json().items() if k not in NOT_LEARNT},
-        "variations": [v.to_json() for v in learnt],
+        "variations": [v.to_json() for v in variations],
         "appearances": [appearance_to_json(a) for a in plan.appearances if a.name in set(shown)],
         "members": [_identity(catalog, member, shown if sizes else ()) for member in catalog.members],
     }
+
+
+def _digest(values: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 

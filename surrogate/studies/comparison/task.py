@@ -15,7 +15,7 @@ from catalogs.catalog import Catalog
 from catalogs.variations import Variation
 from surrogate.evaluation.cases import Case, base_cells, drawn, drawn_evenly, variation_cells
 from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.checkpoints import fingerprint_of_scene
 from surrogate.studies.baselines.method import Pictures
 from surrogate.training.data import Example, ImageRow, normalized_parameters, validation_rows
 from surrogate.training.source import Source
@@ -44,7 +44,7 @@ class Task:
     def mark(self) -> str:
         """Of the catalog, wherever it was rendered, and of how methods are judged by it."""
         judged = f"{IMAGES} test images a cell, {WATCHED} validation images"
-        return f"{fingerprint(TrainingSettings(), self.catalog, sizes=False)}, {judged}"
+        return f"{fingerprint_of_scene(self.catalog)}, {judged}"
 
     @cached_property
     def colors(self) -> dict[str, list[float]]:

@@ -7,7 +7,7 @@ import torch
 
 from catalogs.catalog import Catalog
 from surrogate.settings import TrainingSettings
-from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
+from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, fingerprint_of_scene, locked
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
 
 
@@ -66,9 +66,9 @@ def test_the_fingerprint_sees_every_setting_and_member_but_not_the_clock(make_ca
     assert fingerprint(TrainingSettings(), make_catalog(name="same.cdb")) == mark
 
 
-def test_without_sizes_it_is_of_the_scene_and_not_of_its_pictures(make_catalog) -> None:
+def test_that_of_a_scene_is_not_of_its_pictures(make_catalog) -> None:
     marks = [
-        fingerprint(TrainingSettings(), make_catalog(name=f"{number}.cdb", **options), sizes=False)
+        fingerprint_of_scene(make_catalog(name=f"{number}.cdb", **options))
         for number, options in enumerate([{}, {"blank": True}, {"background": (0.0, 0.0, 0.0)}])
     ]
     assert marks[0] == marks[1] != marks[2]
