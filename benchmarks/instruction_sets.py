@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import native
 from benchmarks.page import DOCS, PROJECT, command_line, stopwatch
@@ -37,10 +38,10 @@ def emulated(name: str) -> dict[str, str]:
     return {"GS_SURROGATE_INSTRUCTION_SET": name} | ({"ATEN_CPU_CAPABILITY": TORCH[name]} if name in TORCH else {})
 
 
-def load(records: Path, settings: TrainingSettings) -> dict[str, list[Scores]]:
+def load(records: Path, settings: Mapping[str, Any]) -> dict[str, list[Scores]]:
     """What is kept of a scene with these settings, by set and seed; `records` is the folder of its records."""
     folders = sorted(path for path in (records / FOLDER).glob("*") if path.is_dir())
-    found = {folder.name: load_scores(folder, settings=settings.to_json()) for folder in folders}
+    found = {folder.name: load_scores(folder, settings=settings) for folder in folders}
     return {name: scores for name, scores in found.items() if scores}
 
 
@@ -90,7 +91,7 @@ def main() -> None:
                 say(f"{path.stem}, {name}")
                 measure(path, name, given.seeds, given.runs, given.records)
             scene = Scene.load(path)
-            print(in_words(load(given.records / scene.name, TrainingSettings(**scene.training))), flush=True)
+            print(in_words(load(given.records / scene.name, TrainingSettings(**scene.training).to_json())), flush=True)
     except (ValueError, OSError, RuntimeError) as error:
         parser.error(str(error))
 

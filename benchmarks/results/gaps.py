@@ -28,6 +28,8 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
     if scene.report is None and scene.repeats is None and not scene.studies:
         yield "everything", f"make results SCENES={scene.name}"
         return
+    if scene.outdated:
+        yield "everything of its present settings", f"make results SCENES={scene.name}"
     if scene.report is None:
         yield "the report", f"make results SCENES={scene.name}"
     without = [part.what for part in parts_of([scene]) if part.ceiling is None and _can_have_ceiling(part)]

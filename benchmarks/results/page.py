@@ -164,7 +164,7 @@ def _ablations(scenes: Sequence[SceneResults], pictures: Container[str]) -> list
 def _earlier(names: Sequence[str]) -> str:
     """Of which scenes something was not measured by the present code."""
     return (
-        "The code that trains and evaluates has changed since some was measured of "
+        "The code that trains and evaluates, or its settings, have changed since some was measured of "
         f"{', '.join(f'`{name}`' for name in names)}: these figures are of the commits that stand "
         f"under *{SOURCES}*."
         if names

@@ -1,4 +1,4 @@
-"""What was measured of a scene: report, ceilings, seeds and ablations, each only where it is of the scene's present settings."""
+"""What was measured of a scene: report, ceilings, seeds and ablations, all of the same settings."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ class SceneResults:
     functions : how functions that were never trained are shown, a record and its rows for each seed.
     curve : how good it is after some minutes of training.
     instruction_sets : the scores of the same settings with the instructions of older processors, by name.
-    earlier : whether any of it was measured by other code than the present, or is known from an earlier page alone.
+    outdated : whether nothing is of the scene's present settings: all is of the ones that it had when it was measured.
+    earlier : whether any of it is outdated, was measured by other code than the present, or is known from an earlier page alone.
     """
 
     name: str
@@ -59,6 +60,7 @@ class SceneResults:
     curve: Sequence[Point] = ()
     instruction_sets: Mapping[str, Sequence[Scores]] = field(default_factory=dict)
     seeds: Sequence[Scores] = ()
+    outdated: bool = False
     earlier: bool = False
 
 
@@ -77,23 +79,20 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     base = next((a for a in scene.appearances if settings.appearance in ("", a.name)), ImportedImages(""))
     learnt = [v for v in scene.variations if v.base in ("", base.name) and settings.steps.visualization]
     of_scene = scene.name, scene.title, run, APPEARANCES[appearance_to_json(base)["kind"]], len(learnt)
-    asked = {"settings": settings.to_json()}
-    scores = load_scores(folder, **asked)
-    known = load_report(folder, settings.seed)
-    report = known if known is not None and known.agrees(asked) else None
-    studies, functions, curve = read_studies(folder, settings), load(folder, settings.to_json()), load_curve(folder)
+    shown = _shown(folder, settings)
+    scores, known = load_scores(folder, settings=shown), load_report(folder, settings.seed)
+    report = known if known is not None and known.agrees({"settings": shown}) else None
+    studies, functions, curve = read_studies(folder, shown), load(folder, shown), load_curve(folder)
     published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
     if published is not None:
         measured = {study.kind for study in studies}
         old = [published_study(name, of) for name, of in published.values["studies"].items()]
         studies = [*studies, *(study for study in old if study.kind not in measured)]
-    if report is None and not scores and published is not None:
-        figures = {name: published.values[name] for name in ("report", "ceilings", "repeats")}
-        return SceneResults(*of_scene, **figures, studies=studies, functions=functions, curve=curve, earlier=True)
     [(base_of_most, _)] = Counter(one.base for one in scores).most_common(1) or [("", 0)]
     mark = base_of_most if report is None else report.key["mark"]
     seeds = [one for one in scores if one.base == mark]
     ceilings = [entry for entry in load_ceilings(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark]
+    outdated = shown != settings.to_json()
     made_by = {one.provenance.code for one in (*seeds, *curve)} | ({report.provenance.code} if report else set())
     return SceneResults(
         *of_scene,
@@ -103,7 +102,17 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
         studies,
         functions,
         curve,
-        load_instruction_sets(folder, settings),
+        load_instruction_sets(folder, shown),
         seeds,
-        earlier=not made_by <= {code()} or any(study.earlier for study in studies),
+        outdated=outdated,
+        earlier=outdated or not made_by <= {code()} or any(study.earlier for study in studies),
     )
+
+
+def _shown(records: Path, settings: TrainingSettings) -> Mapping[str, Any]:
+    """The settings whose figures are shown: the present ones, or those of the report where nothing is of these yet."""
+    present, report = settings.to_json(), load_report(records, settings.seed)
+    if report is None or report.agrees({"settings": present}) or load_scores(records, settings=present):
+        return present
+    earlier: Mapping[str, Any] = report.key["settings"]
+    return earlier

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from surrogate.provenance import code
-from surrogate.settings import TrainingSettings
 from surrogate.studies.ablation.comparison import Row, compared
 from surrogate.studies.ablation.experiments import BASE_FOLDER, VISUALIZATION_FOLDER
 from surrogate.studies.ablation.records import DECIDING, Result, load_results
@@ -67,15 +66,15 @@ def kinds_of(variations: int) -> list[StudyKind]:
     return [BASE, VISUALIZATION] if variations else [BASE]
 
 
-def read_studies(records: Path, settings: TrainingSettings) -> list[StudyResults]:
+def read_studies(records: Path, settings: Mapping[str, Any]) -> list[StudyResults]:
     """The studies in the folder of a scene's records with any result of these settings."""
     found = [_read_study(kind, records, settings) for kind in KINDS]
     return [study for study in found if study.results]
 
 
-def _read_study(kind: StudyKind, records: Path, settings: TrainingSettings) -> StudyResults:
+def _read_study(kind: StudyKind, records: Path, settings: Mapping[str, Any]) -> StudyResults:
     """Of several with other data or budgets, that with the most results."""
-    results = load_results(records / kind.folder, scene=settings.to_json())
+    results = load_results(records / kind.folder, scene=settings)
     counts = Counter((result.mark, result.budget) for result in results)
     mark, budget = max(counts, key=lambda one: (counts[one], one[1]), default=("", 0.0))
     same = [result for result in results if (result.mark, result.budget) == (mark, budget)]
