@@ -25,6 +25,7 @@ from surrogate.studies.baselines.method import Pictures
 from surrogate.studies.baselines.spherical_harmonics import C0, harmonics
 from surrogate.studies.baselines.spherical_harmonics import COUNT as BASIS
 from surrogate.training.data import Example, foreground_color
+from surrogate.training.loop import Diverged, first_infinite
 from surrogate.training.losses import image_loss
 from surrogate.training.optimizer import Adam
 from surrogate.training.relocation import plan_relocation, relocate
@@ -79,12 +80,20 @@ class HarmonicGaussians:
         return ((basis.unsqueeze(1) @ self.harmonics[:, :used]).squeeze(1) + 0.5).clamp(min=0.0)
 
     def draw_over(self, camera: Camera, background: Sequence[float], *, degree: int = DEGREE) -> Tensor:
-        """Colours over `background` (3,) and alpha, (H, W, 4); differentiable in all tensors."""
+        """Colours over `background` (3,) and alpha, (H, W, 4); differentiable in all tensors.
+
+        Raises `Diverged` where a number of them is not finite.
+        """
         position = torch.from_numpy(camera.position).to(self.means)  # [3]
         colors = self.colors_from(position, degree)  # [N, 3]
         shapes = self.means, self.log_scales.exp(), self.quats
         primitives = Primitives(*shapes, self.opacity_logits.sigmoid(), colors)
-        return draw_over(primitives, camera, background, Constants())
+        try:
+            return draw_over(primitives, camera, background, Constants())
+        except ValueError as error:
+            if not first_infinite(primitives._asdict()):
+                raise
+            raise Diverged(f"training diverged: {error}") from None
 
     @torch.no_grad()
     def picture(self, camera: Camera, background: Sequence[float] | None) -> NDArray[np.float32]:
