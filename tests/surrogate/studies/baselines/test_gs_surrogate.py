@@ -411,9 +411,9 @@ def test_plans_in_bfloat16_train() -> None:
 
 
 def test_a_moving_ball_is_learnt_better_than_any_still_gaussians_can_show_it() -> None:
-    pictures = ball_pictures([[-1.0], [-0.4], [0.4], [1.0]], views=4)
-    start = canonical.prepare(pictures, 0, count=120, steps=300)
-    plan = Plan(350)
+    pictures = ball_pictures([[-1.0], [0.0], [1.0]], views=3, size=12)
+    start = canonical.prepare(pictures, 0, count=60, steps=100)
+    plan = Plan(130)
     fit = GSSurrogate(pictures, plan, start, Architecture(1, 32, 64), Recipe(rate=1e-3))
 
     def mean_psnr() -> float:

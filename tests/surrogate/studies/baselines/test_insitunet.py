@@ -1,4 +1,5 @@
 import copy
+from functools import partial
 
 import numpy as np
 import pytest
@@ -23,8 +24,9 @@ from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 @pytest.fixture
 def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The small size with few channels: a step takes milliseconds."""
+    """The small size with few channels, and narrow subnets: a step takes milliseconds."""
     monkeypatch.setitem(insitunet.EXTENTS, "small", Extent(2, 4))
+    monkeypatch.setattr(insitunet, "Architecture", partial(Architecture, width=32))
 
 
 def small(steps: int = 1, **others: object) -> Plan:
@@ -124,14 +126,16 @@ def test_steps_teach_the_discriminator_first_and_then_the_generator() -> None:
 @pytest.mark.usefixtures("narrow")
 def test_it_overfits_one_member() -> None:
     pictures = ball_pictures([[0.3]], views=3)
-    fit, losses = trained(pictures, 100)
+    fit, losses = trained(pictures, 110)
     assert psnr(fit, pictures) > psnr_of_mean(pictures) + 4.0
     assert np.mean(losses[-10:]) < 0.3 * np.mean(losses[:10])
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("narrow")
 def test_members_are_learnt_and_those_between(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(insitunet.EXTENTS, "small", Extent(8, 4))  # half of the channels and pictures
+    monkeypatch.setitem(insitunet.EXTENTS, "small", Extent(3, 4))
+    monkeypatch.setattr(insitunet, "Architecture", partial(Architecture, width=64))
     pictures = ball_pictures([[-1.0], [-0.4], [0.4], [1.0]], views=2)
     fit, _ = trained(pictures, 90, precision=precision_here("bfloat16", "cpu"))
     between = ball_pictures([[-0.7], [0.0], [0.7]], views=2)
@@ -143,7 +147,7 @@ def test_members_are_learnt_and_those_between(monkeypatch: pytest.MonkeyPatch) -
 def test_a_single_opaque_picture_is_learnt_with_its_background() -> None:
     background = (0.1, 0.2, 0.6)
     pictures = ball_pictures([[0.0]], views=1, background=background)
-    fit, _ = trained(pictures, 65)
+    fit, _ = trained(pictures, 85)
     found = picture(fit, pictures)
     np.testing.assert_allclose(found[[0, 0, -1, -1], [0, -1, 0, -1], :3].mean(axis=0), background, atol=0.15)
     assert psnr(fit, pictures) > 20.0
@@ -243,8 +247,8 @@ def test_sizes_have_their_own_channels(monkeypatch: pytest.MonkeyPatch) -> None:
     assert insitunet.EXTENTS["official"] == (64, 50)
     monkeypatch.setitem(insitunet.EXTENTS, "official", Extent(3, 3))
     pictures = ball_pictures([[0.5]], views=2)
-    assert begun(pictures, Plan(1)).architecture == Architecture(16, 1, channels=3)
-    assert begun(pictures, small()).architecture == Architecture(16, 1, channels=2)
+    assert begun(pictures, Plan(1)).architecture == Architecture(16, 1, channels=3, width=32)
+    assert begun(pictures, small()).architecture == Architecture(16, 1, channels=2, width=32)
 
 
 @pytest.mark.usefixtures("narrow")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,10 @@ def test_a_method_goes_on_from_its_checkpoint(
 ) -> None:
     monkeypatch.setattr(gs_surrogate, "RENEWAL", 30_000)  # chances are renewed after a step or two
     monkeypatch.setitem(insitunet.EXTENTS, "small", insitunet.Extent(2, 4))  # steps of milliseconds
+    monkeypatch.setattr(insitunet, "Architecture", partial(insitunet.Architecture, width=32))
+    monkeypatch.setattr(
+        kplanes, "SMALL", replace(kplanes.SMALL, resolutions=(8, 16), proposals=(16,), samples=(16, 12))
+    )
     monkeypatch.setitem(visnerf.SIZES, "small", visnerf.Sizes(64, 6, 12, 1.0, 8**3 + 1))
     plan = Plan(6, seed=1, size="small")
     prepared = {} if method.prepare is None else method.prepare(PICTURES, 0, count=60, steps=5)  # type: ignore[call-arg]

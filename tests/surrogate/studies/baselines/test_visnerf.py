@@ -39,7 +39,7 @@ from surrogate.studies.baselines.visnerf_field import (
 from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 TINY = Sizes(rays=128, first_samples=12, last_samples=24, stride=1.0, voxels=12**3 + 1)
-QUICK = replace(TINY, rays=64, first_samples=6, last_samples=12, voxels=8**3 + 1)  # enough to learn a member
+QUICK = replace(TINY, rays=96, first_samples=8, last_samples=12, voxels=8**3 + 1)  # enough to learn a few pictures
 BOX = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 UNEVEN = Architecture((5, 4, 3), (3, 6))
 QUANTITIES: tuple[Quantity, ...] = ("density", "color")
@@ -467,27 +467,26 @@ def test_small_is_begun_by_its_method() -> None:
 
 
 def test_it_learns_the_pictures_of_one_member() -> None:
-    pictures = ball_pictures([[]], 3, 12)
-    training = trained(pictures, Plan(160))
-    found = [psnr_over(pictures, n, training.at(pictures.parameters[n])(pictures.camera(n))) for n in range(3)]
+    pictures = ball_pictures([[]], 6, 12)
+    training = trained(pictures, Plan(120, rate=2.0))
+    found = [psnr_over(pictures, n, training.at(pictures.parameters[n])(pictures.camera(n))) for n in range(6)]
     assert np.mean(found) > psnr_of_mean(pictures) + 3.0
 
 
 @pytest.mark.slow
-def test_it_learns_what_a_parameter_moves() -> None:
+def test_it_learns_what_a_parameter_moves_over_a_background() -> None:
     """Shown are the pictures that were asked for, not those of the other member."""
-    pictures = ball_pictures([[-1.0], [1.0]], 3, 12)
-    training = trained(pictures, Plan(500), TINY)
+    pictures = ball_pictures([[-1.0], [1.0]], 3, 12, background=(0.2, 0.6, 0.5))
+    training = trained(pictures, Plan(180, rate=2.0))
     for number in range(6):
         shown = training.at(pictures.parameters[number])(pictures.camera(number))
-        assert psnr_over(pictures, number, shown) > 28.0
-        assert psnr_over(pictures, (number + 3) % 6, shown) < 22.0
+        assert psnr_over(pictures, number, shown) > psnr_of_mean(pictures) + 5.0
+        assert psnr_over(pictures, (number + 3) % 6, shown) < psnr_of_mean(pictures) + 1.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("background", [(0.0, 0.0, 0.0), (0.2, 0.6, 0.5)], ids=["black", "grey"])
-def test_it_learns_opaque_pictures_over_their_background(background: tuple[float, float, float]) -> None:
-    pictures = ball_pictures([[]], 3, 12, background=background)
-    training = trained(pictures, Plan(160))
+def test_it_learns_opaque_pictures_over_black() -> None:
+    pictures = ball_pictures([[]], 3, 12, background=(0.0, 0.0, 0.0))
+    training = trained(pictures, Plan(140, rate=2.0))
     found = [psnr_over(pictures, n, training.at(pictures.parameters[n])(pictures.camera(n))) for n in range(3)]
     assert np.mean(found) > psnr_of_mean(pictures) + 2.5

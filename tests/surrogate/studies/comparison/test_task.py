@@ -10,7 +10,7 @@ import torch
 
 from catalogs.catalog import Catalog
 from surrogate.studies.comparison.task import IMAGES, Task
-from tests.support.blobs import Blobs
+from tests.support.blobs import Blobs, stored
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 SMALL = Blobs(count=3, size=16)
@@ -18,12 +18,16 @@ MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
 
 
 @pytest.fixture(scope="module")
+def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
+    return stored(tmp_path_factory.mktemp("catalog") / "blobs.cdb", SMALL, members=MEMBERS)
+
+
+@pytest.fixture(scope="module")
 def varied(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
     return varied_catalog(tmp_path_factory.mktemp("varied") / "varied.cdb", varied_surrogate())
 
 
-def test_pictures_are_the_training_images(make_catalog) -> None:
-    catalog = make_catalog(SMALL, members=MEMBERS)
+def test_pictures_are_the_training_images(catalog: Catalog) -> None:
     pictures = Task.of(catalog).pictures()
     assert len(pictures) == 2 * 10
     train = [m for m in catalog.members if m.split == "train"]
@@ -43,8 +47,7 @@ def test_opaque_pictures_have_alpha_and_a_background(make_catalog) -> None:
     assert (pictures.pixels[..., 3] == 255).all()
 
 
-def test_cells_are_test_images_and_stay_the_same(make_catalog) -> None:
-    catalog = make_catalog(SMALL, members=MEMBERS)
+def test_cells_are_test_images_and_stay_the_same(catalog: Catalog) -> None:
     task = Task.of(catalog)
     kinds = {
         name: {(case.member.split, case.member.view_splits[case.view]) for case in cases}
@@ -62,14 +65,14 @@ def test_cells_are_test_images_and_stay_the_same(make_catalog) -> None:
     assert task.cells["both"][0] is task.cells["both"][0]
 
 
-def test_choices_are_made_on_validation_images(make_catalog) -> None:
-    task = Task.of(make_catalog(SMALL, members=MEMBERS))
+def test_choices_are_made_on_validation_images(catalog: Catalog) -> None:
+    task = Task.of(catalog)
     assert task.watched
     assert {case.member.split for case in task.watched} == {"validation"}
 
 
-def test_asked_parameters_are_those_that_are_learnt(make_catalog) -> None:
-    task = Task.of(make_catalog(SMALL, members=MEMBERS))
+def test_asked_parameters_are_those_that_are_learnt(catalog: Catalog) -> None:
+    task = Task.of(catalog)
     case = task.cells["both"][0]
     torch.testing.assert_close(task.parameters(case), torch.tensor([0.0]))
     np.testing.assert_allclose(
