@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from benchmarks.page import DOCS, command_line
+from benchmarks.protocol import gaps
 from catalogs import durable
 from surrogate.evaluation.tables import NOTHING, document, number, table
 from surrogate.provenance import in_words
@@ -59,6 +60,8 @@ IN_SHORT = "PSNR (dB), means over seeds; all metrics, methods, sizes and times s
 PUBLISHED = """Equal time on a processor says nothing about what a method can do. `surrogate compare scenes/SCENE.toml --published
 --device cuda --stop-after 9` trains all at their published sizes and for as many steps as were published, ours for as many as
 GS-Surrogate, in pieces of nine minutes; a checkpoint is kept between them."""
+MISSING = """Each takes its time on a core. GS-Surrogate and InSituNet were first trained in bfloat16 on some scenes; their other
+trainings there wait for a processor that multiplies in it, and the command leaves them elsewhere."""
 NOT_RUN = (
     "Nobody has run it yet: there was no GPU. Its tables will stand with each scene's; this one is empty until then."
 )
@@ -76,6 +79,7 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
         *(part for scene in scenes for part in _section(scene, results[scene], names)),
         *_published([result for of in results.values() for result in of]),
         *_tuned(tuning.load(records)),
+        *_missing(results),
     )
 
 
@@ -179,6 +183,13 @@ def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:
         f"{NOTHING} where it diverged."
     )
     return ["## Rates", told, table(header, rows)]
+
+
+def _missing(results: Mapping[str, Sequence[Result]]) -> list[str]:
+    found = [(f"`{gap.scene}`", f"{gap.minutes:g} min", gap.what, f"`{gap.command}`") for gap in gaps(results)]
+    if not found:
+        return []
+    return ["## What is missing", MISSING.replace("\n", " "), table(("scene", "time", "trainings", "made by"), found)]
 
 
 if __name__ == "__main__":

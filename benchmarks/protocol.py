@@ -1,0 +1,64 @@
+"""Which trainings the comparison with published systems consists of, and which of them nobody has made yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from surrogate.studies.baselines import hexplane_gaussians, visnerf
+from surrogate.studies.comparison.methods import CONTESTANTS, USUAL
+from surrogate.studies.comparison.result import Result
+
+
+class Trainings(NamedTuple):
+    """Of so many seeds of each method, on each of the scenes, for so many minutes of `threads` threads together."""
+
+    scenes: Sequence[str]
+    minutes: float
+    seeds: int
+    methods: Sequence[str] = USUAL
+    threads: int = 1
+
+
+class Gap(NamedTuple):
+    """What is missing of a scene, and the command that makes it."""
+
+    scene: str
+    minutes: float
+    what: str
+    command: str
+
+
+SCENES = ("tgv", "cloverleaf", "nyx")
+PROTOCOL = (
+    Trainings(SCENES, 5.0, seeds=3),
+    Trainings(SCENES, 30.0, seeds=1),
+    Trainings(("tgv-iso", "tgv-tf"), 5.0, seeds=1),
+    Trainings(
+        ("cloverleaf",), 240.0, seeds=1, methods=(hexplane_gaussians.METHOD.name, visnerf.METHOD.name), threads=2
+    ),
+)
+
+
+def gaps(results: Mapping[str, Sequence[Result]], protocol: Sequence[Trainings] = PROTOCOL) -> list[Gap]:
+    """What none of the results by scene is of; a training that failed is none."""
+    return [gap for trainings in protocol for scene in trainings.scenes for gap in _gaps(scene, trainings, results)]
+
+
+def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Result]]) -> Iterator[Gap]:
+    made = {(r.method, r.seed) for r in results.get(scene, ()) if r.minutes == trainings.minutes and not r.error}
+    missing = {
+        method: seeds
+        for method in trainings.methods
+        if (seeds := [seed for seed in range(trainings.seeds) if (method, seed) not in made])
+    }
+    if missing:
+        options = f"--minutes {trainings.minutes:g} --seeds {trainings.seeds} --methods {','.join(missing)}"
+        threads = f" --threads {trainings.threads}" * (trainings.threads > 1)
+        what = "; ".join(_named(method, seeds) for method, seeds in missing.items())
+        yield Gap(scene, trainings.minutes, what, f"surrogate compare scenes/{scene}.toml {options}{threads}")
+
+
+def _named(method: str, seeds: Sequence[int]) -> str:
+    plural = "s" * (len(seeds) > 1)
+    return f"{CONTESTANTS[method].title.strip('*')} (seed{plural} {', '.join(map(str, seeds))})"
