@@ -1,4 +1,4 @@
-"""What was measured of a scene: report, ceilings, seeds and ablations, all of the same settings."""
+"""What was measured of a scene: report, ceilings and seeds of the same settings, and ablations, of the present ones if any are."""
 
 from __future__ import annotations
 
@@ -82,7 +82,8 @@ def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     shown = _shown(folder, settings)
     scores, known = load_scores(folder, settings=shown), load_report(folder, settings.seed)
     report = known if known is not None and known.agrees({"settings": shown}) else None
-    studies, functions, curve = read_studies(folder, shown), load(folder, shown), load_curve(folder)
+    studies = read_studies(folder, settings.to_json()) or read_studies(folder, shown)
+    functions, curve = load(folder, shown), load_curve(folder)
     published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
     if published is not None:
         measured = {study.kind for study in studies}

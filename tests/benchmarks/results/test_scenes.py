@@ -65,7 +65,7 @@ def test_nothing_is_missing_of_a_whole_scene_and_no_data_set_is_needed_to_know(t
 
 def test_results_of_earlier_settings_stand_until_there_are_others_and_are_said_to_be_such(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "changed", 30.0, seeds=(30.0, 31.0))
-    make_study(tmp_path, "changed", catalog, {"default": (30.0,)})
+    make_study(tmp_path, "changed", catalog, {"default": (30.0, 31.0)})
     assert not read(tmp_path, "changed").outdated
     make_scene(tmp_path, "changed", gaussians=21)
     found = read(tmp_path, "changed")
@@ -78,7 +78,17 @@ def test_results_of_earlier_settings_stand_until_there_are_others_and_are_said_t
         1,
     )
     assert gaps(tmp_path, "changed") == {"everything of its present settings": "make results SCENES=changed"}
-    changed(tmp_path / "records/changed/seeds/1.json", lambda record: record["key"]["settings"].update(gaussians=21))
+    assert [result.psnr for result in found.studies[0].results] == [30.0, 31.0]
+
+    def of_present(record: dict[str, Any], settings: str) -> None:
+        record["key"][settings].update(gaussians=21)
+
+    folder = tmp_path / "records/changed"
+    changed(folder / "ablation/default.seed1.json", lambda record: of_present(record, "scene"))
+    found = read(tmp_path, "changed")
+    assert found.outdated
+    assert [result.psnr for result in found.studies[0].results] == [31.0]
+    changed(folder / "seeds/1.json", lambda record: of_present(record, "settings"))
     found = read(tmp_path, "changed")
     assert not found.outdated
     assert found.report is None
