@@ -13,6 +13,7 @@ from pathlib import Path
 
 from benchmarks.page import DOCS, command_line
 from benchmarks.protocol import gaps
+from benchmarks.results.gaps import section_of
 from catalogs import durable
 from surrogate.evaluation.tables import NOTHING, document, number, table
 from surrogate.provenance import in_words
@@ -82,7 +83,7 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
         *(part for scene in scenes for part in _section(scene, results[scene], names)),
         *_published([result for of in results.values() for result in of]),
         *_tuned(tuning.load(records)),
-        *_missing(results),
+        *section_of(gaps(results), MISSING.replace("\n", " ")),
     )
 
 
@@ -186,13 +187,6 @@ def _tuned(found: Sequence[tuning.Tuning]) -> list[str]:
         f"{NOTHING} where it diverged."
     )
     return ["## Rates", told, table(header, rows)]
-
-
-def _missing(results: Mapping[str, Sequence[Result]]) -> list[str]:
-    found = [(f"`{gap.scene}`", f"{gap.minutes:g} min", gap.what, f"`{gap.command}`") for gap in gaps(results)]
-    if not found:
-        return []
-    return ["## What is missing", MISSING.replace("\n", " "), table(("scene", "time", "trainings", "made by"), found)]
 
 
 if __name__ == "__main__":

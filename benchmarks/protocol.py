@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from benchmarks.results.gaps import Gap
 from surrogate.studies.baselines import hexplane_gaussians, visnerf
 from surrogate.studies.comparison.methods import CONTESTANTS, USUAL
 from surrogate.studies.comparison.result import Result
@@ -18,15 +19,6 @@ class Trainings(NamedTuple):
     seeds: int
     methods: Sequence[str] = USUAL
     threads: int = 1
-
-
-class Gap(NamedTuple):
-    """What is missing of a scene, and the command that makes it."""
-
-    scene: str
-    minutes: float
-    what: str
-    command: str
 
 
 SCENES = ("tgv", "cloverleaf", "nyx")
@@ -56,7 +48,9 @@ def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Resul
         options = f"--minutes {trainings.minutes:g} --seeds {trainings.seeds} --methods {','.join(missing)}"
         threads = f" --threads {trainings.threads}" * (trainings.threads > 1)
         what = "; ".join(_named(method, seeds) for method, seeds in missing.items())
-        yield Gap(scene, trainings.minutes, what, f"surrogate compare scenes/{scene}.toml {options}{threads}")
+        yield Gap(
+            scene, f"{trainings.minutes:g} min: {what}", f"surrogate compare scenes/{scene}.toml {options}{threads}"
+        )
 
 
 def _named(method: str, seeds: Sequence[int]) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from benchmarks.results.parts import BASE, Part, parts_of
 from benchmarks.results.scenes import SceneResults
 from benchmarks.results.studies import kinds_of
 from surrogate.evaluation.cases import PARAMETERS
+from surrogate.evaluation.tables import table
 
 
 class Gap(NamedTuple):
@@ -22,6 +23,12 @@ class Gap(NamedTuple):
 def gaps_of(scene: SceneResults) -> list[Gap]:
     """All that is missing of a scene."""
     return [Gap(scene.name, what, command) for what, command in _missing(scene)]
+
+
+def section_of(gaps: Sequence[Gap], *told: str) -> list[str]:
+    """The parts of a page about what is missing, none where nothing is; `told` stands before the table."""
+    rows = [(f"`{gap.scene}`", gap.what, f"`{gap.command}`") for gap in gaps]
+    return ["## What is missing", *told, table(("scene", "what", "made by"), rows)] if gaps else []
 
 
 def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:

@@ -11,7 +11,7 @@ from benchmarks.results.curves import PICTURE as CURVES
 from benchmarks.results.curves import curves_section
 from benchmarks.results.curves import plot as plot_curves
 from benchmarks.results.functions import functions_section
-from benchmarks.results.gaps import Gap, gaps_of
+from benchmarks.results.gaps import gaps_of, section_of
 from benchmarks.results.parts import parts_of
 from benchmarks.results.processors import processors_section
 from benchmarks.results.quality import quality_tables
@@ -19,7 +19,7 @@ from benchmarks.results.scenes import SceneResults
 from benchmarks.results.sources import report_sources, study_sources
 from catalogs import durable
 from surrogate.evaluation.metrics import MOST_DECIBELS
-from surrogate.evaluation.tables import NOTHING, document, number, plain_spread, table, table_of
+from surrogate.evaluation.tables import NOTHING, document, number, plain_spread, table_of
 from surrogate.report.report import RECORD
 from surrogate.storage.records import read_json
 from surrogate.studies.ablation.table import plot
@@ -80,7 +80,7 @@ def page(scenes: Sequence[SceneResults], pictures: Container[str]) -> str:
         *_pictures(scenes, pictures),
         "## What each choice of training is worth",
         *(_ablations(scenes, pictures) or ["No scene has an ablation yet."]),
-        *_missing([gap for scene in scenes for gap in gaps_of(scene)]),
+        *section_of([gap for scene in scenes for gap in gaps_of(scene)]),
     )
 
 
@@ -170,8 +170,3 @@ def _earlier(names: Sequence[str]) -> str:
         if names
         else ""
     )
-
-
-def _missing(gaps: Sequence[Gap]) -> list[str]:
-    rows = [(f"`{gap.scene}`", gap.what, f"`{gap.command}`") for gap in gaps]
-    return ["## What is missing", table(("scene", "what", "made by"), rows)] if gaps else []
