@@ -18,7 +18,7 @@ from catalogs import durable
 from surrogate.evaluation.tables import NOTHING, document, number, table
 from surrogate.provenance import in_words
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.methods import CONTESTANTS
+from surrogate.studies.comparison.methods import CONTESTANTS, title
 from surrogate.studies.comparison.page import SHORT_HEADER, in_short, tables
 from surrogate.studies.comparison.plots import curves, sheet
 from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
@@ -41,7 +41,8 @@ images (24 in each cell, drawn once) and the same metrics. Bold is the best of a
   so long on a processor, not what it can do on a GPU. Every schedule is stretched or pressed to the steps that fit.
 - **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all, which are too small for MS-SSIM. A step
   of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published.
-  Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32.
+  Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32, with fewer
+  steps in the same time; each has a row of its own.
 - **Samples.** Pictures of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
   fine as their pixels, with four samples a pixel, within its time; so does GS-Surrogate, light, but for its earlier training
   on `nyx`. Published methods draw one, as published.
@@ -64,8 +65,7 @@ IN_SHORT = "PSNR (dB), means over seeds; all metrics, methods, sizes and times s
 PUBLISHED = """Equal time on a processor says nothing about what a method can do. `surrogate compare scenes/SCENE.toml --published
 --device cuda --stop-after 9` trains all at their published sizes and for as many steps as were published, ours for as many as
 GS-Surrogate, in pieces of nine minutes; a checkpoint is kept between them."""
-MISSING = """Each takes its time on a core. GS-Surrogate and InSituNet were first trained in bfloat16 on some scenes; their other
-trainings there wait for a processor that multiplies in it, and the command leaves them elsewhere."""
+MISSING = "Each takes its time on a core."
 NOT_RUN = (
     "Nobody has run it yet: there was no GPU. Its tables will stand with each scene's; this one is empty until then."
 )
@@ -83,7 +83,7 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
         *(part for scene in scenes for part in _section(scene, results[scene], names)),
         *_published([result for of in results.values() for result in of]),
         *_tuned(tuning.load(records)),
-        *section_of(gaps(results), MISSING.replace("\n", " ")),
+        *section_of(gaps(results), MISSING),
     )
 
 
@@ -159,8 +159,7 @@ def _made(results: Sequence[Result]) -> str:
     """Machines and commits; where there are several machines, also who was trained on which."""
     methods: dict[str, dict[str, None]] = {}
     for result in (r for r in results if r.method != TRIVIAL):
-        title = CONTESTANTS[result.method].title.strip("*")
-        methods.setdefault(in_words(result.provenance.machine), {})[title] = None
+        methods.setdefault(in_words(result.provenance.machine), {})[title(result.row).strip("*")] = None
     commits = ", ".join(dict.fromkeys(f"`{r.provenance.commit}`" for r in results))
     if len(methods) < 2:
         return f"{''.join(methods)}; commit {commits}"

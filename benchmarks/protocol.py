@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from benchmarks.results.gaps import Gap
 from surrogate.studies.baselines import hexplane_gaussians, visnerf
+from surrogate.studies.baselines.method import PRECISIONS
 from surrogate.studies.comparison.methods import CONTESTANTS, USUAL
-from surrogate.studies.comparison.result import Result
+from surrogate.studies.comparison.result import Result, Row
 
 
 class Trainings(NamedTuple):
@@ -38,11 +39,9 @@ def gaps(results: Mapping[str, Sequence[Result]], protocol: Sequence[Trainings] 
 
 
 def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Result]]) -> Iterator[Gap]:
-    made = {(r.method, r.seed) for r in results.get(scene, ()) if r.minutes == trainings.minutes and not r.error}
+    made = {(r.row, r.seed) for r in results.get(scene, ()) if r.minutes == trainings.minutes and not r.error}
     missing = {
-        method: seeds
-        for method in trainings.methods
-        if (seeds := [seed for seed in range(trainings.seeds) if (method, seed) not in made])
+        method: seeds for method in trainings.methods if (seeds := _missing_seeds(method, trainings.seeds, made))
     }
     if missing:
         options = f"--minutes {trainings.minutes:g} --seeds {trainings.seeds} --methods {','.join(missing)}"
@@ -51,6 +50,12 @@ def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Resul
         yield Gap(
             scene, f"{trainings.minutes:g} min: {what}", f"surrogate compare scenes/{scene}.toml {options}{threads}"
         )
+
+
+def _missing_seeds(method: str, seeds: int, made: Set[tuple[Row, int]]) -> list[int]:
+    """Those that nobody trained, in the precision in which most are trained."""
+    rows = [Row(method, precision) for precision in PRECISIONS]
+    return min(([seed for seed in range(seeds) if (row, seed) not in made] for row in rows), key=len)
 
 
 def _named(method: str, seeds: Sequence[int]) -> str:

@@ -187,8 +187,6 @@ def compare(
             study.run(line, tell, hands)
         except OutOfTime:
             raise RuntimeError(f"stopped after {form['stop_after']:g} minutes, before the end: {kept}") from None
-        for left in study.left_out():
-            click.echo(f"{left}: left to a processor that multiplies in bfloat16, as those did that trained the others")
         click.echo(comparing.write_page(opened.name, study))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks.protocol import PROTOCOL, Trainings, gaps
 from benchmarks.results.gaps import Gap
+from surrogate.studies.baselines.method import Precision
 from surrogate.studies.comparison.methods import USUAL
 from surrogate.studies.comparison.result import Result
 
@@ -13,8 +14,8 @@ SOME = (
 )
 
 
-def result(method: str, minutes: float, seed: int, error: str = "") -> Result:
-    return Result(method, minutes, seed, "small", "float32", "mark", error=error)
+def result(method: str, minutes: float, seed: int, error: str = "", precision: Precision = "float32") -> Result:
+    return Result(method, minutes, seed, "small", precision, "mark", error=error)
 
 
 def test_what_no_result_is_of_is_missing() -> None:
@@ -35,6 +36,13 @@ def test_what_no_result_is_of_is_missing() -> None:
         ),
         Gap("one", "240 min: ViSNeRF (seed 0)", command.format("one", 240, 1, "visnerf") + " --threads 2"),
     ]
+
+
+def test_all_seeds_are_asked_for_in_one_precision() -> None:
+    asked = (Trainings(("one",), 5.0, seeds=3, methods=("insitunet",)),)
+    found = [result("insitunet", 5.0, 0, precision="bfloat16"), *(result("insitunet", 5.0, seed) for seed in (1, 2))]
+    assert [gap.what for gap in gaps({"one": found}, asked)] == ["5 min: InSituNet (seed 0)"]
+    assert gaps({"one": [*found, result("insitunet", 5.0, 0)]}, asked) == []
 
 
 def test_nothing_is_missing_once_all_is_there() -> None:

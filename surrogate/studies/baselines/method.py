@@ -17,6 +17,7 @@ from surrogate.studies.baselines.state import State
 
 Size = Literal["official", "small"]
 Precision = Literal["float32", "bfloat16"]
+PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from surrogate.studies.baselines import gs_surrogate, hexplane_gaussians, insitunet, kplanes, visnerf
+from surrogate.studies.baselines.method import PRECISIONS
 from surrogate.studies.comparison.contestants import Contestant, OurSurrogate, Published
+from surrogate.studies.comparison.result import Row
 
 OURS, LIGHT = "ours", "gs-surrogate-light"
 CONTESTANTS: dict[str, Contestant] = {
@@ -38,6 +40,17 @@ CONTESTANTS: dict[str, Contestant] = {
 
 # The usual start of planes over many parameters, with which nothing is learnt, is shown where it is asked for.
 USUAL = tuple(name for name in CONTESTANTS if name not in (kplanes.NAIVE.name, hexplane_gaussians.NAIVE.name))
+
+
+def ordered(rows: Iterable[Row]) -> list[Row]:
+    """Each once, in the order of the tables."""
+    order = list(CONTESTANTS)
+    return sorted(set(rows), key=lambda row: (order.index(row.method), PRECISIONS.index(row.precision)))
+
+
+def title(row: Row) -> str:
+    """Of a row, in tables and plots."""
+    return CONTESTANTS[row.method].title + (f", in {row.precision}" if row.precision != "float32" else "")
 
 
 def chosen(names: Iterable[str]) -> list[Contestant]:

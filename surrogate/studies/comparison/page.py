@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
-from surrogate.studies.comparison.methods import CONTESTANTS, OURS
-from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, terms
+from surrogate.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
+from surrogate.studies.comparison.result import TRIVIAL, Result, Row, Terms, terms
 from surrogate.studies.comparison.trivial import best_of
 
 DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell, where pictures are large enough to have it
+OUR_ROW, MIXED = Row(OURS), Row(TRIVIAL)
 
 
 def tables(results: Sequence[Result]) -> str:
@@ -25,16 +26,16 @@ def cell_names(results: Sequence[Result]) -> list[str]:
     return named[0] if named else []
 
 
-def leaders(results: Sequence[Result], on: Terms) -> dict[str, str]:
-    """Who has the highest mean PSNR in each cell on these terms: a contestant's name, or the mixtures'."""
+def leaders(results: Sequence[Result], on: Terms) -> dict[str, Row]:
+    """Which row has the highest mean PSNR in each cell on these terms: a contestant's, or the mixtures'."""
     found = {}
     for cell in cell_names(results):
         scores = _means(results, on, cell)
         trivial = _trivial(results, cell)
         if trivial is not None:
-            scores[TRIVIAL] = trivial[1]
+            scores[MIXED] = trivial[1]
         if scores:
-            found[cell] = max(scores, key=lambda name: scores[name])
+            found[cell] = max(scores, key=lambda row: scores[row])
     return found
 
 
@@ -50,18 +51,18 @@ def in_short(scene: str, results: Sequence[Result]) -> list[list[str]]:
     for on in terms(results):
         for cell in cell_names(results):
             scores = _means(results, on, cell)
-            published = {name: psnr for name, psnr in scores.items() if CONTESTANTS[name].official_steps}
-            if OURS not in scores or not published:
+            published = {row: psnr for row, psnr in scores.items() if CONTESTANTS[row.method].official_steps}
+            if OUR_ROW not in scores or not published:
                 continue
-            best, mixed = max(published, key=lambda name: published[name]), _trivial(results, cell)
+            best, mixed = max(published, key=lambda row: published[row]), _trivial(results, cell)
             texts = {
-                OURS: f"{scores[OURS]:.2f}",
-                best: f"{published[best]:.2f} ({CONTESTANTS[best].title})",
-                TRIVIAL: NOTHING if mixed is None else f"{mixed[1]:.2f}",
+                OUR_ROW: f"{scores[OUR_ROW]:.2f}",
+                best: f"{published[best]:.2f} ({title(best)})",
+                MIXED: NOTHING if mixed is None else f"{mixed[1]:.2f}",
             }
-            known = {OURS: scores[OURS], best: published[best]} | ({} if mixed is None else {TRIVIAL: mixed[1]})
-            leader = max(known, key=lambda name: known[name])
-            rows.append([f"`{scene}`", str(on), cell, *(_bold(text, name == leader) for name, text in texts.items())])
+            known = {OUR_ROW: scores[OUR_ROW], best: published[best]} | ({} if mixed is None else {MIXED: mixed[1]})
+            leader = max(known, key=lambda row: known[row])
+            rows.append([f"`{scene}`", str(on), cell, *(_bold(text, row == leader) for row, text in texts.items())])
     return rows
 
 
@@ -81,24 +82,24 @@ def _table(results: Sequence[Result], on: Terms) -> str:
         "at other parameters (ms)",
         "seeds",
     )
-    trained = {name: [r for r in results if (r.method, r.terms) == (name, on)] for name in CONTESTANTS}
-    rows = [_row(name, of, cells, details, first) for name, of in trained.items()]
-    return table(header, [*filter(None, rows), _trivial_row(results, cells, first, len(header))])
+    trained = [r for r in results if r.terms == on and r.method != TRIVIAL]
+    rows = [
+        _row(row, [r for r in trained if r.row == row], cells, details, first)
+        for row in ordered(r.row for r in trained)
+    ]
+    return table(header, [*rows, _trivial_row(results, cells, first, len(header))])
 
 
 def _row(
-    name: str, of: Sequence[Result], cells: Sequence[str], details: Sequence[str], first: Mapping[str, str]
+    row: Row, of: Sequence[Result], cells: Sequence[str], details: Sequence[str], first: Mapping[str, Row]
 ) -> list[str]:
-    """Of one contestant after one time; empty without a training."""
-    if not of:
-        return []
-    whole, contestant = [r for r in of if not r.error], CONTESTANTS[name]
+    """Of one contestant's trainings in one time."""
+    whole, official = [r for r in of if not r.error], CONTESTANTS[row.method].official_steps
     if not whole:
-        return [contestant.title, of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(details) + 6)]
-    official = contestant.official_steps
+        return [title(row), of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(details) + 6)]
     return [
-        contestant.title,
-        *(_bold(_spread("psnr", [r.cells[cell]["psnr"] for r in whole]), first.get(cell) == name) for cell in cells),
+        title(row),
+        *(_bold(_spread("psnr", [r.cells[cell]["psnr"] for r in whole]), first.get(cell) == row) for cell in cells),
         *(_spread(metric, [r.cells[cells[-1]][metric] for r in whole]) for metric in details),
         f"{statistics.fmean(r.steps for r in whole):,.0f}",
         f"{100.0 * statistics.fmean(r.steps for r in whole) / official:.2g} %" if official else NOTHING,
@@ -110,10 +111,10 @@ def _row(
     ]
 
 
-def _trivial_row(results: Sequence[Result], cells: Sequence[str], first: Mapping[str, str], width: int) -> list[str]:
+def _trivial_row(results: Sequence[Result], cells: Sequence[str], first: Mapping[str, Row], width: int) -> list[str]:
     found = [_trivial(results, cell) for cell in cells]
     texts = [
-        NOTHING if best is None else _bold(f"{best[1]:.2f} ({best[0]})", first.get(cell) == TRIVIAL)
+        NOTHING if best is None else _bold(f"{best[1]:.2f} ({best[0]})", first.get(cell) == MIXED)
         for cell, best in zip(cells, found, strict=True)
     ]
     return ["stored pictures, mixed", *texts, *[NOTHING] * (width - 1 - len(texts))]
@@ -124,12 +125,12 @@ def _trivial(results: Sequence[Result], cell: str) -> tuple[str, float] | None:
     return best_of(mixtures[0], cell) if mixtures else None
 
 
-def _means(results: Sequence[Result], on: Terms, cell: str) -> dict[str, float]:
-    found = dict[str, list[float]]()
+def _means(results: Sequence[Result], on: Terms, cell: str) -> dict[Row, float]:
+    found = dict[Row, list[float]]()
     for r in results:
         if r.terms == on and not r.error and cell in r.cells and r.method != TRIVIAL:
-            found.setdefault(r.method, []).append(r.cells[cell]["psnr"])
-    return {name: statistics.fmean(values) for name, values in found.items()}
+            found.setdefault(r.row, []).append(r.cells[cell]["psnr"])
+    return {row: statistics.fmean(values) for row, values in found.items()}
 
 
 def _spread(metric: str, values: Sequence[Any]) -> str:

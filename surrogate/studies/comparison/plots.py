@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from itertools import cycle
 from pathlib import Path
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.images import read_image
-from surrogate.studies.comparison.methods import CONTESTANTS, OURS
-from surrogate.studies.comparison.result import TRIVIAL, Result, Terms
+from surrogate.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
+from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, in_float32
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
@@ -23,27 +23,30 @@ ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what d
 
 
 def curves(results: Sequence[Result]) -> bytes | None:
-    """A PNG file: PSNR of the validation images over processor seconds, a line for each training on a processor; None without."""
+    """A PNG file: PSNR of the validation images over processor seconds, a line for each training on a processor; None without.
+
+    Of methods that were trained in both precisions it shows those in float32.
+    """
     from matplotlib.figure import Figure
 
-    shown = [r for r in results if r.curve and not r.error and r.device == "cpu"]
+    shown = [r for r in in_float32(results) if r.curve and not r.error and r.device == "cpu"]
     if not shown:
         return None
     figure = Figure(figsize=(8.0, 5.2), layout="constrained")
     axes, named = figure.add_subplot(), set[str]()
     lines = dict(zip(sorted({result.minutes for result in shown}), cycle(LINES)))  # by time
     for result in shown:
-        title = CONTESTANTS[result.method].title.strip("*")
+        name = title(result.row).strip("*")
         axes.plot(
             *zip(*result.curve, strict=True),
             color=f"C{list(CONTESTANTS).index(result.method)}",
-            label=title if title not in named else None,
+            label=name if name not in named else None,
             linestyle=lines[result.minutes],
             linewidth=2.2 if result.method == OURS else 1.0,
             marker="o" if len(result.curve) <= MARKED else None,
             markersize=2.5,
         )
-        named.add(title)
+        named.add(name)
     if len(lines) > 1:
         axes.set_title(", ".join(f"{line}: {minutes:g} min" for minutes, line in lines.items()), fontsize=8)
     axes.set_xscale("log")
@@ -57,20 +60,22 @@ def curves(results: Sequence[Result]) -> bytes | None:
 def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     """A PNG file: some test images, the truth first and then every method on these terms; None without pictures.
 
-    Below each picture stand the square around its worst place of the first method, enlarged, and the difference from the truth.
+    Of methods that were trained in both precisions it shows the one in float32.  Below each picture stand the square around its
+    worst place of the first method, enlarged, and the difference from the truth.
     """
     from matplotlib.figure import Figure
 
-    known = {r.method: r for r in results if (r.terms, r.seed) == (on, 0) and not r.error and r.method != TRIVIAL}
-    names = [name for name in CONTESTANTS if name in known]
-    rows = [_row(folder, number, {name: known[name] for name in names}) for number in range(len(SHOWN))]
+    on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
+    known = {r.row: r for r in on_these if not r.error and r.method != TRIVIAL}
+    names = ordered(known)
+    rows = [_row(folder, number, [known[name] for name in names]) for number in range(len(SHOWN))]
     rows = [row for row in rows if row]
     if not names or not rows:
         return None
     columns = len(names) + 1
     figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.5), layout="constrained")
     grid = figure.subplots(3 * len(rows), columns, squeeze=False)
-    titles = ["truth", *(CONTESTANTS[name].title.strip("*") for name in names)]
+    titles = ["truth", *(title(name).strip("*") for name in names)]
     for number, pictures in enumerate(rows):
         truth, part = pictures[0], _worst(pictures)
         for column, picture in enumerate(pictures):
@@ -86,9 +91,9 @@ def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     return _png(figure)
 
 
-def _row(folder: Path, number: int, results: Mapping[str, Result]) -> list[NDArray[np.float32]]:
+def _row(folder: Path, number: int, results: Sequence[Result]) -> list[NDArray[np.float32]]:
     """The truth and each method's picture (H, W, 3) of one test image; empty where one is missing."""
-    paths = [folder / PICTURES / f"{name}.{number}.png" for name in (TRUTH, *(r.name for r in results.values()))]
+    paths = [folder / PICTURES / f"{name}.{number}.png" for name in (TRUTH, *(r.name for r in results))]
     if not all(path.is_file() for path in paths):
         return []
     return [read_image(path, dtype="float32")[..., :3] for path in paths]

@@ -36,6 +36,13 @@ class Terms(NamedTuple):
         return time if self.device == "cpu" else f"{time}, {self.device}"
 
 
+class Row(NamedTuple):
+    """Whose results stand in one row of a table: seeds of a row differ in nothing else."""
+
+    method: str
+    precision: Precision = "float32"
+
+
 @dataclass(frozen=True)
 class Result:
     """One training of a method, scored.
@@ -86,6 +93,11 @@ class Result:
         return ".".join(parts + [self.precision] * (self.precision != "float32"))
 
     @property
+    def row(self) -> Row:
+        """Beside which other seeds' results it stands."""
+        return Row(self.method, self.precision)
+
+    @property
     def terms(self) -> Terms:
         """On which others are comparable with it."""
         return Terms(self.device, self.size, self.minutes)
@@ -106,9 +118,15 @@ def find(records: Path, wanted: Result) -> Result | None:
 
 
 def load(records: Path) -> list[Result]:
-    """All that is kept of a scene, by method, time and seed."""
+    """All that is kept of a scene, by method, precision, time and seed."""
     found = (record.to(Result) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
-    return sorted((r for r in found if r is not None), key=lambda r: (r.method, r.minutes, r.seed))
+    return sorted((r for r in found if r is not None), key=lambda r: (*r.row, r.minutes, r.seed))
+
+
+def in_float32(results: Sequence[Result]) -> list[Result]:
+    """Without those in bfloat16 of methods that were trained in float32 too, on the same terms and with the same seed."""
+    whole = {(r.method, r.terms, r.seed) for r in results if r.precision == "float32" and not r.error}
+    return [r for r in results if r.precision == "float32" or (r.method, r.terms, r.seed) not in whole]
 
 
 def terms(results: Iterable[Result]) -> list[Terms]:

@@ -32,7 +32,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load, save
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
 from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
 from surrogate.studies.progress import StudyProgress, StudyWatch
@@ -124,14 +124,6 @@ class Study:
         result = find(self.records, self.wanted(method, minutes, seed))
         return None if result is None or result.error else result
 
-    def left_out(self) -> list[str]:
-        """The missing trainings that are left to a machine which multiplies in the precision of the method's other results."""
-        left = [contestant for contestant in self.contestants if self._is_left(self.plan_of(contestant.name).precision)]
-        return [_named(*one) for one in self._order(left) if self._is_missing(*one)]
-
-    def _is_left(self, precision: Precision) -> bool:
-        return precision_here(precision, self.device) != precision
-
     def _trained(
         self, minutes: float, seed: int, contestant: Contestant, watch: StudyWatch | None = None, following: int = 0
     ) -> Result | None:
@@ -139,12 +131,7 @@ class Study:
         watch = watch or StudyWatch(lambda _: None)
         wanted, steps = self.wanted(contestant.name, minutes, seed), self._steps_for(contestant, minutes, seed)
         with self._claimed(wanted) as work:
-            if (
-                work is None
-                or not steps
-                or self._is_left(wanted.precision)
-                or not self._is_missing(minutes, seed, contestant)
-            ):
+            if work is None or not steps or not self._is_missing(minutes, seed, contestant):
                 return None
             watch.begin(_named(minutes, seed, contestant), following)
             result = self._attempted(contestant, wanted, steps, work, watch)
@@ -158,15 +145,8 @@ class Study:
         return Result(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
 
     def plan_of(self, method: str) -> Plan:
-        """The size of all, in the precision of the method's results of this scene, so that seeds differ in nothing else.
-
-        The first is trained in the method's own precision where the machine multiplies in it.
-        """
-        mine = (method, self.plan.size, self.device, self.task.mark)
-        known = (r for r in load(self.records) if (r.method, r.size, r.device, r.mark) == mine and not r.error)
-        first = next(known, None)
-        precision = precision_here(self._preferred(method), self.device) if first is None else first.precision
-        return replace(self.plan, precision=precision)
+        """The size of all, in the precision that the method is trained in on this machine."""
+        return replace(self.plan, precision=precision_here(self._preferred(method), self.device))
 
     def _preferred(self, method: str) -> Precision:
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}

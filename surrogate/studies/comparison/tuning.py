@@ -9,14 +9,13 @@ from typing import TypeVar
 
 from catalogs import durable
 from surrogate.storage.records import Provenance, Record
-from surrogate.studies.baselines.method import Plan, Precision
+from surrogate.studies.baselines.method import PRECISIONS, Plan
 from surrogate.studies.comparison.contestants import Contestant, Report, Session, emptied, validation
 from surrogate.studies.comparison.task import Task
 from surrogate.training.loop import Diverged
 
 KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # of the records of all scenes
 KEY = ("method", "size", "precision")
-PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 RATES = (0.1, 0.3, 1.0, 3.0, 10.0)
 SECONDS = 60.0
 DIVERGED = "diverged"  # a file, beside a training's other files

@@ -12,7 +12,7 @@ from catalogs.images import write_image
 from surrogate.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
 from surrogate.studies.comparison.page import cell_names, in_short, leaders, tables
 from surrogate.studies.comparison.plots import curves, sheet
-from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Terms, load, save
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Row, Terms, load, save
 from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 from surrogate.studies.comparison.trivial import best_of
 
@@ -45,7 +45,7 @@ def test_the_best_of_a_cell_is_bold() -> None:
     assert table["**this surrogate**"][:2] == ["30.00 ± 1.41".replace("30.00", "31.00")] * 2
     assert table["K-Planes (hybrid)"][:2] == ["**31.50**", "**31.50**"]
     assert table["stored pictures, mixed"][:2] == ["–", "28.00 (linear interpolation)"]
-    assert leaders(found, FIVE) == {"novel views": "k-planes", "both": "k-planes"}
+    assert leaders(found, FIVE) == {"novel views": Row("k-planes"), "both": Row("k-planes")}
 
 
 def test_in_short_ours_stands_beside_the_best_published_one_and_mixtures() -> None:
@@ -59,8 +59,15 @@ def test_in_short_ours_stands_beside_the_best_published_one_and_mixtures() -> No
 
 def test_stored_pictures_may_lead() -> None:
     found = [result(OURS, 0, 30.0), trivial(45.0)]
-    assert leaders(found, FIVE) == {"novel views": OURS, "both": TRIVIAL}
+    assert leaders(found, FIVE) == {"novel views": Row(OURS), "both": Row(TRIVIAL)}
     assert "**45.00 (linear interpolation)**" in tables(found)
+
+
+def test_precisions_stand_in_rows_of_their_own() -> None:
+    found = [result("insitunet", 0, 20.0), replace(result("insitunet", 0, 25.0), precision="bfloat16")]
+    table = rows(tables([*found, result("insitunet", 1, 22.0)]))
+    assert list(table)[2:4] == ["InSituNet", "InSituNet, in bfloat16"]
+    assert [table[name][0] for name in list(table)[2:4]] == ["21.00 ± 1.41", "**25.00**"]
 
 
 def test_what_was_trained_on_other_terms_stands_in_another_table() -> None:

@@ -19,7 +19,7 @@ from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
-from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, load, save
+from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, in_float32, load, save
 from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
 from surrogate.studies.comparison.task import Task
 from surrogate.training.loop import Diverged
@@ -146,35 +146,17 @@ def test_networks_are_narrow_where_the_machine_multiplies_so(monkeypatch: pytest
     assert precision_here("bfloat16", "cpu") == "float32"
 
 
-def test_what_a_machine_of_another_precision_trained_is_not_trained_again(
-    task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    method = Published(mean_method(), "bfloat16")
+def test_each_precision_has_results_of_its_own(task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     narrow_machine(monkeypatch, amx_bf16=True)
-    first = study(task, tmp_path, method)
-    first.run()
-    assert [r.precision for r in load(first.records) if r.method == "mean"] == ["bfloat16"]
+    both = study(task, tmp_path, Published(mean_method(), "bfloat16"))
+    both.run()
     narrow_machine(monkeypatch)
-    slower = study(task, tmp_path, method, seeds=2)
-    slower.run(tell=pytest.fail)
-    assert slower.left_out() == ["mean, 0.0005 min, seed 1"]
-    narrow_machine(monkeypatch, avx512_bf16=True)
-    told: list[Result] = []
-    slower.run(tell=told.append)
-    assert [(r.seed, r.precision) for r in told] == [(1, "bfloat16")]
-    assert slower.left_out() == []
-
-
-def test_seeds_are_of_one_precision_also_on_a_faster_machine(
-    task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    method = Published(mean_method(), "bfloat16")
-    narrow_machine(monkeypatch)
-    study(task, tmp_path, method).run()
-    narrow_machine(monkeypatch, amx_bf16=True)
-    told: list[Result] = []
-    study(task, tmp_path, method, seeds=2).run(tell=told.append)
-    assert [(r.seed, r.precision) for r in told] == [(1, "float32")]
+    both.run()
+    both.run(tell=pytest.fail)
+    found = [r for r in load(both.records) if r.method == "mean"]
+    assert [r.precision for r in found] == ["bfloat16", "float32"]
+    assert [r.precision for r in in_float32(found)] == ["float32"]
+    assert in_float32(found[:1]) == found[:1]
 
 
 def test_rates_of_one_precision_stand_for_the_other(tmp_path: Path) -> None:
