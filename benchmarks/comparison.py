@@ -26,8 +26,8 @@ from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, R
 PAGE = "comparison.md"
 TEXT = """\
 Every method learns from the same pictures, members and views, over the same background, and is judged by the same test
-images (24 in each cell, drawn once) and the same metrics. Bold is the best of a cell; whoever it is, it stands here.
-
+images (24 in each cell, drawn once) and the same metrics. Bold is the best of a cell; whoever it is, it stands here."""
+TERMS = """\
 - **Equal time** is processor time on one core, from the loading of the pictures to the last step. Off the clock are looks at
   the eight validation images of the curves, the Gaussians that hold still, which GS-Surrogate and 4DGS-HD start from, and,
   for published methods, how long a step takes, which decides how many are planned; ours finds that out on the clock. Where
@@ -78,6 +78,8 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
         "# Beside published systems",
         TEXT,
         *_in_short(results),
+        "## On which terms",
+        TERMS,
         "## Methods",
         table(("method", "published in", "steps there"), _who()),
         *(part for scene in scenes for part in _section(scene, results[scene], names)),
