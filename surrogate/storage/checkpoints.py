@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import safetensors
 import safetensors.torch
 from torch import Tensor
@@ -105,11 +106,12 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
 def fingerprint_of_scene(catalog: Catalog) -> str:
     """A SHA-256 over what a catalog's first appearance and its variations show, whatever learns it.
 
-    It is the same where the same scene was rendered on a processor of another kind, which rounds otherwise.
+    It is the same where the same scene was rendered on a processor of another kind, which rounds otherwise: its pictures, and
+    the last digits of its cameras.
     """
     appearance = catalog.plan.appearances[0].name
     varied = [v for v in catalog.plan.variations if v.base == appearance]
-    return _digest(_shown(catalog, appearance, varied, sizes=False))
+    return _digest(_rounded(_shown(catalog, appearance, varied, sizes=False)))
 
 
 def _shown(catalog: Catalog, appearance: str, variations: Sequence[Variation], *, sizes: bool) -> dict[str, Any]:
@@ -126,6 +128,23 @@ def _shown(catalog: Catalog, appearance: str, variations: Sequence[Variation], *
 
 def _digest(values: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def _rounded(value: Any) -> Any:
+    """The same with nine digits; of the entries of a camera's matrix, nine of the largest, for zeros are not exact there."""
+    if isinstance(value, dict):
+        return {
+            name: (_rounded_matrix if name == "world_to_camera" else _rounded)(each) for name, each in value.items()
+        }
+    if isinstance(value, list | tuple):
+        return [_rounded(each) for each in value]
+    return float(f"{value:.9g}") if isinstance(value, float) else value
+
+
+def _rounded_matrix(rows: Any) -> Any:
+    matrix = np.array(rows)  # [4, 4]
+    scale = float(np.abs(matrix).max())
+    return [_rounded(scale), (np.round(matrix / scale, 9) + 0.0).tolist()]  # -0 is 0 too
 
 
 def _identity(catalog: Catalog, member: Member, shown: Sequence[str]) -> dict[str, Any]:

@@ -2,12 +2,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from catalogs.catalog import Catalog
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, fingerprint_of_scene, locked
+from tests.support.blobs import Blobs
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
 
 
@@ -72,6 +74,20 @@ def test_that_of_a_scene_is_not_of_its_pictures(make_catalog) -> None:
         for number, options in enumerate([{}, {"blank": True}, {"background": (0.0, 0.0, 0.0)}])
     ]
     assert marks[0] == marks[1] != marks[2]
+
+
+@pytest.mark.parametrize(("change", "same"), [(1e-13, True), (-1e-13, True), (1e-6, False)])
+def test_that_of_a_scene_does_not_see_how_a_processor_rounds_its_cameras(
+    make_catalog, monkeypatch: pytest.MonkeyPatch, change: float, same: bool
+) -> None:
+    mark = fingerprint_of_scene(make_catalog())
+    cameras = Blobs().cameras()
+    moved = np.zeros((4, 4))
+    moved[:3] = change
+    monkeypatch.setattr(
+        Blobs, "cameras", lambda _: tuple(replace(c, world_to_camera=c.world_to_camera + moved) for c in cameras)
+    )
+    assert (fingerprint_of_scene(make_catalog(name="moved.cdb")) == mark) == same
 
 
 def varied(path: Path, **options: Any) -> Catalog:
