@@ -50,8 +50,9 @@ TERMS = """\
 - **Earlier pictures.** Pictures side by side of five minutes of `tgv` and `nyx` show ours, and GS-Surrogate, light, before their
   rates fell to zero, which is worth 0.2 to 0.4 dB to ours where all is unseen.
 - **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
-  images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF stay
-  grey. With its published rates it reaches 22.1 dB in the last cell of `nyx`, with those chosen on `cloverleaf` 18.9
+  images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF are
+  grey after five minutes. With its published rates it then reaches 22.1 dB in the last cell of `nyx`, with those chosen on
+  `cloverleaf` 18.9
   (`surrogate compare scenes/nyx.toml --methods visnerf --minutes 5` with an empty folder of `--records`). Where a longer training
   diverges at these rates it is made again at the next lower ones. Of two half hours of K-Planes on `cloverleaf` at the same rates
   one diverged (commit `c6130f237be2`) and the other did not: the table has that.
