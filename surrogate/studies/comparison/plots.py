@@ -32,7 +32,7 @@ def curves(results: Sequence[Result]) -> bytes | None:
     shown = [r for r in in_float32(results) if r.curve and not r.error and r.device == "cpu"]
     if not shown:
         return None
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.6), layout="constrained")
     axes, named = figure.add_subplot(), set[str]()
     lines = dict(zip(sorted({result.minutes for result in shown}), cycle(LINES)))  # by time
     for result in shown:
@@ -53,7 +53,7 @@ def curves(results: Sequence[Result]) -> bytes | None:
     axes.set_xlabel("seconds of processor time")
     axes.set_ylabel("PSNR of validation images, dB")
     axes.grid(linewidth=0.4, alpha=0.5)
-    figure.legend(fontsize=8, loc="outside lower center", ncols=3)
+    figure.legend(fontsize=8, loc="outside lower center", ncols=2)
     return _png(figure)
 
 
