@@ -69,7 +69,7 @@ results: $(SETUP)
 # Nine trainings for each seed, eight of them of so many minutes, and their scoring; interrupted, it goes on, and processes share it out.
 compare: dataset
 	$(BIN)/surrogate compare scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --minutes $(MINUTES) --seeds $(COMPARED_SEEDS)
-	$(BIN)/python -m benchmarks.comparison --runs $(RUNS) --records $(RECORDS)
+	$(BIN)/python -m benchmarks.comparison --records $(RECORDS)
 
 # About five hours on two cores; an interrupted study goes on with what is missing, and processes share it out:
 # `taskset -c 0 make ablate`, `taskset -c 1 make ablate`, ...

@@ -1,9 +1,8 @@
 """The page of the comparison with published systems, from the records of `surrogate compare`.
 
-    python -m benchmarks.comparison [SCENE...] [--runs runs] [--records docs/records]
+    python -m benchmarks.comparison [SCENE...] [--records docs/records]
 
-Writes docs/comparison.md and its plots: all scenes that have records, or those that are named.  Pictures side by side need the
-folders of results; without them those that are there stay.
+Writes docs/comparison.md and its plots: all scenes that have records, or those that are named.
 """
 
 from __future__ import annotations
@@ -90,12 +89,12 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
     )
 
 
-def plots(records: Path, scene: str, run: Path) -> dict[str, bytes]:
+def plots(records: Path, scene: str) -> dict[str, bytes]:
     """PNG files of a scene by name, of what is known of it."""
     results = load(records / scene)
     found = {f"comparison_{scene}_curves.png": curves(results)}
     for each in terms(results):
-        found[f"comparison_{scene}_{each.name}.png"] = sheet(run / FOLDER, results, each)
+        found[f"comparison_{scene}_{each.name}.png"] = sheet(records / scene, results, each)
     return {name: content for name, content in found.items() if content is not None}
 
 
@@ -103,7 +102,6 @@ def main() -> None:
     """Write the page and its plots."""
     parser = command_line("comparison", __doc__)
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
-    parser.add_argument("--runs", type=Path, default=Path("runs"))
     parser.add_argument("--records", type=Path, default=DOCS / "records")
     parser.add_argument("-o", "--output", type=Path, default=DOCS)
     given = parser.parse_args()
@@ -114,11 +112,10 @@ def main() -> None:
             f"no records of {', '.join(missing) or 'any scene'} in {given.records}: `surrogate compare` makes them"
         )
     scenes = given.scenes or known
-    for scene in scenes:
-        for name, content in plots(given.records, scene, given.runs / scene).items():
-            durable.replace(given.output / name, content)
-    there = [path.name for path in given.output.glob("comparison_*.png")]
-    durable.replace(given.output / PAGE, page(given.records, scenes, there).encode())
+    drawn = {name: content for scene in scenes for name, content in plots(given.records, scene).items()}
+    for name, content in drawn.items():
+        durable.replace(given.output / name, content)
+    durable.replace(given.output / PAGE, page(given.records, scenes, drawn).encode())
     print(given.output / PAGE)
 
 

@@ -60,7 +60,7 @@ def test_the_table_of_published_steps_is_empty_until_it_is_run(records: Path) ->
 
 
 def test_plots_are_named_by_scene_and_shown_where_they_are_drawn(records: Path) -> None:
-    drawn = plots(records, "one", records / "nowhere")
+    drawn = plots(records, "one")
     assert set(drawn) == {"comparison_one_curves.png"}
     text = page(records, ["one", "two"], drawn)
     assert text.count("![") == 1
@@ -70,7 +70,7 @@ def test_plots_are_named_by_scene_and_shown_where_they_are_drawn(records: Path) 
 def test_a_command_writes_all_that_is_known(records: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output = tmp_path / "docs"
     output.mkdir()
-    words = ["comparison", "--records", str(records), "-o", str(output), "--runs", str(tmp_path)]
+    words = ["comparison", "--records", str(records), "-o", str(output)]
     monkeypatch.setattr("sys.argv", words)
     main()
     assert "## `two`" in (output / "comparison.md").read_text()

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.images import read_image
 from surrogate.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
+from surrogate.studies.comparison.pictures import SHOWN, TRUTH, kept
 from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, in_float32
-from surrogate.studies.comparison.study import PICTURES, SHOWN, TRUTH
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
 RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
@@ -57,21 +56,21 @@ def curves(results: Sequence[Result]) -> bytes | None:
     return _png(figure)
 
 
-def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
+def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     """A PNG file: some test images, the truth first and then every method on these terms; None without pictures.
 
-    Of methods that were trained in both precisions it shows the one in float32.  Below each picture stand the square around its
+    Pictures are those in a scene's `records`; methods that have none there are left out.  Of methods that were trained in both
+    precisions it shows the one in float32.  Below each picture stand the square around its
     worst place of the first method, enlarged, and the difference from the truth.
     """
     from matplotlib.figure import Figure
 
     on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
-    known = {r.row: r for r in on_these if not r.error and r.method != TRIVIAL}
-    names = ordered(known)
-    rows = [_row(folder, number, [known[name] for name in names]) for number in range(len(SHOWN))]
-    rows = [row for row in rows if row]
-    if not names or not rows:
+    found = {r.row: kept(records, r.name) for r in on_these if not r.error and r.method != TRIVIAL}
+    names, truths = ordered(row for row, pictures in found.items() if pictures), kept(records, TRUTH)
+    if not names or not truths:
         return None
+    rows = [[truths[number], *(found[name][number] for name in names)] for number in range(len(SHOWN))]
     columns = len(names) + 1
     figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.5), layout="constrained")
     grid = figure.subplots(3 * len(rows), columns, squeeze=False)
@@ -89,14 +88,6 @@ def sheet(folder: Path, results: Sequence[Result], on: Terms) -> bytes | None:
                 grid[0, column].set_title(fill(titles[column], TITLE), fontsize=8)
         grid[3 * number + 2, 0].text(0.5, 0.5, f"difference × {FACTOR:g}", ha="center", fontsize=8)
     return _png(figure)
-
-
-def _row(folder: Path, number: int, results: Sequence[Result]) -> list[NDArray[np.float32]]:
-    """The truth and each method's picture (H, W, 3) of one test image; empty where one is missing."""
-    paths = [folder / PICTURES / f"{name}.{number}.png" for name in (TRUTH, *(r.name for r in results))]
-    if not all(path.is_file() for path in paths):
-        return []
-    return [read_image(path, dtype="float32")[..., :3] for path in paths]
 
 
 def _worst(pictures: Sequence[NDArray[np.float32]]) -> tuple[slice, slice]:

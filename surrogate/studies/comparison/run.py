@@ -146,7 +146,7 @@ def write_page(name: str, study: Study) -> Path:
     results = [r for r in load(study.records) if r.mark == study.task.mark]
     pictures = {CURVES: curves(results)}
     for each in terms(results):
-        pictures[f"pictures_{each.name}.png"] = sheet(study.folder, results, each)
+        pictures[f"pictures_{each.name}.png"] = sheet(study.records, results, each)
     drawn = {file: content for file, content in pictures.items() if content is not None}
     with durable.locked(study.folder / LOCK):
         for file, content in drawn.items():

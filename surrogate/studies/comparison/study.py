@@ -16,10 +16,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import durable
-from catalogs.images import encode_png, to_bytes
 from engines.engine import Engine
-from surrogate.evaluation.cases import Case
-from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.evaluation.predictor import Predictor
 from surrogate.evaluation.scoring import score_cases
@@ -32,6 +29,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.methods import CONTESTANTS
+from surrogate.studies.comparison.pictures import TRUTH, keep_drawn, keep_truth, kept
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
 from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
@@ -39,10 +37,9 @@ from surrogate.studies.progress import StudyProgress, StudyWatch
 from surrogate.studies.remote import train_on
 from surrogate.training.loop import Diverged
 
-FITS, SHARED, PICTURES, TRUTH = "fits", "shared", "pictures", "truth"  # in the folder of a comparison
+FITS, SHARED = "fits", "shared"  # in the folder of a comparison
 _One = tuple[float, int, Contestant]  # minutes and seed of a training
 SAME_COLOR = 1e-4  # of 1: far more than few pixels change a mean that another processor rounds otherwise
-SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that all methods' pictures are kept of
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +154,8 @@ class Study:
         known = find(self.records, wanted)
         if known is not None:
             self._require_same_pictures(known)
+            if not kept(self.records, TRUTH):
+                keep_truth(self.records, self.task)
             return
         begun = time.process_time()
         cells = trivial_cells(self.task, ALL_METRICS)
@@ -164,7 +163,7 @@ class Study:
         provenance, colors = Provenance.now(seconds), self.task.colors
         result = replace(wanted, cells=cells, colors=colors, seconds=seconds, provenance=provenance)
         save(self.records, result)
-        self._keep_truth()
+        keep_truth(self.records, self.task)
         tell(result)
 
     def _require_same_pictures(self, known: Result) -> None:
@@ -177,12 +176,6 @@ class Study:
                     f"test images of {cell!r} was {np.round(kept, 5).tolist()} and is {np.round(color, 5).tolist()}; render the "
                     "scene as it was, or keep results elsewhere with --records"
                 )
-
-    def _keep_truth(self) -> None:
-        catalog = self.task.catalog
-        for number, case in enumerate(shown_cases(self.task)):
-            picture = catalog.image(case.member, case.appearance, case.view)
-            write_picture(self.folder / PICTURES / f"{TRUTH}.{number}.png", picture, catalog.plan.background)
 
     def _steps_for(self, contestant: Contestant, minutes: float, seed: int) -> int:
         """At least one, or as many as published; as another made whose steps this one takes, none before that is known."""
@@ -233,7 +226,7 @@ class Study:
         rates = tuning.rates_from(rate) if contestant.is_tuned else [rate]
         trained, cells = tuning.at_rates_that_hold(rates, work, made)
         if wanted.seed == 0:
-            self._keep_pictures(trained, wanted)
+            keep_drawn(self.records, wanted.name, trained.predictor, self.task)
         change, view = trained.measured()
         return {
             "threads": trained.plan.threads,
@@ -246,12 +239,6 @@ class Study:
             "change_milliseconds": change.median,
             "picture_milliseconds": view.median,
         }
-
-    def _keep_pictures(self, trained: Trained, wanted: Result) -> None:
-        for number, case in enumerate(shown_cases(self.task)):
-            [(_, draw)] = trained.predictor.batches([case])
-            path = self.folder / PICTURES / f"{wanted.name}.{number}.png"
-            write_picture(path, next(iter(draw(case))), self.task.catalog.plan.background)
 
 
 def _named(minutes: float, seed: int, contestant: Contestant) -> str:
@@ -268,15 +255,3 @@ def scored(predictor: Predictor, task: Task) -> dict[str, dict[str, Any]]:
         name: {**means([found[case] for case in cell], ALL_METRICS), "images": len(cell)}
         for name, cell in task.cells.items()
     }
-
-
-def shown_cases(task: Task) -> list[Case]:
-    """The test images that every method's pictures are kept of: fixed places in the last cell, at unseen views and parameters."""
-    cell = list(task.cells.values())[-1]
-    return [cell[int(part * len(cell))] for part in SHOWN]
-
-
-def write_picture(path: Path, rgba: Any, background: Sequence[float] | None) -> None:
-    """Keep a premultiplied picture (H, W, 4), uint8 or float32, over its background, as a PNG file."""
-    durable.make_folder(path.parent)
-    durable.replace(path, encode_png(to_bytes(composite(rgba, background or WHITE))))

@@ -12,15 +12,15 @@ import pytest
 import torch
 
 from catalogs import durable
-from catalogs.images import read_image
 from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
 from surrogate.studies.baselines.method import Plan
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
+from surrogate.studies.comparison.pictures import TRUTH, kept, path_of, shown_cases
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, in_float32, load, save
-from surrogate.studies.comparison.study import FITS, PICTURES, Study, scored, shown_cases
+from surrogate.studies.comparison.study import FITS, Study, scored
 from surrogate.studies.comparison.task import Task
 from surrogate.training.loop import Diverged
 from tests.support.blobs import Blobs, stored
@@ -200,14 +200,16 @@ def test_another_size_or_catalog_is_another_result(task: Task, tmp_path: Path) -
 def test_pictures_of_the_same_images_are_kept(task: Task, tmp_path: Path) -> None:
     made = study(task, tmp_path)
     made.run()
+    path_of(made.records, TRUTH, 0).unlink()
+    made.run()  # of records without it, such as those of an earlier version
+    drawn = kept(made.records, made.wanted("mean", SECOND, 0).name)
     for number, case in enumerate(shown_cases(task)):
         assert case.member.split == "test"
-        truth = read_image(made.folder / PICTURES / f"truth.{number}.png")
+        truth = 255.0 * kept(made.records, TRUTH)[number]
         rgba = task.catalog.image(case.member, case.appearance, case.view).astype(float)
         expected = rgba[..., :3] + (255.0 - rgba[..., 3:])
-        assert abs(truth[..., :3] - expected).max() <= 1.0
-        name = made.wanted("mean", SECOND, 0).name
-        assert read_image(made.folder / PICTURES / f"{name}.{number}.png").shape == truth.shape
+        assert abs(truth - expected).max() <= 1.0
+        assert drawn[number].shape == truth.shape
 
 
 def test_tuning_is_used_by_all_scenes(task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
