@@ -19,8 +19,8 @@ from surrogate.provenance import in_words
 from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.methods import CONTESTANTS, title
 from surrogate.studies.comparison.page import SHORT_HEADER, in_short, tables
-from surrogate.studies.comparison.plots import curves, sheet
-from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
+from surrogate.studies.comparison.plots import curves, sheet, without_pictures
+from surrogate.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, Terms, load, terms
 
 PAGE = "comparison.md"
 TEXT = """\
@@ -47,9 +47,7 @@ TERMS = """\
   fine as their pixels, with four samples a pixel, within its time; so does GS-Surrogate, light. Published methods draw one,
   as published.
 - **Machines** were of several kinds; where those of a scene differ, its last lines say who was trained on which.
-- **Pictures side by side** show what one machine trained. Those of thirty minutes lack methods of the table above them; `nyx` has
-  none of these, and `cloverleaf` none of five minutes. Those of five minutes of `tgv` and `nyx` show ours, and GS-Surrogate,
-  light, before their rates fell to zero, which is worth 0.2 to 0.4 dB to ours where all is unseen.
+- **Pictures side by side** are of seed 0. Earlier versions did not keep them with the records: a line names whose are lost.
 - **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
   images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF are
   grey after five minutes. With its published rates it then reaches 22.1 dB in the last cell of `nyx`, with those chosen on
@@ -65,6 +63,7 @@ IN_SHORT = "PSNR (dB), means over seeds; all metrics, methods, sizes and times s
 PUBLISHED = """Equal time on a processor says nothing about what a method can do. `surrogate compare scenes/SCENE.toml --published
 --device cuda --stop-after 9` trains all at their published sizes and for as many steps as were published, ours for as many as
 GS-Surrogate, in pieces of nine minutes; a checkpoint is kept between them."""
+NO_PICTURES = "No pictures were kept of: {}."
 MISSING = "Each takes its time on a core."
 NOT_RUN = (
     "Nobody has run it yet: there was no GPU. Its tables will stand with each scene's; this one is empty until then."
@@ -82,7 +81,7 @@ def page(records: Path, scenes: Sequence[str], drawn: Iterable[str]) -> str:
         TERMS,
         "## Methods",
         table(("method", "published in", "steps there"), _who()),
-        *(part for scene in scenes for part in _section(scene, results[scene], names)),
+        *(part for scene in scenes for part in _section(records / scene, results[scene], names)),
         *_published([result for of in results.values() for result in of]),
         *_tuned(tuning.load(records)),
         *section_of(gaps(results), MISSING),
@@ -132,16 +131,25 @@ def _who() -> list[list[str]]:
     return rows
 
 
-def _section(scene: str, results: Sequence[Result], drawn: set[str]) -> list[str]:
-    pictures = [f"comparison_{scene}_{each.name}.png" for each in terms(results)]
+def _section(records: Path, results: Sequence[Result], drawn: set[str]) -> list[str]:
+    scene = records.name
     plot = f"comparison_{scene}_curves.png"
     return [
         f"## `{scene}`",
         tables(results),
         f"![PSNR of validation images over processor seconds]({plot})" if plot in drawn else "",
-        *(f"![The same test images by every method]({name})" for name in pictures if name in drawn),
+        *(part for each in terms(results) for part in _sheet(records, results, each, drawn)),
         f"<sub>`surrogate compare scenes/{scene}.toml`; {_made(results)}.</sub>",
     ]
+
+
+def _sheet(records: Path, results: Sequence[Result], on: Terms, drawn: set[str]) -> list[str]:
+    """A sheet, and whom it lacks."""
+    name = f"comparison_{records.name}_{on.name}.png"
+    if name not in drawn:
+        return []
+    absent = "; ".join(title(row).strip("*") for row in without_pictures(records, results, on))
+    return [f"![Test images after {on}]({name})", f"<sub>{on}. {NO_PICTURES.format(absent)}</sub>" if absent else ""]
 
 
 def _published(results: Sequence[Result]) -> list[str]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.comparison import main, page, plots
+from catalogs.images import write_image
 from surrogate.storage.records import Provenance
 from surrogate.studies.comparison import tuning
+from surrogate.studies.comparison.pictures import SHOWN, TRUTH, path_of
 from surrogate.studies.comparison.result import AS_PUBLISHED, Result, save
 
 CELLS = {"both": {"psnr": 30.0, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24}}
@@ -65,6 +68,20 @@ def test_plots_are_named_by_scene_and_shown_where_they_are_drawn(records: Path) 
     text = page(records, ["one", "two"], drawn)
     assert text.count("![") == 1
     assert "(comparison_one_curves.png)" in text
+
+
+def test_a_sheet_is_shown_with_whom_it_lacks(records: Path) -> None:
+    scene = records / "one"
+    for name in (TRUTH, "ours.5.0"):
+        for number in range(len(SHOWN)):
+            path = path_of(scene, name, number)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_image(path, np.full((16, 16, 4), 255, dtype=np.uint8))
+    drawn = plots(records, "one")
+    assert set(drawn) == {"comparison_one_curves.png", "comparison_one_5.png"}
+    text = page(records, ["one", "two"], drawn)
+    assert "(comparison_one_5.png)" in text
+    assert text.count("No pictures were kept of: ViSNeRF.") == 1
 
 
 def test_a_command_writes_all_that_is_known(records: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

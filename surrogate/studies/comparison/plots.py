@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from surrogate.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
 from surrogate.studies.comparison.pictures import SHOWN, TRUTH, kept
-from surrogate.studies.comparison.result import TRIVIAL, Result, Terms, in_float32
+from surrogate.studies.comparison.result import TRIVIAL, Result, Row, Terms, in_float32
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
 RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
@@ -65,8 +65,7 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     """
     from matplotlib.figure import Figure
 
-    on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
-    found = {r.row: kept(records, r.name) for r in on_these if not r.error and r.method != TRIVIAL}
+    found = _pictures(records, results, on)
     names, truths = ordered(row for row, pictures in found.items() if pictures), kept(records, TRUTH)
     if not names or not truths:
         return None
@@ -88,6 +87,17 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
                 grid[0, column].set_title(fill(titles[column], TITLE), fontsize=8)
         grid[3 * number + 2, 0].text(0.5, 0.5, f"difference × {FACTOR:g}", ha="center", fontsize=8)
     return _png(figure)
+
+
+def without_pictures(records: Path, results: Sequence[Result], on: Terms) -> list[Row]:
+    """Who was trained on these terms, and yet is on no sheet."""
+    return ordered(row for row, pictures in _pictures(records, results, on).items() if not pictures)
+
+
+def _pictures(records: Path, results: Sequence[Result], on: Terms) -> dict[Row, Sequence[NDArray[np.float32]]]:
+    """The kept pictures of everyone that a sheet could show."""
+    on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
+    return {r.row: kept(records, r.name) for r in on_these if not r.error and r.method != TRIVIAL}
 
 
 def _worst(pictures: Sequence[NDArray[np.float32]]) -> tuple[slice, slice]:

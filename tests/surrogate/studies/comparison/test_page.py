@@ -12,7 +12,7 @@ from catalogs.images import write_image
 from surrogate.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
 from surrogate.studies.comparison.page import cell_names, in_short, leaders, tables
 from surrogate.studies.comparison.pictures import SHOWN, TRUTH, kept, path_of
-from surrogate.studies.comparison.plots import curves, sheet
+from surrogate.studies.comparison.plots import curves, sheet, without_pictures
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Row, Terms, load, save
 from surrogate.studies.comparison.trivial import best_of
 
@@ -150,9 +150,11 @@ def test_a_sheet_shows_whom_there_are_pictures_of(tmp_path: Path) -> None:
     assert sheet(tmp_path, found, FIVE) is None  # without the truth
     _keep_pictures(tmp_path, TRUTH)
     two_columns = sheet(tmp_path, found, FIVE)
+    assert without_pictures(tmp_path, found, FIVE) == [found[1].row]
     assert sheet(tmp_path, found, FIVE._replace(minutes=30.0)) is None
     _keep_pictures(tmp_path, found[1].name)
     three_columns = sheet(tmp_path, found, FIVE)
+    assert without_pictures(tmp_path, found, FIVE) == []
     assert two_columns is not None
     assert three_columns is not None
     assert _width(three_columns) == pytest.approx(1.5 * _width(two_columns), abs=2)
