@@ -60,8 +60,8 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     """A PNG file: some test images, the truth first and then every method on these terms; None without pictures.
 
     Pictures are those in a scene's `records`; methods that have none there are left out.  Of methods that were trained in both
-    precisions it shows the one in float32.  Below each picture stand the square around its
-    worst place of the first method, enlarged, and the difference from the truth.
+    precisions it shows the one in float32.  Below each picture stand the square around the worst place of the first method,
+    enlarged, and the difference from the truth.
     """
     from matplotlib.figure import Figure
 
@@ -82,7 +82,7 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
                 axes = grid[3 * number + kind, column]
                 axes.set_axis_off()
                 if not (kind == 2 and column == 0):
-                    axes.imshow(image.clip(0.0, 1.0), interpolation="nearest")
+                    axes.imshow(np.clip(image, 0.0, 1.0), interpolation="nearest")
             if number == 0:
                 grid[0, column].set_title(fill(titles[column], TITLE), fontsize=8)
         grid[3 * number + 2, 0].text(0.5, 0.5, f"difference × {FACTOR:g}", ha="center", fontsize=8)
