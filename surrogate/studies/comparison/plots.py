@@ -69,7 +69,7 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     names, truths = ordered(row for row, pictures in found.items() if pictures), kept(records, TRUTH)
     if not names or not truths:
         return None
-    rows = [[truths[number], *(found[name][number] for name in names)] for number in range(len(SHOWN))]
+    rows = list(zip(truths, *(found[name] for name in names), strict=True))
     columns = len(names) + 1
     figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.5), layout="constrained")
     grid = figure.subplots(3 * len(rows), columns, squeeze=False)
@@ -82,7 +82,7 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
                 axes = grid[3 * number + kind, column]
                 axes.set_axis_off()
                 if not (kind == 2 and column == 0):
-                    axes.imshow(np.clip(image, 0.0, 1.0), interpolation="nearest")
+                    axes.imshow(image.clip(0.0, 1.0), interpolation="nearest")
             if number == 0:
                 grid[0, column].set_title(fill(titles[column], TITLE), fontsize=8)
         grid[3 * number + 2, 0].text(0.5, 0.5, f"difference × {FACTOR:g}", ha="center", fontsize=8)
