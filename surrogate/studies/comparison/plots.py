@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
-from surrogate.studies.comparison.pictures import SHOWN, TRUTH, kept
+from surrogate.studies.comparison.pictures import TRUTH, kept
 from surrogate.studies.comparison.result import TRIVIAL, Result, Row, Terms, in_float32
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
