@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from benchmarks.comparison import main, page, plots
-from catalogs.images import write_image
 from surrogate.storage.records import Provenance
 from surrogate.studies.comparison import tuning
-from surrogate.studies.comparison.pictures import SHOWN, TRUTH, path_of
+from surrogate.studies.comparison.pictures import TRUTH
 from surrogate.studies.comparison.result import AS_PUBLISHED, Result, save
+from tests.support.compared_pictures import keep_pictures
 
 CELLS = {"both": {"psnr": 30.0, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24}}
 
@@ -71,12 +70,8 @@ def test_plots_are_named_by_scene_and_shown_where_they_are_drawn(records: Path) 
 
 
 def test_a_sheet_is_shown_with_whom_it_lacks(records: Path) -> None:
-    scene = records / "one"
     for name in (TRUTH, "ours.5.0"):
-        for number in range(len(SHOWN)):
-            path = path_of(scene, name, number)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_image(path, np.full((16, 16, 4), 255, dtype=np.uint8))
+        keep_pictures(records / "one", name)
     drawn = plots(records, "one")
     assert set(drawn) == {"comparison_one_curves.png", "comparison_one_5.png"}
     text = page(records, ["one", "two"], drawn)

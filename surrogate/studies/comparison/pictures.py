@@ -45,12 +45,20 @@ def path_of(records: Path, name: str, number: int) -> Path:
     return records / FOLDER / PICTURES / f"{name}.{number}.png"
 
 
+def are_kept(records: Path, name: str) -> bool:
+    """Whether all pictures of the result `name`, or of `TRUTH`, are there."""
+    return all(path.is_file() for path in _paths(records, name))
+
+
 def kept(records: Path, name: str) -> Sequence[NDArray[np.float32]]:
     """The pictures (H, W, 3), in [0, 1], of the result `name`, or of `TRUTH`; none where one is missing."""
-    paths = [path_of(records, name, number) for number in range(len(SHOWN))]
-    if not all(path.is_file() for path in paths):
+    if not are_kept(records, name):
         return []
-    return [read_image(path, dtype="float32")[..., :3] for path in paths]
+    return [read_image(path, dtype="float32")[..., :3] for path in _paths(records, name)]
+
+
+def _paths(records: Path, name: str) -> list[Path]:
+    return [path_of(records, name, number) for number in range(len(SHOWN))]
 
 
 def _write(path: Path, rgba: Any, task: Task) -> None:

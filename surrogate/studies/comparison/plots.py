@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
-from surrogate.studies.comparison.pictures import TRUTH, kept
+from surrogate.studies.comparison.pictures import TRUTH, are_kept, kept
 from surrogate.studies.comparison.result import TRIVIAL, Result, Row, Terms, in_float32
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
@@ -65,7 +65,7 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     """
     from matplotlib.figure import Figure
 
-    found = _pictures(records, results, on)
+    found = {row: kept(records, name) for row, name in _names(results, on).items()}
     names, truths = ordered(row for row, pictures in found.items() if pictures), kept(records, TRUTH)
     if not names or not truths:
         return None
@@ -91,13 +91,13 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
 
 def without_pictures(records: Path, results: Sequence[Result], on: Terms) -> list[Row]:
     """Who was trained on these terms, and yet is on no sheet."""
-    return ordered(row for row, pictures in _pictures(records, results, on).items() if not pictures)
+    return ordered(row for row, name in _names(results, on).items() if not are_kept(records, name))
 
 
-def _pictures(records: Path, results: Sequence[Result], on: Terms) -> dict[Row, Sequence[NDArray[np.float32]]]:
-    """The kept pictures of everyone that a sheet could show."""
+def _names(results: Sequence[Result], on: Terms) -> dict[Row, str]:
+    """Of the results that a sheet could show."""
     on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
-    return {r.row: kept(records, r.name) for r in on_these if not r.error and r.method != TRIVIAL}
+    return {r.row: r.name for r in on_these if not r.error and r.method != TRIVIAL}
 
 
 def _worst(pictures: Sequence[NDArray[np.float32]]) -> tuple[slice, slice]:

@@ -29,7 +29,7 @@ from surrogate.studies.comparison import tuning
 from surrogate.studies.comparison.contestants import Contestant, Session, Trained, precision_here
 from surrogate.studies.comparison.fitting import OutOfTime
 from surrogate.studies.comparison.methods import CONTESTANTS
-from surrogate.studies.comparison.pictures import TRUTH, keep_drawn, keep_truth, kept
+from surrogate.studies.comparison.pictures import TRUTH, are_kept, keep_drawn, keep_truth
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
 from surrogate.studies.comparison.task import Task
 from surrogate.studies.comparison.trivial import trivial_cells
@@ -154,7 +154,7 @@ class Study:
         known = find(self.records, wanted)
         if known is not None:
             self._require_same_pictures(known)
-            if not kept(self.records, TRUTH):
+            if not are_kept(self.records, TRUTH):
                 keep_truth(self.records, self.task)
             return
         begun = time.process_time()

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from catalogs.images import write_image
 from surrogate.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
 from surrogate.studies.comparison.page import cell_names, in_short, leaders, tables
 from surrogate.studies.comparison.pictures import SHOWN, TRUTH, kept, path_of
 from surrogate.studies.comparison.plots import curves, sheet, without_pictures
 from surrogate.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Row, Terms, load, save
 from surrogate.studies.comparison.trivial import best_of
+from tests.support.compared_pictures import keep_pictures
 
 CELLS = ("novel views", "both")
 FIVE = Terms("cpu", "small", 5.0)
@@ -146,13 +145,13 @@ def test_curves_are_drawn(tmp_path: Path) -> None:
 
 def test_a_sheet_shows_whom_there_are_pictures_of(tmp_path: Path) -> None:
     found = [result(OURS, 0, 30.0), result("visnerf", 0, 20.0)]
-    _keep_pictures(tmp_path, found[0].name)
+    keep_pictures(tmp_path, found[0].name)
     assert sheet(tmp_path, found, FIVE) is None  # without the truth
-    _keep_pictures(tmp_path, TRUTH)
+    keep_pictures(tmp_path, TRUTH)
     two_columns = sheet(tmp_path, found, FIVE)
     assert without_pictures(tmp_path, found, FIVE) == [found[1].row]
     assert sheet(tmp_path, found, FIVE._replace(minutes=30.0)) is None
-    _keep_pictures(tmp_path, found[1].name)
+    keep_pictures(tmp_path, found[1].name)
     three_columns = sheet(tmp_path, found, FIVE)
     assert without_pictures(tmp_path, found, FIVE) == []
     assert two_columns is not None
@@ -161,20 +160,10 @@ def test_a_sheet_shows_whom_there_are_pictures_of(tmp_path: Path) -> None:
 
 
 def test_pictures_are_kept_all_or_none(tmp_path: Path) -> None:
-    _keep_pictures(tmp_path, TRUTH)
+    keep_pictures(tmp_path, TRUTH)
     assert len(kept(tmp_path, TRUTH)) == len(SHOWN)
     path_of(tmp_path, TRUTH, 1).unlink()
     assert kept(tmp_path, TRUTH) == []
-
-
-def _keep_pictures(records: Path, name: str) -> None:
-    random = np.random.default_rng(0)
-    for number in range(len(SHOWN)):
-        pixels = random.integers(0, 256, (20, 20, 4), dtype=np.uint8)
-        pixels[..., 3] = 255
-        path = path_of(records, name, number)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_image(path, pixels)
 
 
 def _width(png: bytes) -> int:
