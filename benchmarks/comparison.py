@@ -35,7 +35,7 @@ TERMS = """\
   ours does, and took 215 to 350 s of its 300 on `tgv`, `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
 - **Four processor hours** are those of two threads together. Only 4DGS-HD and ViSNeRF are given them, on `cloverleaf`; this
   surrogate had half an hour there at most, so those tables have no row of it. ViSNeRF took 16,159 s of its 14,400: its 16,381
-  steps were set by hand, from a first training stopped after 6,450, but later ones take longer, as rays then have more samples.
+  steps were set by hand, from a first training stopped after 6,450, and later ones took longer.
 - **Where isovalues or transfer functions vary**, this surrogate, and GS-Surrogate, light, first learn the base appearance in the
   same time, though no cell asks for it: their curves begin after that. Published methods learn all in one; they are given the
   base pictures where transfer functions vary. A curve is missing where an earlier version kept it on the wall's clock, and
