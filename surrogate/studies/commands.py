@@ -183,6 +183,11 @@ def compare(
         if tune:
             comparing.tune_all(opened.name, study, line, tell_rate, hands)
             return
+        if as_published := comparing.untuned(study):
+            line.close()
+            click.echo(
+                f"trained at published rates: {', '.join(as_published)}; {study.all_records} has no others, --tune chooses them"
+            )
         try:
             study.run(line, tell, hands)
         except OutOfTime:

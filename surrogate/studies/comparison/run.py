@@ -92,6 +92,14 @@ def study_of(
     )
 
 
+def untuned(study: Study) -> list[str]:
+    """Who trains at published rates though rates may be chosen, because the records hold none; nobody where all is as published."""
+    if AS_PUBLISHED in study.minutes:
+        return []
+    tuned = [one for one in study.contestants if one.is_tuned]
+    return [one.name for one in tuned if tuning.find(study.all_records, one.name, study.plan_of(one.name)) is None]
+
+
 def tune_all(
     name: str,
     study: Study,

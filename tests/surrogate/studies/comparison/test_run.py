@@ -89,6 +89,19 @@ def test_rates_are_tuned_once_for_all_scenes(run: Path, monkeypatch: pytest.Monk
     assert "times its rates" not in CliRunner().invoke(main, words).output
 
 
+def test_a_command_says_who_trains_at_published_rates(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("visnerf", "k-planes"):
+        monkeypatch.setitem(methods.CONTESTANTS, name, Published(mean_method(name)))
+    monkeypatch.setattr("surrogate.studies.comparison.tuning.SECONDS", 0.05)
+    words = ["compare", str(run), "--methods"]
+    tuned = CliRunner().invoke(main, [*words, "visnerf", "--tune"])
+    assert tuned.exit_code == 0, tuned.output
+    both = CliRunner().invoke(main, [*words, "k-planes,visnerf", "--minutes", "0.001"])
+    assert f"trained at published rates: k-planes; {run.parent} has no others, --tune chooses them" in both.output
+    for silent in (["visnerf", "--minutes", "0.001"], ["k-planes", "--published", "--stop-after", "1e-9"]):
+        assert "trained at published rates" not in CliRunner().invoke(main, [*words, *silent]).output
+
+
 def test_errors_are_one_line(run: Path) -> None:
     found = CliRunner().invoke(main, ["compare", str(run), "--methods", "nerf"])
     assert found.exit_code == 1
