@@ -96,8 +96,7 @@ def untuned(study: Study) -> list[str]:
     """Who trains at published rates though rates may be chosen, because the records hold none; nobody where all is as published."""
     if AS_PUBLISHED in study.minutes:
         return []
-    tuned = [one for one in study.contestants if one.is_tuned]
-    return [one.name for one in tuned if tuning.find(study.all_records, one.name, study.plan_of(one.name)) is None]
+    return [one.name for one in study.contestants if one.is_tuned and study.chosen_rates(one) is None]
 
 
 def tune_all(
@@ -132,7 +131,7 @@ def _tuned(
 ) -> Tuning | None:
     """The rates of a contestant that are chosen now, and their record; None where they are chosen already."""
     plan, work = study.plan_of(contestant.name), study.folder / "tuning" / contestant.name
-    if tuning.find(study.all_records, contestant.name, plan) is not None:
+    if study.chosen_rates(contestant) is not None:
         return None
     durable.make_folder(work)
     report = (watch or StudyWatch(lambda _: None)).counter("steps")

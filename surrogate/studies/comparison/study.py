@@ -145,6 +145,12 @@ class Study:
         """The size of all, in the precision that the method is trained in on this machine."""
         return replace(self.plan, precision=precision_here(self._preferred(method), self.device))
 
+    def chosen_rates(self, contestant: Contestant) -> tuning.Tuning | None:
+        """What short trainings of a contestant found, in the study's size; None where nobody made them, or nobody may."""
+        if not contestant.is_tuned:
+            return None
+        return tuning.find(self.all_records, contestant.name, self.plan_of(contestant.name))
+
     def _preferred(self, method: str) -> Precision:
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
         return known[method].precision if method in known else self.plan.precision
@@ -210,7 +216,7 @@ class Study:
         self, contestant: Contestant, wanted: Result, steps: int, work: Path, watch: StudyWatch
     ) -> dict[str, Any]:
         form = self.plan_of(contestant.name)
-        tuned = tuning.find(self.all_records, contestant.name, form) if contestant.is_tuned else None
+        tuned = self.chosen_rates(contestant)
         seconds = None if wanted.minutes == AS_PUBLISHED else 60.0 * wanted.minutes
 
         def made(rate: float, folder: Path) -> tuple[Trained, dict[str, dict[str, Any]]]:
