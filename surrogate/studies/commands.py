@@ -183,7 +183,7 @@ def compare(
         if tune:
             comparing.tune_all(opened.name, study, line, tell_rate, hands)
             return
-        if as_published := comparing.untuned(study):
+        if as_published := study.at_published_rates():
             line.close()
             click.echo(
                 f"trained at published rates: {', '.join(as_published)}; {study.all_records} has no others, --tune chooses them"

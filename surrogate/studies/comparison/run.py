@@ -92,13 +92,6 @@ def study_of(
     )
 
 
-def untuned(study: Study) -> list[str]:
-    """Who trains at published rates though rates may be chosen, because the records hold none; nobody where all is as published."""
-    if AS_PUBLISHED in study.minutes:
-        return []
-    return [one.name for one in study.contestants if one.is_tuned and study.chosen_rates(one) is None]
-
-
 def tune_all(
     name: str,
     study: Study,

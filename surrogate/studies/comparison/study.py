@@ -151,6 +151,13 @@ class Study:
             return None
         return tuning.find(self.all_records, contestant.name, self.plan_of(contestant.name))
 
+    def at_published_rates(self) -> list[str]:
+        """Who is yet to be trained in a given time at published rates though rates may be chosen, because the records hold none."""
+        order = self._order(self.contestants)
+        coming = {one[2].name for one in order if one[0] != AS_PUBLISHED and self._is_missing(*one)}
+        tunable = [one for one in self.contestants if one.is_tuned and one.name in coming]
+        return [one.name for one in tunable if self.chosen_rates(one) is None]
+
     def _preferred(self, method: str) -> Precision:
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
         return known[method].precision if method in known else self.plan.precision

@@ -99,7 +99,8 @@ def test_a_command_says_who_trains_at_published_rates(run: Path, monkeypatch: py
     both = CliRunner().invoke(main, [*words, "k-planes,visnerf", "--minutes", "0.001"])
     assert f"trained at published rates: k-planes; {run.parent} has no others, --tune chooses them" in both.output
     for silent, end in (
-        (["visnerf", "--minutes", "0.001"], "comparison.md"),
+        (["visnerf", "--minutes", "0.001", "--seeds", "2"], "seed 1"),
+        (["k-planes,visnerf", "--minutes", "0.001"], "comparison.md"),
         (["k-planes", "--published", "--stop-after", "1e-9"], "stopped after"),
     ):
         output = CliRunner().invoke(main, [*words, *silent]).output
