@@ -2,7 +2,7 @@
 SCENE   ?= tgv
 PYTHON  ?= python3
 RUNS    ?= runs
-RECORDS ?= $(if $(filter runs,$(RUNS)),docs/records,$(RUNS))
+RECORDS ?= $(if $(filter runs,$(RUNS)),research/records,$(RUNS))
 WORKERS ?=
 SEEDS   ?= 3
 MINUTES ?= 5
@@ -10,7 +10,7 @@ COMPARED_SEEDS ?= 1
 SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $(RUNS)/%/dataset.json,%,$(wildcard $(RUNS)/*/dataset.json)))
 BIN     := .venv/bin
 SETUP   := .venv/.complete
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard native/src/*)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard surrogate/kernels/src/*)
 # The example whose script scene SCENE runs, if it is hooked: somebody else's code, in an environment of its own.
 EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
 HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)
@@ -63,13 +63,13 @@ results: $(SETUP)
 	        $(BIN)/surrogate repeat scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS) && \
 	        { $(BIN)/surrogate ceiling scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) || true; } && \
 	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS); } || failed="$$failed $$scene"; \
-	done; $(BIN)/python -m benchmarks.results --runs $(RUNS) --records $(RECORDS) || failed="$$failed page"; \
+	done; $(BIN)/python -m research.benchmarks.results --runs $(RUNS) --records $(RECORDS) || failed="$$failed page"; \
 	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
 # Nine trainings for each seed, eight of them of so many minutes, and their scoring; interrupted, it goes on, and processes share it out.
 compare: dataset
 	$(BIN)/surrogate compare scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --minutes $(MINUTES) --seeds $(COMPARED_SEEDS)
-	$(BIN)/python -m benchmarks.comparison --records $(RECORDS)
+	$(BIN)/python -m research.benchmarks.results.comparison --records $(RECORDS)
 
 # About five hours on two cores; an interrupted study goes on with what is missing, and processes share it out:
 # `taskset -c 0 make ablate`, `taskset -c 1 make ablate`, ...

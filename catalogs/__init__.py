@@ -6,12 +6,12 @@ import importlib
 from typing import Any
 
 _NAMES = {
-    "cameras": ("Camera", "icosphere", "orbit"),
-    "appearance": ("TransferFunction", "VolumeRendering", "Isosurface", "ImportedImages"),
-    "parameters": ("Parameter", "ParameterSpace"),
-    "scene": ("Scene",),
-    "catalog": ("Catalog", "CatalogPlan", "CatalogError", "Member"),
-    "summary": ("FieldSummary",),
+    "vocabulary.cameras": ("Camera", "icosphere", "orbit"),
+    "vocabulary.appearance": ("TransferFunction", "VolumeRendering", "Isosurface", "ImportedImages"),
+    "vocabulary.parameters": ("Parameter", "ParameterSpace"),
+    "vocabulary.scene": ("Scene",),
+    "store.catalog": ("Catalog", "CatalogPlan", "CatalogError", "Member"),
+    "store.summary": ("FieldSummary",),
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names}
 

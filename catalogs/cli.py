@@ -34,11 +34,11 @@ def check(path: Path, repair: bool) -> None:
     moved into PATH/damaged, never deleted, so that rendering the scene again fills them in; what is wrong still is
     printed, and decides about the exit status.
     """
-    from catalogs.catalog import Catalog
-    from catalogs.check import check as run
     from catalogs.progress import ProgressLine
-    from catalogs.repair import Repaired, how_to_render_again
-    from catalogs.repair import repair as mend
+    from catalogs.store.catalog import Catalog
+    from catalogs.tools.check import check as run
+    from catalogs.tools.repair import Repaired, how_to_render_again
+    from catalogs.tools.repair import repair as mend
 
     with _plain_errors(), ProgressLine() as line:
         progress = partial(line.count, "checking")
@@ -57,7 +57,7 @@ def check(path: Path, repair: bool) -> None:
 @CATALOG
 def show(path: Path) -> None:
     """Say what is in PATH, as a table."""
-    from catalogs.show import described
+    from catalogs.tools.show import described
 
     with _plain_errors():
         for line in described(path):
@@ -74,8 +74,8 @@ def merge(into: Path, sources: tuple[Path, ...]) -> None:
     there once; where its pictures differ, nothing is written.  The catalogs FROM stay as they are; pictures are hard
     links to theirs where the file system has those, else copies.  Run it again to go on after an interruption.
     """
-    from catalogs.merge import merge as run
     from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.tools.merge import merge as run
 
     with _plain_errors(), ProgressLine() as line:
         rates = {"comparing": Rate(), "merging": Rate()}
@@ -93,8 +93,8 @@ def pack(path: Path, destination: Path) -> None:
     Every other command, training and evaluation read it as they read PATH, and pycinema opens it; it takes no new members from
     simulations.  Run it again to go on after an interruption, or to take in members that are new in PATH.
     """
-    from catalogs.packing import pack as run
     from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.tools.packing import pack as run
 
     with _plain_errors(), ProgressLine() as line:
         rate = Rate()
@@ -107,8 +107,8 @@ def pack(path: Path, destination: Path) -> None:
 @click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
 def unpack(path: Path, destination: Path) -> None:
     """Write the packed catalog PATH into the new catalog DESTINATION with a file for each picture, as before `catalogs pack`."""
-    from catalogs.packing import unpack as run
     from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.tools.packing import unpack as run
 
     with _plain_errors(), ProgressLine() as line:
         rate = Rate()
@@ -132,7 +132,7 @@ def split(path: Path, destination: Path, rows: int) -> None:
     browsing don't need it: they never read the table of a catalog.
     """
     from catalogs.progress import Count, ProgressLine, Rate
-    from catalogs.split import split as run
+    from catalogs.tools.split import split as run
 
     with _plain_errors(), ProgressLine() as line:
         rate = Rate()
@@ -197,9 +197,9 @@ def export(
     path: Path, directory: Path, kind: str, appearance: str | None, members: str | None, background: str | None
 ) -> None:
     """Write pictures and cameras of PATH into the new folder DIRECTORY, for programs that read COLMAP's or NeRF's files."""
-    from catalogs.catalog import Catalog
     from catalogs.exchange import export as run
     from catalogs.progress import ProgressLine
+    from catalogs.store.catalog import Catalog
 
     with _plain_errors(), ProgressLine() as line:
         made = run(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Isosurface
+from catalogs.vocabulary.appearance import Isosurface
 from render.grids import Grid
 from render.placement import Placement
 from render.volume import hidden_cells, image_data

@@ -7,8 +7,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, VolumeRendering
-from catalogs.cameras import Camera
+from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
 from render.blocks import Block, Lattice, region
 from render.compositing import Layer
 from render.isosurface import SUPERSAMPLING, surface_scene

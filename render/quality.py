@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import Camera, orbit
 from render.grids import Grid, Triple
 from render.steepness import mean_change, swept
 from render.views import render_views

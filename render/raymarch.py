@@ -12,8 +12,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import VolumeRendering
-from catalogs.cameras import Camera
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.cameras import Camera
 from render.grids import Grid
 from render.shaders import AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction
-from catalogs.cameras import Camera
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.cameras import Camera
 from render.placement import Placement
 
 # Shaded volumes: Phong weights of a headlight at the eye (the values of VTK's volume property).

@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, VolumeRendering
-from catalogs.cameras import Camera
+from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
 from render.grids import Grid
 from render.isosurface import SUPERSAMPLING, box_average, surface_scene
 from render.placement import Placement

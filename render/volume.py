@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from render.grids import Grid
 from render.placement import Placement
 from render.shaders import equal_steps, replacements, steps_of_whole

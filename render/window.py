@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 
 SYSTEM_PACKAGES = "libegl1 libgl1-mesa-dri (or, for software rendering without EGL, libosmesa6)"
 SUM, LARGEST = 0x8006, 0x8008  # OpenGL's GL_FUNC_ADD and GL_MAX: how a fragment is blended with what is there

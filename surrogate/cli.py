@@ -5,10 +5,10 @@ from __future__ import annotations
 import click
 
 from catalogs.version import version_option
+from research.studies.commands import ablate, ceiling, compare, repeat, stress
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.report.commands import evaluate
-from surrogate.studies.commands import ablate, ceiling, compare, repeat, stress
 from surrogate.training.commands import show, train
 
 

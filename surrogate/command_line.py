@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from catalogs.catalog import Catalog
+    from catalogs.engines.engine import Engine
     from catalogs.progress import ProgressLine
-    from engines.engine import Engine
+    from catalogs.store.catalog import Catalog
     from surrogate.model import Surrogate
     from surrogate.settings import TrainingSettings
     from surrogate.storage.runs import RunFolder
 
-RESULTS, MEASURED = Path("runs"), Path("docs/records")
+RESULTS, MEASURED = Path("runs"), Path("research/records")
 SCENE = click.argument("scene", metavar="SCENE|RUN", type=click.Path(path_type=Path))
 RUN = click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
 RUNS = click.option(
@@ -28,7 +28,7 @@ RECORDS = click.option(
     "--records",
     type=click.Path(path_type=Path),
     help="Folder of all measured records; what one of the same settings and code answers is not done again.  "
-    "[default: that of --runs; of repeat and ablate docs/records, where that is and --runs is not given]",
+    "[default: that of --runs; of repeat and ablate research/records, where that is and --runs is not given]",
 )
 
 ENGINE = click.option(
@@ -43,7 +43,7 @@ class OpenRun:
     Attributes
     ----------
     folder : of its results, such as runs/tgv.
-    records : of what was measured of it, such as docs/records/tgv.
+    records : of what was measured of it, such as research/records/tgv.
     source : what named it on the command line.
     """
 
@@ -66,8 +66,8 @@ class OpenRun:
 
     @classmethod
     def _of_scene(cls, path: Path, runs: Path, records: Path | None) -> OpenRun:
-        from catalogs.catalog import Catalog
-        from catalogs.scene import Scene
+        from catalogs.store.catalog import Catalog
+        from catalogs.vocabulary.scene import Scene
         from surrogate.settings import TrainingSettings
         from surrogate.storage.runs import with_chosen_splits
 
@@ -112,7 +112,7 @@ class OpenRun:
     @contextlib.contextmanager
     def engine_at(self, address: str | None, line: ProgressLine) -> Iterator[Engine | None]:
         """The engine at `address`, whose workers see the run's catalog, results and records; None for None."""
-        from engines.address import opened
+        from catalogs.engines.address import opened
 
         read = [self.catalog.path / "catalog.json"]
         with opened(address, [self.folder, self.records], line.say, files=read) as engine:

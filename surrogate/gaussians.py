@@ -15,10 +15,10 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from catalogs.appearance import TransferFunction
-from catalogs.cameras import Camera
-from catalogs.numbers import positive, row
-from catalogs.words import one_line
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import positive, row
+from catalogs.vocabulary.words import one_line
 from surrogate.lighting import Lighting
 from surrogate.splatting.along_rays import opacities_along_rays
 from surrogate.splatting.directional import directional_colors

@@ -11,9 +11,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-import native
-from catalogs.appearance import Appearance, Isosurface
-from catalogs.numbers import finite, fraction, row
+from catalogs.vocabulary.appearance import Appearance, Isosurface
+from catalogs.vocabulary.numbers import finite, fraction, row
+from surrogate import kernels
 from surrogate.splatting.directional import directions
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.threads import cores
@@ -88,8 +88,8 @@ class Lighting:
         kernel = KernelFunction(
             "Lighting.colors_from",
             "Lighting.colors",
-            lambda arrays: native.lit_colors(*arrays, light, *place),
-            lambda arrays, upstream: native.lit_colors_gradient(*arrays, light, place[0], upstream, place[1]),
+            lambda arrays: kernels.lit_colors(*arrays, light, *place),
+            lambda arrays, upstream: kernels.lit_colors_gradient(*arrays, light, place[0], upstream, place[1]),
         )
         return kernel(means, normals)
 

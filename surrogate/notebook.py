@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import OBLIQUE, Camera
-from catalogs.notebook.cards import WHITE, Picture, card, never_failing, on_background
-from catalogs.notebook.html import CAPTIONED
-from catalogs.parameters import ParameterSpace
+from catalogs.store.notebook.cards import WHITE, Picture, card, never_failing, on_background
+from catalogs.store.notebook.html import CAPTIONED
+from catalogs.vocabulary.cameras import OBLIQUE, Camera
+from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization

@@ -17,7 +17,7 @@ from catalogs.version import commit
 
 __all__ = ["code", "commit", "machine"]
 
-PACKAGES = ("surrogate", "catalogs", "native")
+PACKAGES = ("surrogate", "catalogs")
 # What they import decides how a model comes out.
 MEASURING = ("surrogate.training.run", "surrogate.evaluation.evaluate")
 SHOWING = (
@@ -25,7 +25,7 @@ SHOWING = (
     "surrogate.notebook",
     "surrogate.provenance",
     "catalogs.browse",
-    "catalogs.notebook",
+    "catalogs.store.notebook",
     "catalogs.exchange",
     "catalogs.progress",
     "catalogs.version",
@@ -45,9 +45,9 @@ def code(*also: str) -> str:
     mark = hashlib.sha256()
     for name, text in sorted(_statements(*also).items()):
         mark.update(f"{name}\n{text}\n".encode())
-    for path in sorted(_folder("native").glob("src/*")):
+    for path in sorted((_folder("surrogate") / "kernels").glob("src/*")):
         mark.update(path.name.encode() + path.read_bytes())
-    if not (_folder("native") / "src").is_dir():
+    if not (_folder("surrogate") / "kernels" / "src").is_dir():
         mark.update(importlib.metadata.version("gs-surrogate").encode())
     return mark.hexdigest()[:16]
 
@@ -67,10 +67,10 @@ def in_words(machine: Mapping[str, Any]) -> str:
 
 
 def _instructions() -> str:
-    import native
+    from surrogate import kernels
 
     try:
-        return os.environ.get("GS_SURROGATE_INSTRUCTION_SET") or native.instruction_sets()[0]
+        return os.environ.get("GS_SURROGATE_INSTRUCTION_SET") or kernels.instruction_sets()[0]
     except ImportError:  # the kernels were not built
         return ""
 

@@ -9,8 +9,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
-from catalogs.numbers import finite, positive
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import finite, positive
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.splatting import AUTO, BACKENDS, Constants, Primitives, Rendering, draw, draw_over

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-from catalogs.appearance import Appearance, VolumeRendering
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from surrogate.gaussians import NAMES
 from surrogate.splatting.rendering import Constants
 from surrogate.splatting.samples import MOST_SAMPLES

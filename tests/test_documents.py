@@ -12,7 +12,7 @@ import pytest
 PROJECT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|native|benchmarks|tests|scenes|docs)/[\w/.-]+)`")
+FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
 MODULE = re.compile(r"python -m ((?:benchmarks|insitu|surrogate|catalogs)[\w.]*\w)")
 TARGET = re.compile(r"^`?make ([a-z][a-z-]*(?: [a-z][a-z-]*)*)")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from catalogs import Catalog
-from catalogs.scene import ViewPlan
+from catalogs.vocabulary.scene import ViewPlan
 from tests.support.mpi import under_mpi
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -53,7 +53,7 @@ def test_stirred_dye(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_ranks(tmp_path: Path) -> None:
     program = (
-        "import sys, pathlib, runpy; from catalogs.scene import ViewPlan;"
+        "import sys, pathlib, runpy; from catalogs.vocabulary.scene import ViewPlan;"
         "main = runpy.run_path(sys.argv[1])['main'];"
         "main(pathlib.Path(sys.argv[2]), size=12, views=ViewPlan(frequency=1, width=8, height=8))"
     )

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from catalogs import Catalog
-from catalogs.check import check
-from native import _kernels
+from catalogs.tools.check import check
+from surrogate.kernels import _kernels
 from tests.support.browsers import pixels
 from tests.support.explorer_process import address_in
 
@@ -71,7 +71,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (packages / "dependencies.pth").write_text(f"{Path(np.__file__).parent.parent}\n")
     target = [str(folder / "venv" / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
     subprocess.run([*target, *map(str, folder.glob("*.whl"))], check=True)
-    shutil.copy(_kernels.__file__, packages / "native")
+    shutil.copy(_kernels.__file__, packages / "surrogate" / "kernels")
     return folder / "venv" / "bin"
 
 

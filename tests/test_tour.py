@@ -10,8 +10,8 @@ import pytest
 
 import insitu
 from catalogs import Catalog, TransferFunction, VolumeRendering
-from catalogs.check import check
-from catalogs.scene import ViewPlan
+from catalogs.tools.check import check
+from catalogs.vocabulary.scene import ViewPlan
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.evaluation.metrics import psnr
 

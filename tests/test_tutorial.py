@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.tutorial import LIVE, NOTEBOOK, executed, kept
+from research.benchmarks.explorer.tutorial import LIVE, NOTEBOOK, executed, kept
 
 PROJECT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 1_000_000

@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from catalogs.appearance import Appearance, Isosurface, field_of
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan, Member
-from catalogs.parameters import SPLITS
-from catalogs.variations import ISOVALUE
+from catalogs.store.catalog import Catalog, CatalogPlan, Member
+from catalogs.vocabulary.appearance import Appearance, Isosurface, field_of
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import SPLITS
+from catalogs.vocabulary.variations import ISOVALUE
 
 DIGITS = 9  # of a parameter's value: what tells any two float32 apart
 

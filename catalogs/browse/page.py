@@ -15,9 +15,9 @@ import json
 from importlib.resources import files
 from pathlib import Path
 
-from catalogs import durable
 from catalogs.browse.description import describe
-from catalogs.catalog import Catalog, CatalogError
+from catalogs.files import durable
+from catalogs.store.catalog import Catalog, CatalogError
 
 PAGE = "index.html"
 STYLES = ("look.css", "page.css")

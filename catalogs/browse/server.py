@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from catalogs import durable
 from catalogs.browse.access import LOCAL, Access
 from catalogs.browse.page import PAGE, page_of
-from catalogs.catalog import Catalog
-from catalogs.images import FORMATS
-from catalogs.packed import PACK
-from catalogs.pictures import number_of, pack_of
-from catalogs.table import MEMBERS
+from catalogs.files import durable
+from catalogs.files.images import FORMATS
+from catalogs.files.packed import PACK
+from catalogs.store.catalog import Catalog
+from catalogs.store.pictures import number_of, pack_of
+from catalogs.store.table import MEMBERS
 
 TYPES = {
     ".html": "text/html; charset=utf-8",

@@ -15,10 +15,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import VolumeRendering
-from catalogs.cameras import Camera
 from catalogs.exchange.selection import Picture, Selection
-from catalogs.members import Member
+from catalogs.store.members import Member
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.cameras import Camera
 
 SPREAD_POINTS = 4000  # in the box of a member whose field left none
 GRAY = 128

@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs import durable
-from catalogs.catalog import Catalog, Member
 from catalogs.exchange import colmap_text, transforms_text
 from catalogs.exchange.selection import Picture, Selection
 from catalogs.exchange.transforms import ExchangeError
-from catalogs.images import write_image
-from catalogs.words import shortened
+from catalogs.files import durable
+from catalogs.files.images import write_image
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.words import shortened
 
 Kind = Literal["colmap", "nerf"]
 Progress = Callable[[int, int], None]

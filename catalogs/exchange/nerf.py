@@ -23,12 +23,12 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.appearance import ImportedImages
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan, Member, MemberWriter
 from catalogs.exchange.transforms import FILES, ExchangeError, Frame, read_frames
-from catalogs.images import read_image
-from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.files.images import read_image
+from catalogs.store.catalog import Catalog, CatalogPlan, Member, MemberWriter
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 
 APPEARANCE = "imported"
 WRITERS = 4

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.words import shortened
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import shortened
 
 
 @dataclass(frozen=True)

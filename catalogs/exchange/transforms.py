@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.png import PngError, check_png
+from catalogs.files.png import PngError, check_png
+from catalogs.vocabulary.cameras import Camera
 
 FILES = {"train": "transforms_train.json", "validation": "transforms_val.json", "test": "transforms_test.json"}
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])

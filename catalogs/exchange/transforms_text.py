@@ -13,9 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
 from catalogs.exchange.selection import Picture, Selection
 from catalogs.exchange.transforms import FILES, OPENGL_TO_OPENCV, ExchangeError
+from catalogs.vocabulary.cameras import Camera
 
 FOLDERS = {"train": "train", "validation": "val", "test": "test"}
 PIXELS = 1e-6  # of a lens that counts as centred and square

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.field import Field
+from insitu.fields.field import Field
 
 with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # PyClaw opens a log in the working directory
     from clawpack import pyclaw, riemann

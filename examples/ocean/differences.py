@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.scene import Scene
+from catalogs.vocabulary.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).parent))
 from simulation import simulate

@@ -9,7 +9,7 @@ import numpy as np
 from loguru import logger
 from veros import VerosSetup, runtime_settings, veros_routine
 
-from insitu.field import Field
+from insitu.fields.field import Field
 
 runtime_settings.diskless_mode = True  # nothing is written: the field goes to the hook
 

@@ -18,8 +18,8 @@ from insitu.commands.shell import ENGINE, NAMED_FILE, PATH, SHARD, WORKERS, comm
 def dataset(scene: Path, runs: Path, workers: int | None, shard: str | None, engine: str | None) -> None:
     """Make the data set of SCENE (a TOML file); goes on where it was interrupted."""
     with command() as line:
-        from catalogs.scene import Scene
-        from insitu.dataset import make_dataset
+        from catalogs.vocabulary.scene import Scene
+        from insitu.ensembles.dataset import make_dataset
 
         loaded, how = Scene.load(scene), how_to_run(line, workers, shard)
         with engine_at(line, engine, workers, runs) as where:

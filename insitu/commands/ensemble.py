@@ -57,9 +57,9 @@ def ensemble(
     exists, what is left out is the catalog's; members that it holds are skipped.
     """
     with command() as line:
-        from catalogs.scene import Scene, ViewPlan
-        from insitu.ensemble import run_ensemble
-        from insitu.planning import PlanOptions
+        from catalogs.vocabulary.scene import Scene, ViewPlan
+        from insitu.ensembles.ensemble import run_ensemble
+        from insitu.members.planning import PlanOptions
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
             raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")

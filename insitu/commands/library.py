@@ -13,7 +13,7 @@ from insitu.commands import shell
 @click.argument("folder", type=shell.PATH)
 def library(folder: Path) -> None:
     """Build the hook for simulations in C, C++ and Fortran into FOLDER: libinsitu.so, insitu.h and insitu.f90."""
-    from insitu.embedding.build import BuildError, build
+    from insitu.bindings.build import BuildError, build
 
     try:
         made = build(folder)

@@ -55,8 +55,8 @@ def probe(
 
 def _preview(path: Path, grids: dict[str, Any], appearance: Any, field: str) -> None:
     """A picture of the suggestion; of one of several fields beside `path`, with the appearance in its name."""
-    from catalogs.images import write_image
-    from insitu.suggestion import contact_sheet
+    from catalogs.files.images import write_image
+    from insitu.ensembles.suggestion import contact_sheet
 
     path = path.with_stem(f"{path.stem}-{appearance.name}") if field else path
     write_image(path, contact_sheet(list(grids.values()), appearance))
@@ -67,8 +67,8 @@ def _read(sources: tuple[Path, ...], count: int, reading: Reading, nan: str) -> 
     """Grids by field and member of what is to be looked at."""
     first, arrays = sources[0], reading.arrays
     if len(sources) == 1 and first.suffix == ".toml":
-        from catalogs.scene import Scene
-        from insitu.sources import ensemble_of
+        from catalogs.vocabulary.scene import Scene
+        from insitu.ensembles.sources import ensemble_of
 
         asked = ensemble_of(Scene.load(first))
         return _chosen(pilots(asked.source, asked.members, count, nan, asked.space), arrays)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from insitu.file_ensemble import FileEnsemble
+    from insitu.ensembles.files import FileEnsemble
     from insitu.readers.reader import Sampling
     from insitu.readers.stored import StoredEnsemble
     from insitu.readers.tables import Table
@@ -97,8 +97,8 @@ class Reading:
 
         Raises ValueError or FileNotFoundError naming what is missing.
         """
-        from catalogs.appearance import shown_fields
-        from insitu.fields import check_names
+        from catalogs.vocabulary.appearance import shown_fields
+        from insitu.fields.member_fields import check_names
         from insitu.readers.layout import Mapped
         from insitu.readers.stored import StoredEnsemble
 
@@ -131,7 +131,7 @@ class Reading:
         )
 
     def _files(self, sources: Sequence[str], arrays: tuple[str, ...]) -> FileEnsemble:
-        from insitu.file_ensemble import FileEnsemble
+        from insitu.ensembles.files import FileEnsemble
         from insitu.readers.states import members_of
 
         if self.names or self.split:
@@ -206,7 +206,7 @@ def listed(text: str | None) -> tuple[str, ...]:
 
 def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -> dict[str, dict[str, Any]]:
     """Grids by field and member of `count` members that lie far apart."""
-    from insitu.ensemble import pilot_members
+    from insitu.ensembles.ensemble import pilot_members
     from render.datasets import to_grid
     from render.labelled import is_labelled_set
 
@@ -225,8 +225,8 @@ def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -
 
 def suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str, tuple[Any, Any]]:
     """What is in each field, and how it may be shown; one of several fields is named by its appearance."""
-    from insitu.probe import probe_fields
-    from insitu.suggestion import appearance_names, suggest
+    from insitu.ensembles.probe import probe_fields
+    from insitu.ensembles.suggestion import appearance_names, suggest
 
     found, names = {}, appearance_names(list(fields))
     for name, grids in fields.items():
@@ -238,8 +238,8 @@ def suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str
 
 def appearances_of(catalog: Path, appearance: Path | None, scene: Any) -> tuple[Any, Any]:
     """(given, known): the appearances that a file or a scene states, None without; and those of the catalog, if it exists."""
-    from catalogs.catalog import Catalog
-    from insitu.planning import appearances_from_toml, is_catalog
+    from catalogs.store.catalog import Catalog
+    from insitu.members.planning import appearances_from_toml, is_catalog
 
     known: Sequence[Any] = Catalog.open(catalog).plan.appearances if is_catalog(catalog) else ()
     return (appearances_from_toml(appearance) if appearance else scene.appearances if scene else None), known

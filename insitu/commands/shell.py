@@ -62,7 +62,7 @@ def engine_at(line: ProgressLine, address: str | None, workers: int | None, fold
         raise ValueError(
             "--workers are of this machine, those of --engine are as many as were started: give one of them"
         )
-    from engines.address import opened
+    from catalogs.engines.address import opened
 
     with opened(address, [folder], line.say) as engine:
         yield {} if engine is None else {"engine": engine}
@@ -71,7 +71,7 @@ def engine_at(line: ProgressLine, address: str | None, workers: int | None, fold
 def fail_on(failures: Mapping[str, str]) -> None:
     """End the command with an error that tells why members failed, if any did."""
     if failures:
-        from insitu.ensemble import failure_lines
+        from insitu.ensembles.ensemble import failure_lines
 
         lines = "\n".join(failure_lines(failures))
         raise click.ClickException(f"{len(failures)} members failed; the same command tries them again:\n{lines}")

@@ -15,7 +15,7 @@ from insitu.commands.shell import command, fail_on, how_to_run
 
 if TYPE_CHECKING:
     from catalogs.progress import ProgressLine
-    from insitu.planning import PlanOptions
+    from insitu.members.planning import PlanOptions
 
 SECONDS = click.FloatRange(min=0)
 
@@ -91,10 +91,10 @@ def watch(
     rendered as they arrive, until the writer closes it.
     """
     with command() as line:
-        from catalogs.appearance import shown_fields
-        from catalogs.scene import Scene, ViewPlan
-        from insitu.planning import PlanOptions
-        from insitu.watch import space_for
+        from catalogs.vocabulary.appearance import shown_fields
+        from catalogs.vocabulary.scene import Scene, ViewPlan
+        from insitu.ensembles.watch import space_for
+        from insitu.members.planning import PlanOptions
 
         if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
             raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
@@ -128,7 +128,7 @@ def watch(
 
 @dataclass(frozen=True)
 class Place:
-    """What is watched, as the command is told: the first arguments of `insitu.watch.Watching`."""
+    """What is watched, as the command is told: the first arguments of `insitu.ensembles.watch.Watching`."""
 
     folder: Path
     pattern: str
@@ -150,9 +150,9 @@ def _watch(
     workers: int | None,
 ) -> None:
     """Watch a folder for files."""
-    from insitu.file_ensemble import FileEnsemble
+    from insitu.ensembles.files import FileEnsemble
+    from insitu.ensembles.watch import Arrivals, Watching, watch_folder
     from insitu.readers.states import files_beside, states_of
-    from insitu.watch import Arrivals, Watching, watch_folder
 
     space = plan.space
     assert space is not None
@@ -186,8 +186,8 @@ def _follow(
     nan: str,
 ) -> None:
     """Follow one file that is being written, or a stream."""
+    from insitu.ensembles.stream import Arrived, render_stream
     from insitu.readers.adios import follow
-    from insitu.stream import Arrived, render_stream
 
     arrived = Arrived()
     existing = "skip" if existing == "error" else existing
@@ -203,8 +203,8 @@ def _follow(
 
 def _told(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> None:
     """Say how many members there are; what was stored just before the end is no failure, though it has been."""
-    from catalogs.catalog import Catalog
-    from insitu.planning import is_catalog
+    from catalogs.store.catalog import Catalog
+    from insitu.members.planning import is_catalog
 
     line.close()
     held = {path.name for path in Catalog.open(catalog).member_paths()} if is_catalog(catalog) else set()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.field import Field
+from insitu.fields.field import Field
 from insitu.readers.amrex_header import Level, Plotfile, is_plotfile, read_plotfile, read_summary
 from insitu.readers.arrays import check_room
 from insitu.readers.reader import Reader, Record, Sampling, chosen_array

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.parameters import SPLITS
+from catalogs.vocabulary.parameters import SPLITS
 from insitu.readers.arrays import Arrays, StoredArray
 
 SPLIT = "split"

@@ -21,7 +21,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.field import Field
+from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
 from insitu.readers.packed import unpacked
 from insitu.readers.printed import PrintedAxis, joined_axis

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.field import Field
+from insitu.fields.field import Field
 from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, open_arrays
 from insitu.readers.attributes import wanted_array
 from insitu.readers.codes import reader_of

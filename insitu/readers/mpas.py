@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.field import Field
+from insitu.fields.field import Field
 from insitu.readers.arrays import Arrays, StoredArray, check_room, open_arrays
 from insitu.readers.attributes import as_text
 from insitu.readers.netcdf import NETCDF4, is_classic, open_classic, read_header

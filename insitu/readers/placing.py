@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from insitu.field import Field
+from insitu.fields.field import Field
 from insitu.readers.arrays import Arrays, LabelledArray, StoredArray
 from insitu.readers.attributes import as_text, asking, attributes_about
 from render.labelled import AXES, axis_order, placed

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from catalogs.words import shortened
+from catalogs.vocabulary.words import shortened
 from insitu.readers.codes import listed_readers, reader_of
 from insitu.readers.files import is_field_file
 from insitu.readers.folders import files_below, is_folder_file

@@ -26,12 +26,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from catalogs.parameters import SPLITS, Parameter, ParameterSpace
-from catalogs.scene import PlannedMember
-from insitu.field import Field
-from insitu.identity import contents
+from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.vocabulary.scene import PlannedMember
+from insitu.fields.field import Field
 from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
 from insitu.readers.attributes import as_text, attributes_about, bounds_about, splits_of
+from insitu.readers.identity import contents
 from insitu.readers.layout import Layout, Mapped, find_layout
 from insitu.readers.placing import axis_names, place_of, placed_field
 from render.labelled import axis_order
@@ -49,7 +49,7 @@ class StoredEnsemble:
     space : the parameters; `parameters` are the members' (M, P) in its order.
     splits : (M,).
     spacing, origin : of the samples, (x, y, z), world units; None where the axes have coordinates.
-    contents : size and digest of the file (see `insitu.identity`).
+    contents : size and digest of the file (see `insitu.readers.identity`).
     """
 
     path: Path

@@ -20,8 +20,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from catalogs.parameters import SPLITS
-from catalogs.words import shortened
+from catalogs.vocabulary.parameters import SPLITS
+from catalogs.vocabulary.words import shortened
 from insitu.readers.attributes import SPLIT_WORDS
 from insitu.readers.folders import files_below
 

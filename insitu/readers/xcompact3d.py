@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
 
-from insitu.field import Field
+from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
 from insitu.readers.printed import PrintedAxis
 from insitu.readers.reader import Reader, Record, Sampling, chosen_array

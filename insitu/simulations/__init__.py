@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from insitu.field import Field
+from insitu.fields.field import Field
 
 __all__ = ["Field", "Simulation", "simulation"]
 

@@ -19,9 +19,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs import numbers
-from catalogs.appearance import TransferFunction
-from catalogs.words import one_line
+from catalogs.vocabulary import numbers
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.words import one_line
 
 LEAST_SPREAD, MOST_SPREAD = 0.004, 0.6  # spreads s that `AverageTable` has, and for which `resampled` chooses its nodes
 LOWEST, HIGHEST = -0.5, 1.5  # values u that `AverageTable` has

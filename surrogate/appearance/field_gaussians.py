@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from catalogs.appearance import TransferFunction
-from catalogs.words import one_line
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.averages import resampled
 from surrogate.appearance.scale import ValueScale
 from surrogate.appearance.transferred import AverageTable, apply

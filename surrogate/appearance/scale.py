@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.appearance import TransferFunction
-from catalogs.numbers import row
-from catalogs.words import one_line
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.numbers import row
+from catalogs.vocabulary.words import one_line
 
 FEWEST_BETWEEN = 1e-6  # of the range, between two knots
 

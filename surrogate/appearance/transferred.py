@@ -16,8 +16,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-import native
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
+from surrogate import kernels
 from surrogate.appearance.averages import HIGHEST, LEAST_SPREAD, LOWEST, MOST_SPREAD, Nodes, averages_reference
 from surrogate.derivatives import require_no_second_derivative
 from surrogate.splatting.threads import cores
@@ -48,8 +48,8 @@ class AverageTable:
 
     @cached_property
     def cells(self) -> NDArray[np.float32]:
-        """The kernel's table of `native.averages`, made when first needed."""
-        return native.averages(self.nodes.places, self.nodes.columns, RANGES)
+        """The kernel's table of `kernels.averages`, made when first needed."""
+        return kernels.averages(self.nodes.places, self.nodes.columns, RANGES)
 
     @cached_property
     def range(self) -> tuple[list[float], list[float]]:
@@ -85,7 +85,7 @@ def apply(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, 
 
 def _applied(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
     """New logits (N,) and colours (N, 3) by the kernel."""
-    logits, colors = native.apply_averages(*_arguments(table, logits, values), cores())
+    logits, colors = kernels.apply_averages(*_arguments(table, logits, values), cores())
     return torch.from_numpy(logits), torch.from_numpy(colors)
 
 
@@ -102,7 +102,7 @@ class _Applied(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative("apply", "apply_reference")
         arguments = _arguments(ctx.table, *ctx.saved_tensors)
-        by_logits, by_values = native.apply_averages_gradient(*arguments, *(g.numpy() for g in gradients), cores())
+        by_logits, by_values = kernels.apply_averages_gradient(*arguments, *(g.numpy() for g in gradients), cores())
         return None, torch.from_numpy(by_logits), torch.from_numpy(by_values)
 
 

@@ -22,8 +22,8 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from catalogs.numbers import row
-from catalogs.words import one_line
+from catalogs.vocabulary.numbers import row
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.kernels import Factors, add_products
 from surrogate.deformation.offsets import Deformation, Offsets

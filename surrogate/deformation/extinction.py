@@ -7,8 +7,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-import native
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
+from surrogate import kernels
 from surrogate.appearance.averages import MOST_OPAQUE
 
 SAMPLES = 32  # of the transfer function between two neighbouring values
@@ -21,7 +21,7 @@ def extinction_table(function: TransferFunction, values: NDArray[np.float64]) ->
     its neighbours.
     """
     points = np.array(function.color_points), np.array(function.opacity_points)  # [P, 4], [Q, 2]
-    return native.extinction_table(values, *points, SAMPLES, MOST_OPAQUE)
+    return kernels.extinction_table(values, *points, SAMPLES, MOST_OPAQUE)
 
 
 def extinction_table_reference(function: TransferFunction, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -21,7 +21,7 @@ from numpy.random import Generator
 from torch import Tensor
 from torch.nn.functional import layer_norm, linear
 
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.offsets import Offsets
 from surrogate.deformation.positional import encode

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-import native
+from surrogate import kernels
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.derivatives import require_no_second_derivative
 from surrogate.splatting.threads import cores
@@ -32,7 +32,7 @@ def _added(number: int, *tensors: Tensor) -> tuple[Tensor, ...]:
     """The products of `number` pairs of latents and modes, which come first, added to the five tensors that follow."""
     arrays = [tensor.detach().numpy() for tensor in tensors]
     factors = list(zip(arrays[: 2 * number : 2], arrays[1 : 2 * number : 2], strict=True))
-    return tuple(map(torch.from_numpy, native.add_bilinear(factors, arrays[2 * number :], cores())))
+    return tuple(map(torch.from_numpy, kernels.add_bilinear(factors, arrays[2 * number :], cores())))
 
 
 class _AddProducts(torch.autograd.Function):
@@ -56,7 +56,7 @@ class _AddProducts(torch.autograd.Function):
         for k in range(0, len(ctx.saved_tensors), 2):
             latents, modes = (tensor.detach().numpy() for tensor in ctx.saved_tensors[k : k + 2])
             needed = any(ctx.needs_input_grad[1 + k : 3 + k])
-            found = native.bilinear_gradients(latents, modes, arrays, cores()) if needed else ()
+            found = kernels.bilinear_gradients(latents, modes, arrays, cores()) if needed else ()
             by_factors += map(torch.from_numpy, found) if needed else (None, None)
         by_rows = [g[:, : w[0]] if w else g for g, w in zip(gradients, ctx.widths, strict=True)]
         return None, *by_factors, *by_rows

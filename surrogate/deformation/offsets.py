@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol
 import torch
 from torch import Tensor
 
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings

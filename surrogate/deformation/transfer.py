@@ -17,8 +17,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-import native
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
+from surrogate import kernels
 from surrogate.appearance.transferred import LEAST_DEPTH, logit_of_depth
 from surrogate.deformation.offsets import Offsets
 from surrogate.derivatives import require_no_second_derivative
@@ -86,7 +86,7 @@ class Transfer:
 
 def _transferred(weights: Tensor, logits: Tensor, colors: Tensor, transfer: Transfer) -> tuple[Tensor, Tensor]:
     """New logits (N,) and colours (N, 3 K) by the kernel."""
-    logits, colors = native.transfer(*_arguments(transfer, weights, logits, colors), cores())
+    logits, colors = kernels.transfer(*_arguments(transfer, weights, logits, colors), cores())
     return torch.from_numpy(logits), torch.from_numpy(colors)
 
 
@@ -103,7 +103,7 @@ class _Transferred(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative()
         arguments = _arguments(ctx.transfer, *ctx.saved_tensors)
-        by_weights = native.transfer_gradient(*arguments, *(g.numpy() for g in gradients), cores())
+        by_weights = kernels.transfer_gradient(*arguments, *(g.numpy() for g in gradients), cores())
         return torch.from_numpy(by_weights), None, None, None
 
 

@@ -22,10 +22,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.appearance import TransferFunction
-from catalogs.numbers import row
-from catalogs.variations import POINT_PARAMETERS, displaced
-from catalogs.words import one_line
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.numbers import row
+from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.extinction import differentiable_table, extinction_table
 from surrogate.deformation.offsets import Offsets

@@ -10,9 +10,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from catalogs.appearance import TransferFunction
-from catalogs.variations import Variation, variation_from_json
-from catalogs.words import one_line
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.variations import Variation, variation_from_json
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import Deformation, compose, load_deformation
 from surrogate.deformation.values import ValuesDeformation, displaced_by

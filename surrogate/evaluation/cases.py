@@ -10,9 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.variations import Variation
 
 VIEWS = {"seen_views": ("train",), "unseen_views": ("test",)}
 PARAMETERS = {"seen_parameters": ("train",), "unseen_parameters": ("test",)}

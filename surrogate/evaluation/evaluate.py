@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from catalogs.catalog import Catalog
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.variations import Variation
 from surrogate.deformation.visualization import Visualization
 from surrogate.evaluation.cases import (
     VALIDATION,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import native
+from surrogate import kernels
 
 WHITE = (1.0, 1.0, 1.0)
 MOST_DECIBELS = 60.0  # identical pictures would make a mean infinite
@@ -74,7 +74,7 @@ def mean_squared_error(truth: NDArray[np.float32], prediction: NDArray[np.float3
 def ssim(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
     """Mean structural similarity of two pictures (H, W, C); see `DEFINITIONS`."""
     pair = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
-    _, similarity, _ = native.image_loss(*pair, 1.0, 1)
+    _, similarity, _ = kernels.image_loss(*pair, 1.0, 1)
     return float(similarity)
 
 

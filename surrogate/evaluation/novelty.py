@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction, VolumeRendering, field_of
-from catalogs.catalog import Catalog
-from catalogs.summary import FieldSummary
+from catalogs.store.catalog import Catalog
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, field_of
 from surrogate.deformation.extinction import MOST_OPAQUE
 from surrogate.model import Surrogate
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.evaluation.cases import Case, CaseCells, each_cell
 from surrogate.evaluation.metrics import MOST_DECIBELS, WHITE, Score, composite, decibels, score
 from surrogate.evaluation.perceptual import Perceptual, PerceptualMetrics

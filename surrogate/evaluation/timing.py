@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs.catalog import Member
+from catalogs.store.catalog import Member
 from surrogate.model import Surrogate
 
 TIMED = 30

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from catalogs.cameras import Camera
-from catalogs.parameters import SLACK, Parameter
-from catalogs.variations import APPEARANCE, POINT_PARAMETERS
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import SLACK, Parameter
+from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.explore.color_maps import NAMES as COLOR_MAPS
 from surrogate.explore.setting import Setting, base_function
 from surrogate.model import Surrogate

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.cameras import Camera, orbit
-from catalogs.catalog import Catalog, Member
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import Camera, orbit
 from surrogate.explore.setting import base_function, origins_of
 from surrogate.model import Surrogate
 from surrogate.storage.runs import MODEL, RunFolder

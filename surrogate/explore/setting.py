@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from catalogs.appearance import TransferFunction
-from catalogs.variations import POINT_PARAMETERS, displaced
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.variations import POINT_PARAMETERS, displaced
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.deformation.values import ValuesDeformation
 from surrogate.explore.color_maps import color_points

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalog import Catalog
-from catalogs.members import Member
-from catalogs.parameters import SPLITS, ParameterSpace
-from catalogs.summary import FieldSummary
+from catalogs.store.catalog import Catalog
+from catalogs.store.members import Member
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from surrogate.gaussians import Normalization
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Normalization
 from surrogate.initialization.pictures import Picture, Points, foreground, straight_colors, training_pictures
 

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.parameters import ParameterSpace
-from catalogs.words import one_line
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.words import one_line
 from surrogate.gaussians import Normalization
 
 VISIBLE = 2  # of 255: rounding to 8 bits, on disk and from premultiplied, can't reach further

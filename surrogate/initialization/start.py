@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from catalogs.appearance import Isosurface, VolumeRendering, field_of
-from catalogs.catalog import Catalog
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import Isosurface, VolumeRendering, field_of
+from catalogs.vocabulary.variations import Variation
 from surrogate.appearance.averages import averages_reference
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians, FieldValues
 from surrogate.gaussians import Gaussians, Normalization

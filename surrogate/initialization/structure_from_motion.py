@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.images import write_image
-from catalogs.words import one_line
+from catalogs.files.images import write_image
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import one_line
 from surrogate.gaussians import Normalization
 from surrogate.initialization.pictures import Picture, Points, foreground, straight_colors, training_pictures
 

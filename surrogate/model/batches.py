@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.cameras import Camera
-from catalogs.parameters import ParameterSpace
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.model.deformed import DeformedGaussians
 from surrogate.model.places import Place
 from surrogate.splatting.threads import cores, one_torch_thread

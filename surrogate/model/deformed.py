@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.numbers import fraction, row
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import fraction, row
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.notebook import deformed_html
 from surrogate.rasterizer import Rasterizer

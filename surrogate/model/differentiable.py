@@ -12,9 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.cameras import Camera
-from catalogs.parameters import ParameterSpace
-from catalogs.variations import IsovalueVariation, Variation
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import IsovalueVariation, Variation
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation import Deformation
 from surrogate.deformation.visualization import Visualization

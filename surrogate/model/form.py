@@ -7,8 +7,8 @@ from typing import Any
 
 from torch import Tensor
 
-from catalogs.numbers import finite, fraction, row
-from catalogs.parameters import ParameterSpace
+from catalogs.vocabulary.numbers import finite, fraction, row
+from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.appearance.field_gaussians import FieldGaussians, load_gaussians
 from surrogate.deformation import Deformation, FieldDeformation, ValuesDeformation, load_deformation
 from surrogate.deformation.bilinear import FIELD_COLUMNS, BilinearDeformation

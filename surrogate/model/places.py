@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction
-from catalogs.parameters import ParameterSpace
-from catalogs.words import one_line
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import Deformation
 from surrogate.deformation.visualization import Visualization

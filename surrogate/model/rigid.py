@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.splatting import Primitives
 

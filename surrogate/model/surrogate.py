@@ -13,9 +13,9 @@ import torch
 from numpy.typing import NDArray
 
 import surrogate
-from catalogs.appearance import TransferFunction
-from catalogs.cameras import Camera
-from catalogs.parameters import ParameterSpace
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import Deformation
 from surrogate.deformation.visualization import Visualization

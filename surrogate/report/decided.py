@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from catalogs.catalog import Catalog
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.variations import Variation
 from surrogate.model import Surrogate
 from surrogate.training.data import validation_rows
 from surrogate.training.source import DECISION_IMAGES

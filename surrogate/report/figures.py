@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.catalog import Catalog
-from catalogs.parameters import ParameterSpace
-from catalogs.variations import KINDS
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import KINDS
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import Evaluation, VariedEvaluation
 from surrogate.evaluation.scoring import Cells, Scored

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from research.studies.repeats.table import repeats_section
 from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.tables import (
     NOTHING,
@@ -23,7 +24,6 @@ from surrogate.evaluation.tables import (
 )
 from surrogate.provenance import in_words
 from surrogate.report.variations import variation_section
-from surrogate.studies.repeats.table import repeats_section
 
 
 def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:

@@ -7,8 +7,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from catalogs import durable
-from catalogs.catalog import Catalog
+from catalogs.files import durable
+from catalogs.store.catalog import Catalog
+from research.studies.ceiling import load_ceilings
+from research.studies.repeats.records import Scores, load_scores
 from surrogate.evaluation.evaluate import Evaluation
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.model import Surrogate
@@ -17,8 +19,6 @@ from surrogate.report.decided import decided_on
 from surrogate.report.page import page
 from surrogate.report.summary import fingerprint, summarize
 from surrogate.storage.records import read_json
-from surrogate.studies.ceiling import load_ceilings
-from surrogate.studies.repeats.records import Scores, load_scores
 from surrogate.training.telling import learnt_line, members_line
 
 RECORD = "report.json"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.scoring import Scored
 from surrogate.model import Surrogate

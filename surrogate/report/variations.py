@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from catalogs.variations import KINDS
+from catalogs.vocabulary.variations import KINDS
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION
 from surrogate.evaluation.scoring import METRICS
 from surrogate.evaluation.tables import (

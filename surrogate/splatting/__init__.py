@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.splatting import cpu, cuda, reference
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-import native
+from surrogate import kernels
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.reference import rotations
 from surrogate.splatting.rendering import Constants
@@ -51,8 +51,8 @@ def opacities_along_rays(
     kernel = KernelFunction(
         "opacities_along_rays",
         "opacities_along_rays_reference",
-        lambda arrays: native.ray_opacities(arrays, *place, count),
-        lambda arrays, upstream: native.ray_opacities_gradient(arrays, *place, upstream, count),
+        lambda arrays: kernels.ray_opacities(arrays, *place, count),
+        lambda arrays, upstream: kernels.ray_opacities_gradient(arrays, *place, upstream, count),
     )
     return kernel(*tensors)
 

@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-import native
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
+from surrogate import kernels
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
 from surrogate.splatting.threads import cores
 
@@ -21,7 +21,7 @@ def render(primitives: Primitives, camera: Camera, constants: Constants, **optio
     """Draw Gaussians in float32.
 
     The options are `threads`, by default the cores that this process may use; `instruction_set`, by default the best of
-    `native.instruction_sets()`; and `screen_gradients`, see `surrogate.splatting.draw`.
+    `kernels.instruction_sets()`; and `screen_gradients`, see `surrogate.splatting.draw`.
 
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
     """
@@ -61,7 +61,7 @@ class _Splat(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        *arrays, screen = native.backward(ctx.drawing, _array(gradients[0]), ctx.threads)
+        *arrays, screen = kernels.backward(ctx.drawing, _array(gradients[0]), ctx.threads)
         if ctx.view.screen_gradients is not None:
             ctx.view.screen_gradients.copy_(torch.from_numpy(screen))
         return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, ctx.saved_tensors, strict=True)), None
@@ -72,7 +72,7 @@ def _drawn(arrays: list[NDArray[np.float32]], view: _View, threads: int) -> Any:
     intrinsics, size = (camera.fx, camera.fy, camera.cx, camera.cy), (camera.width, camera.height)
     constants = [getattr(c, name) for name in Constants.__annotations__]  # class variables among them
     try:
-        return native.forward(
+        return kernels.forward(
             arrays, camera.world_to_camera, intrinsics, size, constants, threads, view.instruction_set, view.background
         )
     except MemoryError as error:

@@ -18,7 +18,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
 COMPILED = {"alpha_floor": 1.0 / 255.0, "alpha_cap": 0.999}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-import native
+from surrogate import kernels
 from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.threads import cores
 
@@ -33,8 +33,8 @@ def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threa
     kernel = KernelFunction(
         "directional_colors",
         "directional_colors_reference",
-        lambda arrays: native.directional_colors(*arrays, *place),
-        lambda arrays, upstream: native.directional_colors_gradient(*arrays, place[0], upstream, place[1]),
+        lambda arrays: kernels.directional_colors(*arrays, *place),
+        lambda arrays, upstream: kernels.directional_colors_gradient(*arrays, place[0], upstream, place[1]),
     )
     return kernel(means, colors)
 

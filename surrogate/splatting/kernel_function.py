@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
 from surrogate.derivatives import require_no_second_derivative
 
 Arrays = Sequence[NDArray[Any]]

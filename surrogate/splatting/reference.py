@@ -24,8 +24,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
-from catalogs.words import one_line
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import one_line
 from surrogate.splatting.rendering import Constants, Primitives, Rendering
 
 PIXELS_AT_ONCE = 2048

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from torch import Tensor
 
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
 
 
 @dataclass(frozen=True)

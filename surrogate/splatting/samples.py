@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 
 MOST_SAMPLES = 4  # along a side: the finer picture takes the square of it of the memory
 

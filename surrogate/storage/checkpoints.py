@@ -16,12 +16,12 @@ import safetensors
 import safetensors.torch
 from torch import Tensor
 
-from catalogs import durable
-from catalogs.appearance import appearance_to_json
-from catalogs.catalog import Catalog, Member
-from catalogs.pictures import picture_size
-from catalogs.variations import Variation
-from catalogs.words import one_line
+from catalogs.files import durable
+from catalogs.store.catalog import Catalog, Member
+from catalogs.store.pictures import picture_size
+from catalogs.vocabulary.appearance import appearance_to_json
+from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.words import one_line
 from surrogate.settings import TrainingSettings
 
 CHECKPOINT = "checkpoint.safetensors"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
 
 LEVELS = {"uint8": (torch.uint8, 2**8 - 1), "uint16": (torch.uint16, 2**16 - 1)}
 # The shortest first, and of two that are as long the finer one for bounded values.

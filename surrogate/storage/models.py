@@ -15,8 +15,8 @@ import safetensors.torch
 import torch
 from torch import Tensor
 
-from catalogs import durable
-from catalogs.words import one_line
+from catalogs.files import durable
+from catalogs.vocabulary.words import one_line
 from surrogate.storage.encoding import Encoding
 from surrogate.storage.files import opened_inside
 from surrogate.storage.tensors import MOST_BYTES, read_tensors, tensors_of

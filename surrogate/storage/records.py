@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
-from catalogs import durable
+from catalogs.files import durable
 from surrogate.provenance import code, commit, machine
 
 Result = TypeVar("Result")

@@ -17,9 +17,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from catalogs.catalog import Catalog, CatalogError
-from catalogs.splits import Splits, choose_splits
-from catalogs.words import shortened
+from catalogs.store.catalog import Catalog, CatalogError
+from catalogs.store.splits import Splits, choose_splits
+from catalogs.vocabulary.words import shortened
 from surrogate.provenance import commit, machine
 from surrogate.settings import TrainingSettings
 from surrogate.storage import models
@@ -170,7 +170,7 @@ def seen_by_run(catalog: Catalog, splits: Splits) -> Catalog:
 
 
 def with_chosen_splits(catalog: Catalog, appearance: str, hold_out: float | None, seed: int) -> Catalog:
-    """The catalog as a new run sees it that learns `appearance`, "" for the first; see `catalogs.splits.choose_splits`."""
+    """The catalog as a new run sees it that learns `appearance`, "" for the first; see `catalogs.store.splits.choose_splits`."""
     shown = appearance or catalog.appearance_names[0]
     if shown not in catalog.appearance_names:
         return catalog  # whoever learns it says so

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.settings import TrainingSettings
 from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked

@@ -1,7 +1,8 @@
 """What a budget in minutes or steps leads to: how many Gaussians, trained for how many steps, on this machine.
 
 The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  The rules are
-those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side (`python -m benchmarks.budgets`):
+those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side (`python -m
+research.benchmarks.training.budgets`):
 where members look much alike, more Gaussians were worth more than more steps, so they grow with the time; where members differ
 strongly, steps were; where little of a picture shows anything, few Gaussians were.
 """
@@ -14,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from catalogs.appearance import Appearance, VolumeRendering
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering
 from surrogate.settings import TrainingSettings
 from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
 from surrogate.training.data import ImageRow, training_rows, validation_rows

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import WHITE
 from surrogate.evaluation.scoring import spread
 from surrogate.training.data import Example, ImageRow, load_examples

@@ -14,10 +14,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.parameters import ParameterSpace
-from catalogs.variations import Setting, Variation
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import Setting, Variation
 from surrogate.gaussians import Normalization
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.value_loss import KnownValues

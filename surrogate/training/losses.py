@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-import native
+from surrogate import kernels
 from surrogate.gaussians import NAMES, Gaussians
 from surrogate.splatting.threads import cores
 
@@ -67,7 +67,7 @@ class _ImageLoss(torch.autograd.Function):
         image, target, ssim_weight, threads = inputs
         kinds = (torch.float32, torch.uint8 if target.dtype == torch.uint8 else torch.float32)
         arrays = [t.detach().to(kind).contiguous().numpy() for t, kind in zip((image, target), kinds, strict=True)]
-        difference, similarity, gradient = native.image_loss(*arrays, ssim_weight, threads)
+        difference, similarity, gradient = kernels.image_loss(*arrays, ssim_weight, threads)
         ctx.gradient = torch.from_numpy(gradient)
         return image.new_tensor(difference + ssim_weight * (1.0 - similarity))
 

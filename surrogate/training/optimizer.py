@@ -18,7 +18,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-import native
+from surrogate import kernels
 
 DECAY_FIRST, DECAY_SECOND = 0.9, 0.999
 EPSILON = 1e-15  # as in 3D Gaussian Splatting: gradients of single Gaussians are far below the usual 1e-8
@@ -97,7 +97,7 @@ def step_rows(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, s
     """
     tensors = (tensor, gradient, first, second, steps)
     if all(t.is_cpu and t.dtype == torch.float32 and t.is_contiguous() for t in tensors):
-        native.step_rows(*(t.detach().numpy() for t in tensors), rate)
+        kernels.step_rows(*(t.detach().numpy() for t in tensors), rate)
     else:
         step_rows_reference(*tensors, rate)
 

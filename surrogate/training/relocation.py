@@ -19,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.training.optimizer import Moments
 
 MOST_SHARING = 16  # Gaussians that may come to share one place at once

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import torch
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.model import Surrogate
 from surrogate.provenance import code, commit
 from surrogate.rasterizer import Rasterizer

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.engines.stopping import StopRequested, stop_requested
 from catalogs.progress import Rate, joined, per_second, time_left
-from engines.stopping import StopRequested, stop_requested
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.ranks import ALONE, Ranks

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, VolumeRendering, field_of
-from catalogs.catalog import Catalog
-from catalogs.parameters import ParameterSpace
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering, field_of
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import Variation
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldValues
 from surrogate.appearance.scale import ValueScale
 from surrogate.gaussians import Gaussians, Normalization

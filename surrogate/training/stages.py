@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation import KINDS, Deformation
 from surrogate.gaussians import Gaussians

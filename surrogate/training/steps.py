@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from catalogs.variations import Variation
+from catalogs.vocabulary.variations import Variation
 from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.choices import Choose, choices
 from surrogate.training.compression.color_degree import (

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from catalogs.appearance import Appearance, Isosurface, VolumeRendering, field_of
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.variations import Variation
-from catalogs.words import shortened
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
+from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.words import shortened
 from surrogate.evaluation.cases import Case, base_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases, spread

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
-import native
-from catalogs.words import one_line
+from catalogs.vocabulary.words import one_line
+from surrogate import kernels
 from surrogate.appearance.field_gaussians import FieldGaussians
 from surrogate.appearance.scale import ValueScale
 from surrogate.derivatives import require_no_second_derivative
@@ -148,7 +148,7 @@ class _BlendedValues(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Any) -> Tensor:
         places, reach, *tensors = inputs
         arrays = [tensor.detach().numpy() for tensor in tensors]
-        ctx.blend = native.blend(arrays, places.detach().numpy(), reach)
+        ctx.blend = kernels.blend(arrays, places.detach().numpy(), reach)
         ctx.save_for_backward(*tensors)  # torch refuses a backward pass after they have changed
         return torch.from_numpy(ctx.blend.values).to(places.dtype)
 
@@ -157,6 +157,6 @@ class _BlendedValues(torch.autograd.Function):
         require_no_second_derivative("blended_values", "blended_values_reference")
         _ = ctx.saved_tensors
         needed = ctx.needs_input_grad[2:]
-        found = native.blend_gradients(ctx.blend, gradients[0].nan_to_num(0.0).numpy(), any(needed[:3]))
+        found = kernels.blend_gradients(ctx.blend, gradients[0].nan_to_num(0.0).numpy(), any(needed[:3]))
         made = [None] * (len(NAMES) - len(found)) + [torch.from_numpy(array) for array in found]
         return None, None, *(gradient if wanted else None for gradient, wanted in zip(made, needed, strict=True))

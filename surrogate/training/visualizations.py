@@ -13,8 +13,8 @@ from dataclasses import replace
 
 from torch import Tensor
 
-from catalogs.appearance import VolumeRendering
-from catalogs.variations import Variation
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.variations import Variation
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.deformation import KINDS, Deformation
 from surrogate.deformation.values import ValuesDeformation, placed_values

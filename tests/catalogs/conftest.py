@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
-from catalogs.cameras import orbit, view_splits
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.summary import FieldSummary
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import orbit, view_splits
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 
 Draw = Callable[[int], NDArray[np.uint8]]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from catalogs.catalog import Catalog
 from catalogs.cli import main
+from catalogs.store.catalog import Catalog
 
 PROGRAM = [sys.executable, "-c", "from catalogs.cli import main; main()"]
 

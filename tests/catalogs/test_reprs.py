@@ -12,35 +12,35 @@ import numpy as np
 import pytest
 
 import catalogs
-from catalogs.appearance import ImportedImages, Isosurface, TransferFunction, VolumeRendering
 from catalogs.browse.access import Access
-from catalogs.cameras import orbit, view_splits
-from catalogs.catalog import Catalog
-from catalogs.check import Finding
-from catalogs.damage import Wanted
-from catalogs.durable import Stamp
 from catalogs.exchange import selection
 from catalogs.exchange.export import LAYOUTS
 from catalogs.exchange.nerf import ImportedMember
 from catalogs.exchange.transforms import Frame
-from catalogs.journal import Stamps
-from catalogs.members import Member
-from catalogs.merge import Merged
-from catalogs.missing import MissingMember
-from catalogs.notebook.cards import Picture
-from catalogs.packed import ENTRY, Pack
-from catalogs.packing import Transferred
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.plan import CatalogPlan
-from catalogs.png import PngHeader
+from catalogs.files.durable import Stamp
+from catalogs.files.packed import ENTRY, Pack
+from catalogs.files.png import PngHeader
 from catalogs.progress import Count
-from catalogs.quantity import Quantity
-from catalogs.repair import Repaired, SetAside
-from catalogs.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
-from catalogs.split import Shard
-from catalogs.splits import Splits
-from catalogs.summary import FieldSummary
-from catalogs.variations import Setting, field_variation, isovalue_family, transfer_function_family
+from catalogs.store.catalog import Catalog
+from catalogs.store.journal import Stamps
+from catalogs.store.members import Member
+from catalogs.store.missing import MissingMember
+from catalogs.store.notebook.cards import Picture
+from catalogs.store.plan import CatalogPlan
+from catalogs.store.splits import Splits
+from catalogs.store.summary import FieldSummary
+from catalogs.tools.check import Finding
+from catalogs.tools.damage import Wanted
+from catalogs.tools.merge import Merged
+from catalogs.tools.packing import Transferred
+from catalogs.tools.repair import Repaired, SetAside
+from catalogs.tools.split import Shard
+from catalogs.vocabulary.appearance import ImportedImages, Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import orbit, view_splits
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.quantity import Quantity
+from catalogs.vocabulary.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
+from catalogs.vocabulary.variations import Setting, field_variation, isovalue_family, transfer_function_family
 
 LONGEST = 400
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "tgv-tf.toml"

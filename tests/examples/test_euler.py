@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.catalog import Catalog
-from catalogs.check import check
+from catalogs.store.catalog import Catalog
+from catalogs.tools.check import check
 from tests.support.environments import PROJECT, in_environment, with_settings
 
 FOLDER = str(PROJECT / "examples/euler")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.cameras import Camera, orbit
 from render.blocks import Lattice, footprint, region
 from render.partition import Piece
 from tests.support.decomposed import kd_boxes

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from catalogs.appearance import Isosurface
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.appearance import Isosurface
+from catalogs.vocabulary.cameras import Camera, orbit
 from render import render_views
 from render.datasets import to_grid
 from render.grids import Grid

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catalogs.appearance import Isosurface, VolumeRendering
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
+from catalogs.vocabulary.cameras import Camera, orbit
 from render.datasets import to_grid
 from render.grids import Grid
 from render.layers import BlockRenderer

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.rendering import isosurface_projection_errors, volume_projection_error
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
+from research.benchmarks.rendering.accuracy import isosurface_projection_errors, volume_projection_error
 
 
 def centred(camera: Camera) -> Camera:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
-from catalogs.cameras import orbit
+from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import orbit
 from render import choose_sample_distance, render_views
 from render.datasets import to_grid
 from render.grids import Grid

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
-from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.cameras import Camera
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
 from render.datasets import to_grid
 from render.grids import Grid
 from render.raymarch import box_intersections, converged, gradient, march, trilinear

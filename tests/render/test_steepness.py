@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from render.datasets import to_grid
 from render.steepness import SWEPT_IN, mean_change, swept
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages, Isosurface, VolumeRendering
-from catalogs.cameras import orbit
+from catalogs.vocabulary.appearance import ImportedImages, Isosurface, VolumeRendering
+from catalogs.vocabulary.cameras import orbit
 from render import render_views
 from render.views import Renderer
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import Camera, orbit
 from render import render_views
 from render.datasets import to_grid
 from render.grids import Grid

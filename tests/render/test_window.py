@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.appearance import Isosurface, VolumeRendering
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
+from catalogs.vocabulary.cameras import Camera, orbit
 from render.views import Renderer, render_views
 from render.window import Window, open_window, projection_matrix
 
@@ -32,8 +32,8 @@ def python(program: str, **environment: str) -> subprocess.CompletedProcess[str]
 
 DRAW = """
 import numpy as np
-from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.cameras import orbit
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import orbit
 from render import render_views, to_grid
 grid = to_grid(np.random.default_rng(0).random((8, 8, 8)))
 transfer = TransferFunction(((0, 0, 0, 1), (1, 1, 0, 0)), ((0, 0), (1, 0.5)), 1.0)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from catalogs.appearance import VolumeRendering
-from catalogs.catalog import Catalog
-from catalogs.scene import Scene
-from catalogs.variations import transfer_function_family
-from insitu.dataset import make_dataset
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import VolumeRendering
+from catalogs.vocabulary.scene import Scene
+from catalogs.vocabulary.variations import transfer_function_family
+from insitu.ensembles.dataset import make_dataset
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from catalogs.appearance import ImportedImages
-from catalogs.cameras import Camera, icosphere
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import Camera, icosphere
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 
 Texture = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # world points (N, 3) to straight RGB (N, 3)
 SAMPLES = 3  # per pixel and direction

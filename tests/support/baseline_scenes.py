@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.cameras import Camera, icosphere
-from surrogate.studies.baselines.method import Pictures
+from catalogs.vocabulary.cameras import Camera, icosphere
+from research.studies.baselines.method import Pictures
 
 CENTERS = np.array([[0.45, 0.0, 0.15], [-0.3, 0.4, -0.2], [-0.2, -0.4, 0.1]])
 COLORS = np.array([[0.9, 0.2, 0.1], [0.15, 0.7, 0.25], [0.2, 0.3, 0.9]])

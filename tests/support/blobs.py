@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from catalogs.appearance import ImportedImages
-from catalogs.cameras import Camera, icosphere
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import Camera, icosphere
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 

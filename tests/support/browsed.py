@@ -8,7 +8,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs import durable
-from catalogs.images import encode_png
-from surrogate.studies.comparison.pictures import SHOWN, path_of
+from catalogs.files import durable
+from catalogs.files.images import encode_png
+from research.studies.comparison.pictures import SHOWN, path_of
 
 
 def keep_pictures(records: Path, name: str) -> None:

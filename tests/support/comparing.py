@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.training.data import Example

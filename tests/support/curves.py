@@ -1,6 +1,6 @@
 """Points of a curve of accuracy over minutes, made up."""
 
-from benchmarks.curves.measured import Point
+from research.benchmarks.training.curves.measured import Point
 from surrogate.storage.records import Provenance
 
 MADE = Provenance("bead", "", {"processor": "abacus", "cores": 1})

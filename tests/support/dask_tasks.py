@@ -6,7 +6,7 @@ import os
 import time
 from pathlib import Path
 
-from engines.stopping import stop_requested
+from catalogs.engines.stopping import stop_requested
 
 
 def square(number: int) -> int:

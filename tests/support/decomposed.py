@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, VolumeRendering
-from catalogs.cameras import Camera
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
 from render.blocks import ABOVE, BELOW, Block, Lattice, footprint
 from render.compositing import nearest, over
 from render.grids import Grid

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.summary import FieldSummary
-from catalogs.variations import POINT_PARAMETERS, Setting, Variation, displaced, variation_kind
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.variations import POINT_PARAMETERS, Setting, Variation, displaced, variation_kind
 from tests.support.blobs import Blobs
 
 BASE = "dvr"

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog
-from catalogs.summary import FieldSummary
-from catalogs.variations import Setting, Variation
+from catalogs.store.catalog import Catalog
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.variations import Setting, Variation
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from tests.support import families

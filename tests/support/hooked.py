@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 
 FUNCTION = TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)
 

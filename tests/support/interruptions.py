@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate import TrainingSettings, train
 from surrogate.training.session import TrainingProgress
 from tests.support import prepared
@@ -19,7 +19,7 @@ from tests.support import prepared
 # processor, not of a clock, so that a life comes as far on a loaded machine.
 KILLED = """
 import json, os, random, signal, sys
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
 settings, catalog, folder = TrainingSettings(**json.loads(sys.argv[1])), sys.argv[2], sys.argv[3]
 random.seed(1)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-import native
+from surrogate import kernels
 
 
 def recorded(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[str]:
     """A list that the names of these kernels are appended to whenever they are called."""
     calls: list[str] = []
     for name in names:
-        kernel = getattr(native, name)
+        kernel = getattr(kernels, name)
         monkeypatch.setattr(
-            native, name, lambda *a, name=name, kernel=kernel: (calls.append(name), kernel(*a))[1], raising=False
+            kernels, name, lambda *a, name=name, kernel=kernel: (calls.append(name), kernel(*a))[1], raising=False
         )
     return calls

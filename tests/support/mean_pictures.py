@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from surrogate.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
-from surrogate.studies.baselines.state import State
+from research.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
+from research.studies.baselines.state import State
 
 
 class MeanPicture:

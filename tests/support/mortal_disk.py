@@ -7,9 +7,9 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
-from catalogs import cinema, durable
-from catalogs.catalog import Catalog
-from catalogs.table import JOURNAL, SPARE
+from catalogs.files import cinema, durable
+from catalogs.store.catalog import Catalog
+from catalogs.store.table import JOURNAL, SPARE
 
 LOSSES = ("before", "within", "after", "contents", "everything")
 

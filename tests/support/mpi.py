@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from insitu.ranks import Told
+from insitu.mpi.ranks import Told
 
 PATIENCE = 60.0  # seconds after which ranks that wait for one another fail
 
@@ -37,7 +37,7 @@ class Meeting:
 
 
 class ThreadRank:
-    """One of the threads, as `insitu.ranks.Ranks`."""
+    """One of the threads, as `insitu.mpi.ranks.Ranks`."""
 
     def __init__(self, meeting: Meeting, number: int) -> None:
         self.meeting, self.number, self.size = meeting, number, meeting.size

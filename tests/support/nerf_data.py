@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from catalogs.catalog import Catalog
 from catalogs.exchange import import_nerf
+from catalogs.store.catalog import Catalog
 
 WIDTH, HEIGHT = 8, 6
 ANGLE = math.radians(50.0)

@@ -20,7 +20,7 @@ IMPORTED = (
     "surrogate.cli",
     "surrogate.explore.run",
     "surrogate.explore.server.terminal",
-    "surrogate.studies.repeats.run",
+    "research.studies.repeats.run",
     "surrogate.training.run",
     "tests.support.prepared",
 )

@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 import insitu
 from insitu import Isosurface, Session, TransferFunction, ViewPlan, VolumeRendering
-from insitu.blueprint import Pictures
+from insitu.bindings.blueprint import Pictures
 from tests.support.decomposed import kd_boxes
 
 COMM = MPI.COMM_WORLD
@@ -159,7 +159,7 @@ def killed(folder: Path, boxes: Any) -> None:
     with Session(folder / "killed.cdb", comm=COMM, existing="skip", **options) as session:
         session.render_member(part, {"p": 0.0}, **place)
         if (folder / "kill").exists():
-            from insitu.decomposed import Blocks
+            from insitu.fields.decomposed import Blocks
 
             drawn = Blocks._draw
 

@@ -7,8 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.appearance import ImportedImages
-from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages
+from research.studies import ceiling
+from research.studies.ablation.experiments import BaseExperiment
+from research.studies.ablation.records import DECIDING, Records
+from research.studies.ablation.variants import VARIANTS
+from research.studies.repeats.records import save
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION
 from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS
@@ -17,11 +22,6 @@ from surrogate.report.records import report_path
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record
-from surrogate.studies import ceiling
-from surrogate.studies.ablation.experiments import BaseExperiment
-from surrogate.studies.ablation.records import DECIDING, Records
-from surrogate.studies.ablation.variants import VARIANTS
-from surrogate.studies.repeats.records import save
 from tests.support.blobs import Blobs
 from tests.support.scores import cells_of, scores_of
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from catalogs.scene import Scene
+from catalogs.vocabulary.scene import Scene
 
 SIMULATED = """
 [source]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from research.studies.repeats.records import Scores
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.scoring import METRICS
 from surrogate.storage.records import Provenance
-from surrogate.studies.repeats.records import Scores
 
 
 def cells_of(value: float | None, rows: Any = VIEWS, images: int = 7) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation
 from surrogate.gaussians import Gaussians, Normalization

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from catalogs.appearance import TransferFunction, VolumeRendering
-from catalogs.variations import transfer_function_family
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.variations import transfer_function_family
 
 FUNCTION = TransferFunction(
     ((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.0, 0.0), (0.3, 0.2), (0.6, 0.5), (1.0, 1.0)), 0.1

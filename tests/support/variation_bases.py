@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 
 COLORS = ((-1.0, 0.0, 0.0, 1.0), (3.0, 1.0, 0.0, 0.0))
 FUNCTION = TransferFunction(COLORS, ((-1.0, 0.0), (0.5, 0.2), (1.5, 0.5), (3.0, 1.0)), 0.3)

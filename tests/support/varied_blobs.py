@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from catalogs.appearance import TransferFunction
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.deformation import BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from tests.support.blobs import Blobs, stored
 
 MakeCatalog = Callable[..., Catalog]

@@ -39,8 +39,8 @@ def test_records_lie_in_docs_where_that_is_and_results_in_runs(tmp_path: Path, m
     path, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
     monkeypatch.chdir(tmp_path)
     assert OpenRun.open(path, RESULTS).records == Path("runs/blobs")
-    (tmp_path / "docs/records").mkdir(parents=True)
-    assert OpenRun.open(path, RESULTS).records == Path("docs/records/blobs")
+    (tmp_path / "research/records").mkdir(parents=True)
+    assert OpenRun.open(path, RESULTS).records == Path("research/records/blobs")
     assert OpenRun.open(path, tmp_path / "runs").records == tmp_path / "runs/blobs"
     assert OpenRun.open(path, RESULTS, Path("mine")).records == Path("mine/blobs")
 

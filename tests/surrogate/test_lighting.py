@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-import native
-from catalogs.appearance import Isosurface, TransferFunction, VolumeRendering
-from surrogate import Surrogate
+from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
+from surrogate import Surrogate, kernels
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
 from surrogate.splatting.directional import directions
@@ -169,7 +168,7 @@ def test_the_kernel_is_the_definition(power: float, longest: float) -> None:
         assert ((mine.double() - exact).abs() <= 10.0 * digits * (largest + 1e-2)).all()
 
 
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("instruction_set", kernels.instruction_sets())
 @pytest.mark.parametrize("count", [0, 1, 7, 65, 2000])
 def test_every_instruction_set_has_the_same_and_threads_change_no_bit(instruction_set: str, count: int) -> None:
     given = (
@@ -180,7 +179,10 @@ def test_every_instruction_set_has_the_same_and_threads_change_no_bit(instructio
     upstream = np.linspace(-1.0, 1.0, 3 * count, dtype=np.float32).reshape(count, 3)
 
     def made(threads: int, name: str) -> list[np.ndarray]:
-        return [native.lit_colors(*given, threads, name), *native.lit_colors_gradient(*given, upstream, threads, name)]
+        return [
+            kernels.lit_colors(*given, threads, name),
+            *kernels.lit_colors_gradient(*given, upstream, threads, name),
+        ]
 
     alone, best = made(1, instruction_set), made(1, "")
     assert [a.shape for a in alone] == [(count, 3)] * 3
@@ -225,4 +227,4 @@ def test_only_where_it_can_the_kernel_is_taken(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(RuntimeError, match=r"differentiated once only.*apply `Lighting.colors`"):
         torch.autograd.grad(lighting.colors_from(leaf, tensors[1], POSITION).sum(), leaf, create_graph=True)
     with pytest.raises(ValueError, match=r"normals must have shape \[5, 3\]"):
-        native.lit_colors(np.zeros((5, 3), np.float32), np.zeros((4, 3), np.float32), (0.5,) * 7, (0.0,) * 3, 1)
+        kernels.lit_colors(np.zeros((5, 3), np.float32), np.zeros((4, 3), np.float32), (0.5,) * 7, (0.0,) * 3, 1)

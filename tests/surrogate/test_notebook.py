@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.images import read_image
-from catalogs.notebook.cards import on_background
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.files.images import read_image
+from catalogs.store.notebook.cards import on_background
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate
 from surrogate.model import DeformedGaussians
 from surrogate.notebook import WIDTH, first_camera

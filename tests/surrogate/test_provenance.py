@@ -4,9 +4,8 @@ from typing import Any
 
 import pytest
 
-import native
 from catalogs import version
-from surrogate import provenance
+from surrogate import kernels, provenance
 from surrogate.provenance import code, commit, in_words, machine
 
 
@@ -16,8 +15,8 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for package in provenance.PACKAGES:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").write_text("")
-    (tmp_path / "native" / "src").mkdir()
-    (tmp_path / "native" / "src" / "kernels.cpp").write_text("int one() { return 1; }")
+    (tmp_path / "surrogate" / "kernels" / "src").mkdir()
+    (tmp_path / "surrogate" / "kernels" / "src" / "kernels.cpp").write_text("int one() { return 1; }")
     (tmp_path / "surrogate" / "run.py").write_text("import numpy\ndef train():\n    from catalogs import store\n")
     (tmp_path / "catalogs" / "store.py").write_text('"""Keeps."""\nSIZE = 1\n')
     (tmp_path / "catalogs" / "page.py").write_text("TITLE = 'a'\n")
@@ -33,7 +32,7 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("catalogs/store.py", "SIZE = 2\n", False),
         ("catalogs/page.py", "TITLE = 'b'\n", True),
         ("surrogate/run.py", "import numpy\n", False),
-        ("native/src/kernels.cpp", "int one() { return 2; }", False),
+        ("surrogate/kernels/src/kernels.cpp", "int one() { return 2; }", False),
         ("surrogate/explore.py", "import anything", True),
     ],
 )
@@ -47,15 +46,17 @@ def test_code_changes_with_what_training_imports_and_nothing_else(
 
 def test_the_code_of_this_project_is_found() -> None:
     found = provenance._statements()
-    assert {"surrogate.training.run", "surrogate.training.loop", "surrogate.settings", "catalogs.catalog"} <= set(found)
-    assert not any(name.startswith(("surrogate.explore", "surrogate.studies")) for name in found)
+    assert {"surrogate.training.run", "surrogate.training.loop", "surrogate.settings", "catalogs.store.catalog"} <= set(
+        found
+    )
+    assert not any(name.startswith(("surrogate.explore", "research.studies")) for name in found)
     assert len(code()) == 16
 
 
 def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    record, source = tmp_path / "docs" / "records" / "a.json", tmp_path / "catalogs" / "version.py"
+    record, source = tmp_path / "research" / "records" / "a.json", tmp_path / "catalogs" / "version.py"
 
     def git(*arguments: str) -> str:
         who = ["-c", "user.name=a", "-c", "user.email=a@b"]
@@ -84,7 +85,7 @@ def test_a_commit_is_dirty_with_changes_but_not_with_new_measurements(
 def test_a_machine_has_cores_and_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GS_SURROGATE_INSTRUCTION_SET", raising=False)
     assert int(machine()["cores"]) >= 1
-    assert machine()["instructions"] == native.instruction_sets()[0]
+    assert machine()["instructions"] == kernels.instruction_sets()[0]
     monkeypatch.setenv("GS_SURROGATE_INSTRUCTION_SET", "baseline")
     assert machine()["instructions"] == "baseline"
 

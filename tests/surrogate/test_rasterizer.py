@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
 from surrogate.rasterizer import Rasterizer

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import surrogate
-from catalogs.cameras import Camera
-from catalogs.words import WIDTH
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.words import WIDTH
 from surrogate.deformation import FieldDeformation, Offsets
 from surrogate.deformation.field import Architecture
 from surrogate.deformation.transfer import Transfer

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.catalog import Catalog
-from catalogs.parameters import ParameterSpace
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.evaluation.cases import VALIDATION, Case, drawn
 from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.trivial.interpolation import fixed_rules, tuned_rules

@@ -11,9 +11,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.parameters import ParameterSpace
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Draw
 from surrogate.evaluation.trivial.interpolation import Rule

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalog import Member
-from catalogs.parameters import ParameterSpace
-from catalogs.variations import Variation
+from catalogs.store.catalog import Member
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import Variation
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.trivial.interpolation import nearest_member
 from surrogate.evaluation.trivial.mixtures import MemberPictures

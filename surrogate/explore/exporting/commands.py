@@ -100,7 +100,7 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
             raise ValueError(f"a comparison is a PNG, got {output.name}")
         if not output.parent.is_dir():
             raise ValueError(f"{output.parent} is no folder: make it first")
-        from catalogs import durable
+        from catalogs.files import durable
         from surrogate.explore.exporting.naming import file_name
         from surrogate.explore.exporting.options import from_options, guesses
         from surrogate.explore.reliability.expectation import known

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.images import to_bytes
+from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.difference import ENTRIES, color_table, difference_of
 from surrogate.explore.exporting.lettering import LEAST_TEXT, font, ink, line_height, pixel, text_size, wrapped
 from surrogate.explore.exporting.pictures import encode

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.films import film_bytes

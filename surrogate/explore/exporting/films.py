@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.images import to_bytes
+from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.kinds import FRAMES_PER_SECOND
 
 SLOWEST, FASTEST = 0.5, 50.0  # browsers show GIFs of more than 50 pictures a second at 10

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.images import to_bytes
+from catalogs.files.images import to_bytes
 
 FONT = "fonts/ttf/DejaVuSans.ttf"  # comes with matplotlib, and has the letters of units and Greek parameters
 LEAST_TEXT, MOST_TEXT = 11, 28  # pixels

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catalogs.cameras import Camera
-from catalogs.variations import APPEARANCE, POINT_PARAMETERS
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.variations import APPEARANCE, POINT_PARAMETERS
 from surrogate.evaluation.metrics import WHITE
 from surrogate.explore.exporting.exports import (
     CommandRequest,

@@ -14,9 +14,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.images import encode_png, exr_text, straighten, to_bytes, to_float, write_exr
-from catalogs.png import text_of
+from catalogs.files.images import encode_png, exr_text, straighten, to_bytes, to_float, write_exr
+from catalogs.files.png import text_of
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.reliability.expectation import Expected
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate

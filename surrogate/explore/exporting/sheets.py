@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.images import to_bytes
+from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.lettering import LEAST_TEXT, font, ink, line_height, pixel, text_size
 from surrogate.explore.exporting.pictures import encode
 from surrogate.explore.exporting.sweep import Axis, Sweep

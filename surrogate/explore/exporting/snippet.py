@@ -9,7 +9,7 @@ from pathlib import Path
 from pprint import pformat
 from textwrap import indent
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.color_maps import color_points
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
@@ -34,9 +34,9 @@ def snippet(
     program = [
         "from pathlib import Path",
         "",
-        *(["from catalogs.appearance import TransferFunction"] if function else []),
-        "from catalogs.cameras import Camera",
-        "from catalogs.images import write_image",
+        *(["from catalogs.vocabulary.appearance import TransferFunction"] if function else []),
+        "from catalogs.vocabulary.cameras import Camera",
+        "from catalogs.files.images import write_image",
         "from surrogate import Surrogate",
         *(["from surrogate.explore.color_maps import color_points"] if function else []),
         "",

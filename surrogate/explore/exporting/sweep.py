@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.parameters import Parameter
-from catalogs.variations import APPEARANCE
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter
+from catalogs.vocabulary.variations import APPEARANCE
 from surrogate.explore.setting import Setting, listed
 from surrogate.model import Surrogate
 

@@ -18,7 +18,7 @@ from surrogate.explore.reliability.measuring import Measurement
 from surrogate.explore.reliability.places import Place, base_name, place_of
 from surrogate.model import Surrogate
 
-# Of 1 to 15 the best at rows left out, see benchmarks/expectation.py.
+# Of 1 to 15 the best at rows left out, see research/benchmarks/explorer/expectation.py.
 NEAREST = 4  # measurements whose median is expected
 
 

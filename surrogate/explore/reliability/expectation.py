@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from catalogs.appearance import TransferFunction
-from catalogs.cameras import Camera
-from catalogs.catalog import Member
-from catalogs.parameters import Parameter
-from catalogs.variations import ISOVALUE, POINT_PARAMETERS
+from catalogs.store.catalog import Member
+from catalogs.vocabulary.appearance import TransferFunction
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter
+from catalogs.vocabulary.variations import ISOVALUE, POINT_PARAMETERS
 from surrogate.evaluation.novelty import SeenValues
 from surrogate.evaluation.scoring import Report, spread
 from surrogate.explore.reliability.calibration import (

@@ -32,12 +32,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.appearance import Appearance, field_of
-from catalogs.cameras import OBLIQUE, Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.parameters import Parameter
-from catalogs.summary import FieldSummary
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog, Member
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import Appearance, field_of
+from catalogs.vocabulary.cameras import OBLIQUE, Camera
+from catalogs.vocabulary.parameters import Parameter
+from catalogs.vocabulary.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
 from surrogate.explore.reliability.places import base_name

@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from catalogs.catalog import Catalog, Member
-from catalogs.images import ImageError
+from catalogs.files.images import ImageError
+from catalogs.store.catalog import Catalog, Member
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
 from surrogate.explore.reliability.places import appearances_of, base_name

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.parameters import SPLITS, ParameterSpace
-from catalogs.variations import Variation
+from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
+from catalogs.vocabulary.variations import Variation
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate
 

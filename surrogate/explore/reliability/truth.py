@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, Member
-from catalogs.parameters import ParameterSpace
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.variations import Variation
 from surrogate.explore.reliability.places import appearances_of, values_of, variation_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.scoring import spread
 
 # A picture in which the same errors fill 1.2 times the width has a PSNR that is 20 log10(1.2) = 1.6 dB lower.

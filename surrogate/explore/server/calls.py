@@ -19,8 +19,8 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 
-from catalogs.catalog import CatalogError
-from catalogs.images import ImageError
+from catalogs.files.images import ImageError
+from catalogs.store.catalog import CatalogError
 from surrogate.explore.request import MessageError
 
 LARGEST = 1 << 20  # bytes of a message

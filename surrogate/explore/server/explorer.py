@@ -23,7 +23,7 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from catalogs.browse.access import LOCAL, Access
-from catalogs.catalog import CatalogError
+from catalogs.store.catalog import CatalogError
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.reliability.expectation import measure
 from surrogate.explore.reliability.facts import facts

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from catalogs.variations import Variation
+from catalogs.vocabulary.variations import Variation
 from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.loop import StageRun

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages, TransferFunction, VolumeRendering
 from catalogs.browse import CatalogServer, page_of
-from catalogs.cameras import orbit, view_splits
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.variations import isovalue_family, transfer_function_family
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages, TransferFunction, VolumeRendering
+from catalogs.vocabulary.cameras import orbit, view_splits
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.variations import isovalue_family, transfer_function_family
 
 SIZE = 64
 GRID = [(x, y) for x in (0.0, 1.0, 2.0) for y in (-5.0, 5.0)]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from catalogs.browse import CatalogServer, write_page
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from tests.support.browsed import image_of, shown, visit
 from tests.support.browsers import PHONE, NewPage, serious_findings
 

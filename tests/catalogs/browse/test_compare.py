@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from catalogs.browse import CatalogServer
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from tests.support.browsed import composited, drag, image_of, shown, turned, visit
 from tests.support.browsers import pixels
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from PIL import Image
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from tests.support.browsers import DESKTOP, NewPage
 
 if TYPE_CHECKING:

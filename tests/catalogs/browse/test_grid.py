@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from benchmarks.browse import synthetic_catalog
 from catalogs.browse import CatalogServer, write_page
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
+from research.benchmarks.stores.browse import synthetic_catalog
 from tests.support.browsed import Picture, composited, picture_at, shown, visit
 from tests.support.browsers import pixels
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages
 from catalogs.browse import CatalogServer, write_page
-from catalogs.cameras import orbit, view_splits
-from catalogs.catalog import Catalog
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import orbit, view_splits
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from tests.catalogs.browse.conftest import GRID, grid_plan
 from tests.support.browsed import drag, option_texts, shown, slider_box, visit
 from tests.support.browsers import pixels

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages
 from catalogs.browse import CatalogServer, write_page
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from tests.catalogs.browse.conftest import SIZE, grid_plan, picture
 from tests.support.browsed import composited, drag, image_of, option_texts, shown, slider_box, turned, visit
 from tests.support.browsers import pixels

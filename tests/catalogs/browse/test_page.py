@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.browse import synthetic_catalog
 from catalogs.browse import page_of, write_page
 from catalogs.browse.description import describe
-from catalogs.cameras import icosphere, view_splits
-from catalogs.catalog import Catalog, CatalogError
-from catalogs.check import check
 from catalogs.cli import main
-from catalogs.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog, CatalogError
+from catalogs.tools.check import check
+from catalogs.vocabulary.cameras import icosphere, view_splits
+from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
+from research.benchmarks.stores.browse import synthetic_catalog
 from tests.catalogs.browse.conftest import GRID, grid_plan
 
 

@@ -20,8 +20,8 @@ import pytest
 
 from catalogs.browse import CatalogServer, page_of, serve
 from catalogs.browse.server import open_below
-from catalogs.catalog import Catalog
-from catalogs.packing import pack
+from catalogs.store.catalog import Catalog
+from catalogs.tools.packing import pack
 from tests.catalogs.browse.conftest import running
 from tests.support.browsed import shown
 
@@ -255,7 +255,7 @@ def test_a_folder_that_refuses_the_page_is_served_all_the_same(
     def stop(self: CatalogServer) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("catalogs.durable.replace", refuse)
+    monkeypatch.setattr("catalogs.files.durable.replace", refuse)
     monkeypatch.setattr(CatalogServer, "serve_forever", stop)
     serve(catalog.path, announce=said.append)
     assert "read-only" in said[0]

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.catalog import Catalog
 from catalogs.exchange import export
+from catalogs.store.catalog import Catalog
 from tests.catalogs.conftest import picture
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from catalogs.catalog import Catalog
 from catalogs.cli import main
 from catalogs.exchange import ExchangeError, export
 from catalogs.exchange.export import over
-from catalogs.images import ImageError, read_image
+from catalogs.files.images import ImageError, read_image
+from catalogs.store.catalog import Catalog
 
 
 def test_pictures_stand_over_their_background() -> None:

@@ -12,12 +12,12 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogError
-from catalogs.check import check
 from catalogs.cli import main
 from catalogs.exchange import ExchangeError, import_nerf
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog, CatalogError
+from catalogs.tools.check import check
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from tests.support.nerf_data import ANGLE, BOUNDS, TEST, TRAIN, DataSet, bring, picture
 
 

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from catalogs.cameras import Camera
 from catalogs.exchange import ExchangeError
 from catalogs.exchange.transforms import read_frames, world_to_camera
-from catalogs.png import PngError, check_png
+from catalogs.files.png import PngError, check_png
+from catalogs.vocabulary.cameras import Camera
 from tests.support.nerf_data import ANGLE, HEIGHT, WIDTH, DataSet, bring, opengl_pose, picture
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.catalog import Catalog
 from catalogs.exchange import ExchangeError, export, import_nerf
+from catalogs.store.catalog import Catalog
 from tests.catalogs.conftest import add_member, make_plan
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insitu.file_ensemble import FileEnsemble
+from insitu.ensembles.files import FileEnsemble
 from insitu.readers import adios
 from insitu.readers.files import read_data
 from insitu.readers.reader import Sampling

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from catalogs.scene import Scene
+from catalogs.vocabulary.scene import Scene
 from insitu.cli import main
-from insitu.file_ensemble import FileEnsemble
+from insitu.ensembles.files import FileEnsemble
+from insitu.ensembles.sources import ensemble_of
 from insitu.readers.reader import Reader, Record, Sampling
 from insitu.readers.states import dumps_below, reader_for, table_of_files, with_states
 from insitu.readers.tables import Row, Table, match_files, read_table
-from insitu.sources import ensemble_of
 from tests.support.cloverleaf_files import write_dump
 
 AXES = [np.arange(4.0)] * 3

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insitu.file_ensemble import FileEnsemble
+from insitu.ensembles.files import FileEnsemble
 from insitu.readers.files import read_data, read_field
 from insitu.readers.reader import Sampling
 from insitu.readers.states import dumps_below, reader_for, table_of_files, with_states

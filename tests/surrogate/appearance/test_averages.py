@@ -11,7 +11,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.appearance.averages import MOST_OPAQUE, NEGLIGIBLE, TOLERANCE, Nodes, averages_reference, resampled
 
 SCENES = Path(__file__).parents[3] / "scenes"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from surrogate import Surrogate
 from surrogate.appearance.averages import LEAST_SPREAD
 from surrogate.appearance.field_gaussians import FieldGaussians, FieldValues, load_gaussians

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.appearance.scale import ValueScale
 
 GAPS = st.lists(st.floats(0.01, 100.0), min_size=1, max_size=11)

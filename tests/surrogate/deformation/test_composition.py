@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.deformation import (
     BilinearDeformation,
     Deformation,

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import native
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
+from surrogate import kernels
 from surrogate.deformation.extinction import (
     MOST_OPAQUE,
     SAMPLES,
@@ -91,15 +91,15 @@ def test_places_that_are_control_points_have_their_values() -> None:
 def test_wrong_shapes_are_named() -> None:
     values, colors, opacities = np.zeros(3), np.zeros((2, 4)), np.zeros((2, 2))
     with pytest.raises(ValueError, match=r"values must have shape \[2 or more\]"):
-        native.extinction_table(values[:1], colors, opacities, SAMPLES, MOST_OPAQUE)
+        kernels.extinction_table(values[:1], colors, opacities, SAMPLES, MOST_OPAQUE)
     with pytest.raises(ValueError, match=r"color_points must have shape \[1 or more, 4\]"):
-        native.extinction_table(values, colors[:, :3], opacities, SAMPLES, MOST_OPAQUE)
+        kernels.extinction_table(values, colors[:, :3], opacities, SAMPLES, MOST_OPAQUE)
     with pytest.raises(ValueError, match=r"opacity_points must have shape \[1 or more, 2\]"):
-        native.extinction_table(values, colors, opacities[:0], SAMPLES, MOST_OPAQUE)
+        kernels.extinction_table(values, colors, opacities[:0], SAMPLES, MOST_OPAQUE)
     with pytest.raises(ValueError, match="samples must lie in 1 to 65536, got 0"):
-        native.extinction_table(values, colors, opacities, 0, MOST_OPAQUE)
+        kernels.extinction_table(values, colors, opacities, 0, MOST_OPAQUE)
     with pytest.raises(ValueError, match="most_opaque must lie in 0 to 1, and not be 1"):
-        native.extinction_table(values, colors, opacities, SAMPLES, 1.0)
+        kernels.extinction_table(values, colors, opacities, SAMPLES, 1.0)
 
 
 @every_function

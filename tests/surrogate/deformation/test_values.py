@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.deformation import Offsets, ValuesDeformation, load_deformation
 from surrogate.deformation.extinction import extinction_table
 from surrogate.deformation.values import placed_values

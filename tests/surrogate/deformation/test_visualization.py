@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.appearance import TransferFunction
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from catalogs.appearance import ImportedImages
-from catalogs.cameras import orbit, view_splits
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import orbit, view_splits
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from research.studies.repeats.records import save
 from surrogate.cli import main
 from surrogate.evaluation.cases import PARAMETERS, VIEWS, cases_of
 from surrogate.evaluation.evaluate import evaluate
@@ -22,7 +23,6 @@ from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
 from surrogate.settings import TrainingSettings
-from surrogate.studies.repeats.records import save
 from surrogate.training.run import train
 from tests.support.results import ceiling_entry, save_ceiling
 from tests.support.scores import scores_of

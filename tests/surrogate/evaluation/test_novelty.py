@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.appearance import TransferFunction
-from catalogs.summary import FieldSummary
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.evaluation.novelty import MAGNIFIED, SeenValues, extinctions, trained_functions
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, appearance_of, field_catalog
 from tests.support.models import following, plain

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.appearance import Appearance, Isosurface
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.summary import FieldSummary
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import Appearance, Isosurface
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.gaussians import Normalization
 from surrogate.initialization.field_points import FieldPoints, field_points
 from tests.support.blobs import Blobs

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Normalization
 from surrogate.initialization.hull import SLACK, hull_points, occupied, voxels
 from surrogate.initialization.pictures import Picture, Points

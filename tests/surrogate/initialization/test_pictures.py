@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.images import premultiply
+from catalogs.files.images import premultiply
 from surrogate.initialization.pictures import foreground, representative_member, straight_colors
 from surrogate.settings import TrainingSettings
 from surrogate.training.source import Source

@@ -3,9 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages, TransferFunction, VolumeRendering
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.summary import FieldSummary
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import ImportedImages, TransferFunction, VolumeRendering
 from surrogate.gaussians import Normalization
 from surrogate.initialization.pictures import Points
 from surrogate.initialization.start import initial_gaussians, initial_points

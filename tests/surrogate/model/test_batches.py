@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera, orbit
+from catalogs.vocabulary.cameras import Camera, orbit
 from surrogate import Surrogate
 from surrogate.rasterizer import Rasterizer
 from surrogate.splatting.threads import one_torch_thread

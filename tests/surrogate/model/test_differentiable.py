@@ -12,8 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate, look_at
 from surrogate.deformation import FieldDeformation
 from surrogate.lighting import Lighting

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera
-from catalogs.variations import displaced
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.variations import displaced
 from surrogate import Surrogate
 from surrogate.splatting import render
 from tests.support.comparing import same

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from research.studies.repeats.records import save
 from surrogate.cli import main
 from surrogate.model import Surrogate
 from surrogate.report import records
-from surrogate.studies.repeats.records import save
 from tests.support.results import ceiling_entry, make_catalog, make_scene, save_ceiling
 from tests.support.scores import scores_of
 
@@ -40,7 +40,7 @@ def test_figures_are_kept_and_answer_where_there_is_no_model(tmp_path: Path, mon
 def test_a_checkout_is_not_written_to_unless_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "docs/records/blobs").mkdir(parents=True)
+    (tmp_path / "research/records/blobs").mkdir(parents=True)
 
     def call(*words: str) -> str:
         result = CliRunner().invoke(main, [words[0], str(scene), *words[1:]])
@@ -50,18 +50,18 @@ def test_a_checkout_is_not_written_to_unless_it_is_asked_for(tmp_path: Path, mon
     call("train")
     call("ceiling")
     call("evaluate")
-    assert list((tmp_path / "docs/records/blobs").iterdir()) == []
+    assert list((tmp_path / "research/records/blobs").iterdir()) == []
     assert (tmp_path / "runs/blobs/evaluation/0.json").is_file()
     assert (tmp_path / "runs/blobs/ceiling/drawn.json").is_file()
     assert "nothing to do" in call("evaluate")
     mark = Surrogate.load(tmp_path / "runs/blobs/surrogate").training["fingerprint"]
     for seed in (0, 1):
-        save(tmp_path / "docs/records/blobs", scores_of(seed, 30.0, base=mark))
-    save_ceiling(tmp_path / "docs/records/blobs", ceiling_entry(mark, 31.0, "else"))
+        save(tmp_path / "research/records/blobs", scores_of(seed, 30.0, base=mark))
+    save_ceiling(tmp_path / "research/records/blobs", ceiling_entry(mark, 31.0, "else"))
     assert "report.md (" in call("evaluate")  # anew, for what is known there
     report = json.loads((tmp_path / "runs/blobs/report/report.json").read_text())
     assert report["repeats"]["seeds"] == [0, 1]
     assert [entry["appearance"] for entry in report["ceilings"]] == ["drawn", "else"]
-    assert not (tmp_path / "docs/records/blobs/evaluation").exists()
-    call("evaluate", "--records", "docs/records")
-    assert (tmp_path / "docs/records/blobs/evaluation/0.json").is_file()
+    assert not (tmp_path / "research/records/blobs/evaluation").exists()
+    call("evaluate", "--records", "research/records")
+    assert (tmp_path / "research/records/blobs/evaluation/0.json").is_file()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.cli import main
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS
 from surrogate.evaluation.evaluate import AT_NEAREST, Evaluation, VariedEvaluation, evaluate

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-import native
+from surrogate import kernels
 from surrogate.splatting.along_rays import opacities_along_rays, opacities_along_rays_reference
 from surrogate.splatting.reference import rotations
 from tests.support.kernel_calls import recorded
@@ -72,7 +72,7 @@ def test_whatever_the_shapes_the_kernel_is_the_definition(count: int, aspect: fl
     check(media(count, seed, aspect))
 
 
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("instruction_set", kernels.instruction_sets())
 @pytest.mark.parametrize("count", [0, 1, 7, 65, 2000])
 def test_every_instruction_set_has_the_same_and_threads_change_no_bit(instruction_set: str, count: int) -> None:
     arrays = [tensor.numpy() for tensor in media(count, seed=count)]
@@ -80,8 +80,8 @@ def test_every_instruction_set_has_the_same_and_threads_change_no_bit(instructio
     upstream = np.linspace(-1.0, 1.0, count, dtype=np.float32)
 
     def made(threads: int, name: str) -> list[np.ndarray]:
-        forward = native.ray_opacities(*given, threads, name)
-        return [forward, *native.ray_opacities_gradient(*given, upstream, threads, name)]
+        forward = kernels.ray_opacities(*given, threads, name)
+        return [forward, *kernels.ray_opacities_gradient(*given, upstream, threads, name)]
 
     alone, best = made(1, instruction_set), made(1, "")
     assert [a.shape for a in alone] == [(count,), (count, 3), (count, 3), (count, 4), (count,)]
@@ -173,4 +173,4 @@ def test_other_shapes_are_refused() -> None:
     means, log_scales, quats, logits = (tensor.numpy() for tensor in media(5))
     for broken in ([means[:4], log_scales, quats, logits], [means, log_scales[:, :2].copy(), quats, logits]):
         with pytest.raises(ValueError, match="must have shape"):
-            native.ray_opacities(broken, (0.0, 0.0, 0.0), 1e-12, 1)
+            kernels.ray_opacities(broken, (0.0, 0.0, 0.0), 1e-12, 1)

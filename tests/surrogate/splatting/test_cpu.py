@@ -9,8 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-import native
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
+from surrogate import kernels
 from surrogate.splatting import Constants, Primitives, draw_over, render
 
 Scene = list[Tensor]
@@ -197,13 +197,13 @@ def assert_close(gaussians: Scene, view: Camera, image_bound: float, gradient_bo
         assert float(error.quantile(0.99)) <= gradient_bound, f"{name}: {float(error.quantile(0.99)):.2e}"
 
 
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("instruction_set", kernels.instruction_sets())
 @pytest.mark.parametrize("size", [(61, 47), (16, 16), (1, 1), (33, 5), (3, 130)], ids=str)
 def test_ordinary_scenes(instruction_set: str, size: tuple[int, int]) -> None:
     assert_close(scene(200), camera(*size), 3e-6, 1e-5, instruction_set=instruction_set)
 
 
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("instruction_set", kernels.instruction_sets())
 @pytest.mark.parametrize("case", HARD)
 def test_hard_cases(case: str, instruction_set: str) -> None:
     assert_close(HARD[case](scene(60, seed=3)), camera(), 5e-6, 2e-5, instruction_set=instruction_set)
@@ -224,7 +224,7 @@ def test_thousands_over_one_pixel() -> None:
 def test_frames_wider_and_higher_than_what_is_looked_at_at_once() -> None:
     """Rows of blocks are cut 8 vectors at a time and tiles 16 across: a Gaussian over more of both."""
     wide = scene(6, seed=6, scales=(0.3, 0.9), opacities=(0.1, 0.3))
-    for instruction_set in native.instruction_sets():
+    for instruction_set in kernels.instruction_sets():
         assert_close(wide, camera(300, 40), 3e-6, 1e-5, instruction_set=instruction_set)
         assert_close(wide, camera(24, 560), 3e-6, 1e-5, instruction_set=instruction_set)
 
@@ -289,7 +289,7 @@ def test_a_gradient_of_gaussians_that_have_changed_since_is_refused() -> None:
         picture.color.sum().backward()
 
 
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("instruction_set", kernels.instruction_sets())
 def test_a_picture_over_a_background_is_that_of_colour_and_alpha(instruction_set: str) -> None:
     background, view = (1.0, 0.25, 0.5), camera(37, 41)
     weights = torch.randn(41, 37, 4, generator=torch.Generator().manual_seed(2), dtype=torch.float64)

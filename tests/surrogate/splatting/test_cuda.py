@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 
 import surrogate.splatting
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
+from research.studies.stress.check import snapped, tables
+from research.studies.stress.scenes import cloud, off_center, view, with_lengths
 from surrogate.splatting import Constants, Primitives, cuda, draw_over, render
 from surrogate.splatting.cuda import chosen_device
-from surrogate.studies.stress.check import snapped, tables
-from surrogate.studies.stress.scenes import cloud, off_center, view, with_lengths
 from surrogate.training.losses import image_loss_reference
 
 CONSTANTS = {"near": 0.05, "dilation": 0.1, "alpha_floor": 1.0 / 255.0}

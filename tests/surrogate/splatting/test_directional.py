@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-import native
+from surrogate import kernels
 from surrogate.splatting.directional import directional_colors, directional_colors_reference
 from tests.support.kernel_calls import recorded
 
@@ -60,15 +60,15 @@ def test_whatever_the_places_the_kernel_is_the_definition(count: int, size: floa
     check(colored(count, seed, size))
 
 
-@pytest.mark.parametrize("instruction_set", native.instruction_sets())
+@pytest.mark.parametrize("instruction_set", kernels.instruction_sets())
 @pytest.mark.parametrize("count", [0, 1, 7, 65, 2000])
 def test_every_instruction_set_has_the_same_and_threads_change_no_bit(instruction_set: str, count: int) -> None:
     given = *(tensor.numpy() for tensor in colored(count, seed=count)), POSITION.tolist()
     upstream = np.linspace(-1.0, 1.0, 3 * count, dtype=np.float32).reshape(count, 3)
 
     def made(threads: int, name: str) -> list[np.ndarray]:
-        forward = native.directional_colors(*given, threads, name)
-        return [forward, *native.directional_colors_gradient(*given, upstream, threads, name)]
+        forward = kernels.directional_colors(*given, threads, name)
+        return [forward, *kernels.directional_colors_gradient(*given, upstream, threads, name)]
 
     alone, best = made(1, instruction_set), made(1, "")
     assert [a.shape for a in alone] == [(count, 3), (count, 3), (count, 12)]
@@ -129,4 +129,4 @@ def test_there_is_no_second_derivative_of_the_kernel() -> None:
 def test_other_shapes_are_refused(broken: tuple[int, int]) -> None:
     means, _ = colored(5)
     with pytest.raises(ValueError, match="must have shape"):
-        native.directional_colors(means.numpy(), np.zeros(broken, np.float32), (0.0, 0.0, 0.0), 1)
+        kernels.directional_colors(means.numpy(), np.zeros(broken, np.float32), (0.0, 0.0, 0.0), 1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.splatting.samples import averaged, finer
 
 CAMERA = Camera.look_at((3.0, 1.0, 2.0), (0.1, 0.0, 0.2), vertical_fov_degrees=40.0, width=7, height=4)

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.splatting import Constants, Primitives, reference, render
 
 VIEW = Camera.look_at((3.0, 0.6, 0.4), (0, 0, 0), vertical_fov_degrees=35.0, width=23, height=17)

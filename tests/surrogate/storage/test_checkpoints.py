@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, fingerprint_of_scene, locked
 from tests.support.blobs import Blobs

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate
 from surrogate.storage.encoding import encode
 from tests.support.surrogates import CENTER, some_surrogate

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from catalogs import durable
+from catalogs.files import durable
 from surrogate.storage import records
 from surrogate.storage.records import Provenance, Record, read_json
 
@@ -98,7 +98,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path: Path, monkeypatch: pytes
     def fail(*_: object) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr("catalogs.durable.rename", fail)
+    monkeypatch.setattr("catalogs.files.durable.rename", fail)
     with pytest.raises(OSError, match="disk full"):
         replace(RECORD, values={}).save(tmp_path / "size.json")
     assert (load(tmp_path / "size.json") or RECORD).values == RECORD.values

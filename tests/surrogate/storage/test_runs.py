@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.catalog import CatalogError
-from catalogs.splits import Splits
+from catalogs.store.catalog import CatalogError
+from catalogs.store.splits import Splits
 from surrogate.storage.runs import RECORD, RunFolder, RunRecord, path_between
 from tests.support.results import SETTINGS_OF_SCENE, make_catalog
 from tests.support.surrogates import some_surrogate

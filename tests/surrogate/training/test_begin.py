@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.storage.runs import RECORD, RunFolder, RunRecord

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.appearance import Appearance, ImportedImages, Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.appearance import Appearance, ImportedImages, Isosurface, TransferFunction, VolumeRendering
 from surrogate.settings import TrainingSettings
 from surrogate.training import budget
 from surrogate.training.budget import Budget, Worth, budgeted

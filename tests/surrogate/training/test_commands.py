@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import surrogate.training.run
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.cli import main
 from surrogate.explore.reliability.facts import facts
 from surrogate.explore.run import Run

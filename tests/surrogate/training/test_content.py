@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from catalogs.appearance import ImportedImages
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog, CatalogPlan
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import Camera
 from surrogate.settings import TrainingSettings
 from surrogate.training.content import changing_share, roughness, sampled, visible_pixels
 from surrogate.training.data import training_rows

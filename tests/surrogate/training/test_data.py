@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.catalog import Catalog
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.variations import Variation
 from surrogate.gaussians import Normalization
 from surrogate.training.data import foreground_color, load_examples, rows, training_rows, validation_rows
 from tests.support.field_blobs import FUNCTIONS, ISOVALUE, STEPS, field_catalog

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import torch
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate import TrainingSettings, train
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.storage.names import part_of

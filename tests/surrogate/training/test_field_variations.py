@@ -12,9 +12,10 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from catalogs.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.variations import field_variation, transfer_function_family
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.vocabulary.variations import field_variation, transfer_function_family
+from research.studies.ceiling import subjects
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
 from surrogate.deformation import BilinearDeformation, FieldDeformation
@@ -25,7 +26,6 @@ from surrogate.gaussians import NAMES
 from surrogate.report.report import write_report
 from surrogate.report.variations import variation_line
 from surrogate.storage.checkpoints import fingerprint
-from surrogate.studies.ceiling import subjects
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.state import Fitted

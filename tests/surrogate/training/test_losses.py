@@ -7,7 +7,7 @@ import pytest
 import torch
 from skimage.metrics import structural_similarity as skimage_ssim
 
-import native
+from surrogate import kernels
 from surrogate.deformation import BilinearDeformation
 from surrogate.gaussians import NAMES, Gaussians
 from surrogate.settings import TrainingSettings
@@ -70,13 +70,13 @@ def test_equal_pictures_lose_nothing_and_flat_ones_stay_finite() -> None:
 
 def test_threads_and_instruction_sets_agree() -> None:
     image, target = (t.float().numpy() for t in pair(100, 75))
-    first = native.image_loss(image, target, 0.2, 1)
+    first = kernels.image_loss(image, target, 0.2, 1)
     for threads in (2, 5):
-        again = native.image_loss(image, target, 0.2, threads)
+        again = kernels.image_loss(image, target, 0.2, threads)
         assert again[:2] == first[:2]
         assert np.array_equal(again[2], first[2])
-    for name in native.instruction_sets():
-        other = native.image_loss(image, target, 0.2, 2, name)
+    for name in kernels.instruction_sets():
+        other = kernels.image_loss(image, target, 0.2, 2, name)
         assert other[0] == pytest.approx(first[0], rel=1e-6)
         assert other[1] == pytest.approx(first[1], rel=1e-6)
 
@@ -89,9 +89,9 @@ def test_different_shapes_are_refused() -> None:
 def test_bytes_are_compared_as_the_fractions_that_they_stand_for() -> None:
     image = pair(30, 37)[0].float()
     target = torch.randint(0, 256, (30, 37, 3), generator=torch.Generator().manual_seed(1), dtype=torch.uint8)
-    for name in native.instruction_sets():
-        as_bytes = native.image_loss(image.numpy(), target.numpy(), 0.2, 1, name)
-        as_floats = native.image_loss(image.numpy(), (target.float() * (1 / 255)).numpy(), 0.2, 1, name)
+    for name in kernels.instruction_sets():
+        as_bytes = kernels.image_loss(image.numpy(), target.numpy(), 0.2, 1, name)
+        as_floats = kernels.image_loss(image.numpy(), (target.float() * (1 / 255)).numpy(), 0.2, 1, name)
         assert as_bytes[:2] == as_floats[:2]
         assert np.array_equal(as_bytes[2], as_floats[2])
     assert image_loss(image, target).item() == pytest.approx(image_loss(image, target / 255).item(), rel=1e-6)

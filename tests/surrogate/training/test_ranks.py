@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
 from surrogate.storage.checkpoints import Checkpoint
@@ -40,7 +40,7 @@ PLAIN = QUICK.changed(fit_to_need=False, color_degree=0)
 TRAINING = """
 import hashlib
 import surrogate.training.session
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate import TrainingSettings, train
 surrogate.training.session.REPORT_SECONDS = 0.01
 said = []
@@ -238,7 +238,7 @@ BUDGETED = """
 import time
 import surrogate.training.budget as budget
 import surrogate.training.pace as pace
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate.training.begin import Asked, begin
 budget.LEAST_SECONDS = pace.LEAST_SECONDS = 0.01
 budget.SPARE = 0.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.training.loop import LoopMemory, StageRun

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.catalog import Catalog
-from catalogs.packing import pack
+from catalogs.store.catalog import Catalog
+from catalogs.tools.packing import pack
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.splatting import cpu, cuda
 from surrogate.storage.checkpoints import Checkpoint, fingerprint
@@ -291,7 +291,7 @@ def start(settings: TrainingSettings, catalog: Catalog, folder: Path) -> Program
     program = (
         "import sys, json\n"
         "import surrogate.training.session\n"
-        "from catalogs.catalog import Catalog\n"
+        "from catalogs.store.catalog import Catalog\n"
         "from surrogate import TrainingSettings, train\n"
         "surrogate.training.session.REPORT_SECONDS = 0.01\n"
         "said = []\n"

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.catalog import Catalog
-from catalogs.variations import Setting, Variation, displaced
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.variations import Setting, Variation, displaced
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.training.compression.choice import Choice
 from surrogate.training.compression.precision import precision_of_visualization

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.catalog import Catalog
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.initialization.pictures import Points
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import foreground_color

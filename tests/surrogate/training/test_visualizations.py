@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from catalogs.appearance import ImportedImages
-from catalogs.catalog import Catalog
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.variations import Variation
 from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.cameras import Camera, orbit
-from catalogs.catalog import Member
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.store.catalog import Member
+from catalogs.vocabulary.cameras import Camera, orbit
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.trivial.interpolation import fixed_rules
 from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures

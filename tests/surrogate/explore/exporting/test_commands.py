@@ -13,9 +13,9 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog
-from catalogs.images import read_image, to_bytes
+from catalogs.files.images import read_image, to_bytes
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.cameras import Camera
 from surrogate import Surrogate
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.explore.exporting.pictures import record_of

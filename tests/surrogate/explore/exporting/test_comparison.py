@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.images import to_bytes
+from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.difference import difference_of
 from surrogate.explore.exporting.lettering import font, wrapped

@@ -50,7 +50,7 @@ def test_a_picture_is_what_is_drawn_and_knows_it(run: Run) -> None:
     picture = np.asarray(Image.open(io.BytesIO(made.content)).convert("RGB")) / 255
     record = record_of(made.content)
     assert record["parameters"] == {"p": 0.25}
-    from catalogs.cameras import Camera
+    from catalogs.vocabulary.cameras import Camera
 
     camera = Camera.from_json(record["camera"])
     expected = run.surrogate.at(p=0.25).render(camera, background=record["background"])[..., :3]

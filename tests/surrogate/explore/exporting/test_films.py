@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.exporting.films import film_bytes
 from surrogate.explore.exporting.sweep import Axis, Sweep, pictures, settings
 from surrogate.explore.setting import Setting

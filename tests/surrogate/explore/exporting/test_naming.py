@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.exporting.exports import ComparisonRequest, FilmRequest, PictureRequest, SheetRequest
 from surrogate.explore.exporting.naming import file_name
 from surrogate.explore.exporting.sweep import Axis, Sweep

@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from catalogs.cameras import Camera
-from catalogs.images import premultiply, read_image, read_stored, to_bytes
+from catalogs.files.images import premultiply, read_image, read_stored, to_bytes
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.exporting import pictures as module
 from surrogate.explore.exporting.pictures import KEY, encode, record_for, record_of
 from surrogate.explore.setting import Setting

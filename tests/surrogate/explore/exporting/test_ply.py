@@ -10,7 +10,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.exporting.ply import SH_C0, SH_C2, ply_bytes
 from surrogate.gaussians import Normalization
 from surrogate.lighting import Lighting

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from catalogs.cameras import Camera
-from catalogs.images import read_image, to_bytes
-from catalogs.parameters import Parameter, ParameterSpace
+from catalogs.files.images import read_image, to_bytes
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate.explore.exporting.snippet import snippet
 from surrogate.explore.setting import Setting
 from surrogate.model import Surrogate

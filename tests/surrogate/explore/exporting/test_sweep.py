@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.exporting.sweep import Axis, Sweep, check, parameter, pictures, settings
 from surrogate.explore.setting import Setting
 from tests.support.models import following, plain

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.evaluation.novelty import SeenValues
 from surrogate.explore.reliability.calibration import NEAREST

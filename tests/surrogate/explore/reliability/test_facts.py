@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.appearance import ImportedImages
-from catalogs.cameras import OBLIQUE, Camera
-from catalogs.catalog import Catalog, CatalogPlan
-from catalogs.parameters import Parameter, ParameterSpace
-from catalogs.quantity import Quantity
+from catalogs.store.catalog import Catalog, CatalogPlan
+from catalogs.vocabulary.appearance import ImportedImages
+from catalogs.vocabulary.cameras import OBLIQUE, Camera
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.quantity import Quantity
 from surrogate import Surrogate
 from surrogate.explore.color_maps import NAMES
 from surrogate.explore.reliability import facts as module
@@ -118,7 +118,7 @@ def test_transfer_functions(told: dict[str, Any]) -> None:
 
 
 def test_fields_are_named_base_first(tmp_path: Path, surrogate: Surrogate) -> None:
-    from catalogs.variations import field_variation
+    from catalogs.vocabulary.variations import field_variation
     from surrogate.deformation.visualization import Visualization
 
     of_field = Visualization(field_variation("dvr", appearances=("speed", "other")), surrogate.deformation)

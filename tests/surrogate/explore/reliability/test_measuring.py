@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from catalogs.catalog import Catalog
+from catalogs.store.catalog import Catalog
 from surrogate import Surrogate
 from surrogate.explore.reliability import measuring as module
 from surrogate.explore.reliability.expectation import measure

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.cameras import Camera
-from catalogs.catalog import Catalog
-from catalogs.variations import Setting as VariedSetting
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.variations import Setting as VariedSetting
 from surrogate import Surrogate
 from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.run import Run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.explore.reliability.views import FACTOR, Views
 
 MIDDLE = np.array([100.0, -50.0, 3.0])

@@ -206,7 +206,7 @@ def broken(run_folder: Path, folder: Path, how: str) -> Path:
         case "another model":
             from dataclasses import replace
 
-            from catalogs.parameters import Parameter, ParameterSpace
+            from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 
             other = plain()
             space = ParameterSpace((Parameter("q", 0.0, 1.0),))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
-from catalogs.cameras import Camera
+from catalogs.vocabulary.cameras import Camera
 from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.evaluator import Evaluator

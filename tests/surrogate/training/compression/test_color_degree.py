@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from catalogs.catalog import Catalog
-from catalogs.variations import Variation
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.variations import Variation
 from surrogate.deformation import BilinearDeformation
 from surrogate.settings import TrainingSettings
 from surrogate.training.compression.color_degree import NAME_OF_F_VIS, choose_visualized_color_degree

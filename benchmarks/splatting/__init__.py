@@ -1,1 +1,0 @@
-"""The splatting engine's speed beside its error: `python -m benchmarks.splatting`."""

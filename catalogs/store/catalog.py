@@ -1,0 +1,397 @@
+"""The store of an ensemble's images: a Cinema database that grows by whole members and survives crashes.
+
+    x.cdb/data.csv                       the table (specification D), derived from the members
+          catalog.json                   what a table can't hold: parameter space, cameras, appearances, conventions
+          members/<name>/member.json     parameters, split, provenance
+                         rows.csv        its part of the table
+                         cameras.json    its own cameras, where they are not shared
+                         field.npz       the summary of its field, or of each of its fields
+                         <appearance>/<view>.png
+
+A member is written in a hidden folder and renamed into place when all of it is on disk, so it is there whole or not at all.
+How the table follows at a cost that does not grow, `catalogs.store.table` tells.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.files import durable
+from catalogs.files.images import write_image
+from catalogs.store.description import DESCRIPTION, LOCK, SCHEMA, allow_fewer_appearances, write_empty
+from catalogs.store.journal import key_of
+from catalogs.store.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
+from catalogs.store.missing import MissingMember, missing_members
+from catalogs.store.notebook.html import catalog_html
+from catalogs.store.pictures import read_picture
+from catalogs.store.plan import CatalogError, CatalogPlan, name_problem, read_json
+from catalogs.store.splits import Splits
+from catalogs.store.summary import FieldSummary, save_summaries
+from catalogs.store.table import MEMBERS, UNFINISHED, Table, keys_of, member_paths
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import Outside
+from catalogs.vocabulary.words import counted, shortened
+
+__all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
+
+
+class MemberWriter:
+    """Writes one member under a hidden name; leaving the `with` block commits it, an exception leaves nothing."""
+
+    def __init__(self, catalog: Catalog, member: Member, *, replace: bool = False) -> None:
+        self._catalog = catalog
+        self._replace = replace
+        self.member = member
+        self._written: set[tuple[str, int]] = set()
+
+    @property
+    def path(self) -> Path:
+        """The hidden folder that is being filled."""
+        return self.member.path
+
+    def write_image(self, appearance: str, view: int, rgba: NDArray[Any]) -> None:
+        """Store premultiplied RGBA [H, W, 4], uint8 or float32 in [0, 1], of the camera's size.
+
+        Raises CatalogError for an unknown appearance or view, another size, or a transparent image where the catalog has a
+        background; ValueError for another dtype or NaN; OSError where the disk refuses.
+        """
+        plan = self._catalog.plan
+        if appearance not in self.member.appearances:
+            raise CatalogError(f"no appearance {appearance!r}; the member has {shortened(self.member.appearances)}")
+        if not 0 <= view < len(self.member.cameras):
+            raise CatalogError(f"view {view} does not exist: there are {len(self.member.cameras)}")
+        camera = self.member.cameras[view]
+        if rgba.shape != (camera.height, camera.width, 4):
+            raise CatalogError(f"view {view} must be {camera.height}x{camera.width} RGBA, got shape {rgba.shape}")
+        if plan.background is not None and (rgba[..., 3] < (255 if rgba.dtype == np.uint8 else 1.0)).any():
+            raise CatalogError(
+                f"view {view} of {appearance} is transparent, but this catalog's images stand on the background "
+                f"{plan.background}: composite it first, rgb + (1 - alpha) * background"
+            )
+        path = self.path / plan.image_name(appearance, view)
+        path.parent.mkdir(exist_ok=True)
+        write_image(path, rgba)
+        self._written.add((appearance, view))
+
+    def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
+        """Keep the summaries of a member's fields, by name ("" for the only one), beside their images."""
+        only = len(self._catalog.plan.fields) == 1 == len(summaries)
+        save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if only else summaries)
+
+    def add_provenance(self, **values: Any) -> None:
+        """Record more about the member, JSON values, such as what its pictures turned out to be."""
+        self.member = dataclasses.replace(self.member, provenance={**self.member.provenance, **values})
+
+    def missing(self) -> list[tuple[str, int]]:
+        """(appearance, view) pairs that were not written yet."""
+        views = range(len(self.member.cameras))
+        return [(a, v) for a in self.member.appearances for v in views if (a, v) not in self._written]
+
+    def __enter__(self) -> MemberWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            if kind is None:
+                self._catalog._commit(self, replace=self._replace)
+        finally:
+            shutil.rmtree(self.path, ignore_errors=True)
+
+
+class Catalog:
+    """An ensemble's Cinema database on disk.  `create` or `open` one; iterate its `members`.
+
+    Any number of processes may write at once, each its own members; on a network file system it must have file locks (NFS 4
+    and Lustre mounted with flock do).  Readers need no lock: what they see is whole at any moment.
+    """
+
+    def __init__(self, path: Path, plan: CatalogPlan, splits: Splits | None = None) -> None:
+        self.path = path
+        self.plan = plan
+        self.splits = splits  # of some members, as one run sees them; None: of all, as stored
+        self._table = Table(path, plan)
+
+    @classmethod
+    def create(cls, path: str | os.PathLike[str], plan: CatalogPlan) -> Catalog:
+        """A new, empty catalog; or the one that is there, if it was made with the same plan (provenance aside).
+
+        Raises CatalogError naming what differs otherwise, for a path that does not end with `.cdb`, and for a folder that
+        holds other things.
+        """
+        path = Path(path)
+        if path.suffix != ".cdb":
+            raise CatalogError(f"a Cinema database is a folder whose name ends with .cdb, got {path}")
+        if not (path / DESCRIPTION).exists():
+            plan.check_recordable()
+            durable.make_folder(path)
+            with durable.locked(path / LOCK):
+                if not (path / DESCRIPTION).exists():  # another process may have been first
+                    write_empty(path, plan)
+        existing = cls.open(path)
+        differing = existing.plan.differences(plan)
+        if differing:
+            raise CatalogError(
+                f"{path} was made with other {', '.join(differing)}: choose another path, or remove it first"
+            )
+        return existing
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Catalog:
+        """The catalog at `path`; raises CatalogError when there is none, it is damaged, or it is newer than this program."""
+        path = Path(path)
+        record = read_json(path / DESCRIPTION)
+        schema = record.get("schema")
+        if type(schema) is not int or schema < 1:
+            raise CatalogError(f"{path / DESCRIPTION} is damaged: its schema is {schema!r}")
+        if schema > SCHEMA:
+            raise CatalogError(f"{path} has schema {schema}, this program knows {SCHEMA}: use a newer gs-surrogate")
+        try:
+            return cls(path, CatalogPlan.from_json(record))
+        except (KeyError, TypeError, ValueError) as error:
+            reason = str(error) if isinstance(error, ValueError) else repr(error)
+            raise CatalogError(f"{path / DESCRIPTION} is damaged: {reason}") from error
+
+    def __repr__(self) -> str:
+        try:
+            members = self.members
+        except CatalogError as error:
+            return f"<Catalog {self.path}: {error}>"
+        held = f"{len(members)} members ({counted(member.split for member in members)})"
+        views = sorted({len(member.cameras) for member in members}) or [len(self.plan.cameras)]
+        shown = f"{'-'.join(map(str, views))} views of {shortened(self.appearance_names)}"
+        return f"<Catalog {self.path}: {held}; {self.plan.space}; {shown}>"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with a few pictures."""
+        return catalog_html(self.path, self.plan, self.member_paths)
+
+    @property
+    def appearance_names(self) -> list[str]:
+        return self.plan.appearance_names
+
+    @property
+    def members(self) -> tuple[Member, ...]:
+        """The committed members, sorted by name."""
+        stored = (read_record(path, self.plan) for path in self.member_paths())
+        return tuple(stored) if self.splits is None else tuple(filter(None, map(self.splits.of, stored)))
+
+    @property
+    def missing(self) -> tuple[MissingMember, ...]:
+        """Members that should be here but could not be made, sorted by name."""
+        return missing_members(self.path)
+
+    def with_splits(self, splits: Splits) -> Catalog:
+        """The same catalog, of which `members` are those of `splits`, split so; nothing is written."""
+        return Catalog(self.path, self.plan, splits)
+
+    def member_paths(self) -> list[Path]:
+        """Folders of the committed members, sorted by name."""
+        return member_paths(self.path)
+
+    def member(self, name: str) -> Member:
+        """The member called `name`; raises CatalogError listing some that exist otherwise."""
+        if name not in self:
+            names = [p.name for p in self.member_paths()]
+            raise CatalogError(f"{self.path} has no member {name!r}; it has {len(names)}: {', '.join(names[:5])}")
+        return read_record(self.path / MEMBERS / name, self.plan)
+
+    def __contains__(self, name: str) -> bool:
+        return name_problem(name) is None and (self.path / MEMBERS / name / RECORD).is_file()
+
+    def find(self, parameters: Mapping[str, float]) -> str | None:
+        """The name of the member with exactly these parameters, None where there is none; costs the same for any number of members.
+
+        Brings table and journal up to date where they are not, or reads all records where it must not write.  Raises ValueError
+        for missing or unknown parameters.
+        """
+        parameters = self._ordered(parameters, "allow", 1)
+        try:
+            self.update_table()
+        except OSError:
+            key = key_of(parameters)
+            return next((name for name, stored in keys_of(self.path, self.plan) if stored == key), None)
+        return self._table.find(parameters)
+
+    def begin_member(
+        self,
+        name: str,
+        parameters: Mapping[str, float],
+        *,
+        split: str = "train",
+        cameras: Sequence[Camera] | None = None,
+        view_splits: Sequence[str] | None = None,
+        provenance: Mapping[str, Any] | None = None,
+        appearances: Sequence[str] | None = None,
+        outside: Outside = "warn",
+        replace: bool = False,
+    ) -> MemberWriter:
+        """A writer for a new member, used in a `with` block; `appearances` names those that it shows, all by default.
+
+        With `replace` it takes the place of the member with this name, if there is one: atomically, when it is whole; until then,
+        and where anything fails, the old one stays.  (Where the file system can't exchange two folders, network file systems for
+        one, it is missing for the moment between two renames; if a writer dies just there, the next one puts it back.)
+
+        Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
+        that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value
+        out of bounds is recorded, with a warning unless `outside` is "allow").
+        """
+        if self.plan.packed:
+            raise CatalogError(
+                f"{self.path} is packed and takes no further members: `catalogs unpack` it, or pack again later"
+            )
+        if (cameras is None) == (not self.plan.cameras):
+            raise CatalogError(
+                "this catalog's cameras are shared: members bring none"
+                if self.plan.cameras
+                else "every member of this catalog must bring its cameras"
+            )
+        member = Member(
+            name=name,
+            parameters=self._ordered(parameters, outside, 2),
+            split=split,
+            cameras=self.plan.cameras if cameras is None else tuple(cameras),
+            view_splits=self.plan.view_splits if view_splits is None else tuple(view_splits),
+            path=self.path / UNFINISHED / name,
+            provenance=provenance or {},
+            appearances=known_appearances(appearances, self.plan.appearance_names),
+        )
+        self.update_table()
+        self._refuse_duplicate(member, replace)
+        durable.remove_abandoned(self.path / UNFINISHED)
+        return MemberWriter(self, dataclasses.replace(member, path=self.unfinished_folder(name)), replace=replace)
+
+    def unfinished_folder(self, name: str) -> Path:
+        """A new hidden folder for the member `name`, which `adopt` lets appear; one that its writer leaves is removed later."""
+        folder = durable.partial_name(self.path / UNFINISHED / name)
+        folder.parent.mkdir(exist_ok=True)
+        folder.mkdir()
+        return folder
+
+    def adopt(self, members: Sequence[Member]) -> None:
+        """Let members appear in one commit, whose folders, from `unfinished_folder`, hold all of them and are synced.
+
+        Raises CatalogError where a name or parameters are taken; then none of them appears.
+        """
+        with self._ready_for(members):
+            self._table.add(members)
+
+    def image_path(self, member: Member | str, appearance: str, view: int) -> Path:
+        """Path of the file that holds an image: its own, or, in a packed catalog, the member's pack."""
+        name = member if isinstance(member, str) else member.name
+        return self.path / MEMBERS / name / self.plan.file_name(appearance, view)
+
+    def image(self, member: Member | str, appearance: str, view: int, *, dtype: str = "uint8") -> NDArray[Any]:
+        """Premultiplied RGBA [H, W, 4], "uint8" or "float32"; opaque where the catalog has a background.
+
+        Raises ImageError naming the file when it is absent, damaged or of another size than its camera, CatalogError for an
+        appearance that the member does not show.
+        """
+        member = self.member(member) if isinstance(member, str) else member
+        if appearance not in member.appearances:
+            raise CatalogError(
+                f"member {member.name} of {self.path} does not show {appearance!r}; it shows {shortened(member.appearances)}"
+            )
+        return read_picture(member, self.plan, appearance, view, dtype=dtype)
+
+    def images(
+        self,
+        member: Member | str,
+        appearance: str,
+        views: Sequence[int] | None = None,
+        *,
+        dtype: str = "uint8",
+        threads: int = 2,
+    ) -> NDArray[Any]:
+        """Several images of one member, all by default, decoded in parallel: [V, H, W, 4]."""
+        member = self.member(member) if isinstance(member, str) else member
+        views = range(len(member.cameras)) if views is None else views
+        with ThreadPoolExecutor(threads) as pool:
+            return np.stack(list(pool.map(lambda view: self.image(member, appearance, view, dtype=dtype), views)))
+
+    def table(self) -> bytes:
+        """What `data.csv` holds after `rebuild_table`: the header, and the rows of every committed member, sorted by name."""
+        return b"".join(self._table.pieces())
+
+    def update_table(self) -> None:
+        """Bring `data.csv` up to date where a writer was killed, or members were removed by hand; else at no cost."""
+        if not self._table.is_current():
+            with durable.locked(self.path / LOCK):
+                self._update_locked()
+
+    def rebuild_table(self) -> None:
+        """Write `data.csv` anew from the committed members, sorted by name, and clean up after writers that died."""
+        with durable.locked(self.path / LOCK):
+            self._table.rebuild()
+
+    def repair(self, set_aside: Callable[[], Mapping[str, Path]] = dict) -> None:
+        """`rebuild_table`, from rows that are derived anew from every member's record.
+
+        What `set_aside` names in `members/`, once nobody else writes, is moved to the paths that it gives.
+        """
+        with durable.locked(self.path / LOCK):
+            self._table.clean_up()
+            moves = set_aside()
+            self._table.derive_rows(without=moves)
+            if moves:
+                self._table.set_aside(moves)
+            self._table.rebuild()
+
+    def unfinished(self) -> list[Path]:
+        """Hidden folders of members whose writer is at work, or died."""
+        return [*durable.partials(self.path / UNFINISHED), *durable.partials(self.path / MEMBERS)]
+
+    def _commit(self, writer: MemberWriter, *, replace: bool) -> None:
+        """Make the member and its rows visible; whatever can fill a disk is written before the first rename."""
+        member, missing = writer.member, writer.missing()
+        if missing:
+            raise CatalogError(f"member {member.name} lacks {len(missing)} images, first {missing[0]}: not stored")
+        write_record(member, self.plan)
+        durable.sync_tree(member.path)
+        with self._ready_for([member], replace=replace):
+            if member.name in self:
+                self._table.replace(member)
+            else:
+                self._table.add([member])
+
+    @contextlib.contextmanager
+    def _ready_for(self, members: Sequence[Member], *, replace: bool = False) -> Iterator[None]:
+        """Hold the lock, with a current table, for a commit of members that must not be there already."""
+        with durable.locked(self.path / LOCK):
+            self._update_locked()
+            for member in members:
+                self._refuse_duplicate(member, replace)
+            self._table.clean_up()
+            if any(len(member.appearances) < len(self.plan.appearances) for member in members):
+                allow_fewer_appearances(self.path)
+            yield
+
+    def _update_locked(self) -> None:
+        if not self._table.is_current():
+            self._table.rebuild()
+
+    def _ordered(self, parameters: Mapping[str, float], outside: Outside, depth: int) -> dict[str, float]:
+        """Checked parameters in the space's order; a warning points `depth` calls above this one."""
+        values = self.plan.space.values(parameters, outside=outside, stacklevel=depth + 1)
+        return dict(zip(self.plan.space.names, values.tolist(), strict=True))
+
+    def _refuse_duplicate(self, member: Member, replace: bool) -> None:
+        """Raise CatalogError where the name or the parameters of a member are taken, but by the one that it is to replace."""
+        same = self._table.find(member.parameters)
+        taken = same if same != member.name else None
+        taken = taken or (member.name if member.name in self and not replace else None)
+        if taken:
+            parameters = read_json(self.path / MEMBERS / taken / RECORD).get("parameters")
+            raise CatalogError(
+                f"member {taken} with parameters {parameters} is in {self.path} already: "
+                f"nothing was written for {member.name}"
+            )

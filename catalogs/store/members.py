@@ -1,0 +1,167 @@
+"""One member of an ensemble on disk: a folder of images, its rows of the table, and a record of what these can't say."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.files import cinema, durable
+from catalogs.store.plan import CatalogError, CatalogPlan, check_views, json_values, name_problem, read_json
+from catalogs.store.summary import FieldSummary, load_summaries
+from catalogs.vocabulary.cameras import Camera, spherical_angles
+from catalogs.vocabulary.parameters import SPLITS
+from catalogs.vocabulary.variations import Setting
+from catalogs.vocabulary.words import member_line, shortened
+
+RECORD = "member.json"
+ROWS = "rows.csv"
+CAMERAS = "cameras.json"
+SUMMARY = "field.npz"
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A member of an ensemble.
+
+    Attributes
+    ----------
+    name : its folder in `members/`.
+    parameters : the simulation parameters by name, in physical units.
+    split : "train", "validation" or "test".
+    cameras : the viewpoints of its images.
+    view_splits : "train", "validation" or "test" per camera.
+    path : its folder.
+    provenance : JSON values: the simulated time, the hook's warnings, where images came from.
+    appearances : names of those it was rendered with, in the plan's order; all of them or some.
+    """
+
+    name: str
+    parameters: Mapping[str, float]
+    split: str
+    cameras: tuple[Camera, ...]
+    view_splits: tuple[str, ...]
+    path: Path
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    appearances: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        problem = name_problem(self.name)
+        if problem:
+            raise CatalogError(f"a member can't be called so: {problem}")
+        if self.split not in SPLITS:
+            raise CatalogError(f"split must be one of {SPLITS}, got {self.split!r}")
+        if not self.cameras:
+            raise CatalogError(f"member {self.name} has no cameras: every member of this catalog must bring its own")
+        check_views(self.cameras, self.view_splits)
+        object.__setattr__(self, "provenance", json_values(self.provenance, f"the provenance of member {self.name}"))
+
+    def __repr__(self) -> str:
+        return member_line(self, f"{len(self.cameras)} views of {shortened(self.appearances)}")
+
+    def summary(self, field: str = "") -> FieldSummary | None:
+        """The summary of a field, by default of the first; None where there is none.
+
+        A member of a single field does not know that field's name.
+        """
+        kept = self.summaries()
+        if field in kept or not kept:
+            return kept.get(field)
+        return next(iter(kept.values())) if not field or "" in kept else None
+
+    def summaries(self) -> dict[str, FieldSummary]:
+        """The summary of each field by name, "" for a single one; empty for images that were imported without any."""
+        path = self.path / SUMMARY
+        return load_summaries(path) if path.exists() else {}
+
+    def row_split(self, view: int, setting: Setting | None = None) -> str:
+        """The split of one image: the strictest of its member's, its view's and its setting's; test over validation over train."""
+        return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
+
+
+def known_appearances(names: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
+    """`names` in the order of the catalog's `known` ones; all for None.  Raises CatalogError for an unknown name, or no name."""
+    if names is None:
+        return tuple(known)
+    wanted = {names} if isinstance(names, str) else set(names)
+    unknown = sorted(wanted - set(known))
+    if unknown or not wanted:
+        raise CatalogError(
+            f"a member needs appearances of the catalog's, which are {shortened(known, 8)}, "
+            f"got {shortened(unknown, 8) or 'none'}"
+        )
+    return tuple(name for name in known if name in wanted)
+
+
+def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
+    """The member's part of the table: a row per appearance and view."""
+    low, high = np.array(plan.bounds)
+    for appearance in (a for a in plan.appearances if a.name in set(member.appearances)):
+        varied, setting = plan.varied(appearance.name).values(), plan.setting(appearance.name)
+        for view, camera in enumerate(member.cameras):
+            yield [
+                *member.parameters.values(),
+                appearance.name,
+                *varied,
+                member.name,
+                view,
+                *spherical_angles(camera.position - (low + high) / 2.0),
+                member.row_split(view, setting),
+                member.split,
+                member.view_splits[view],
+                f"members/{member.name}/{plan.file_name(appearance.name, view)}",
+            ]
+
+
+def write_record(member: Member, plan: CatalogPlan) -> None:
+    """Write into the member's folder everything but its images and summary; not synced yet."""
+    durable.write(member.path / ROWS, cinema.format_rows(rows_of(member, plan)).encode())
+    if not plan.cameras:
+        cameras = [camera.to_json() for camera in member.cameras]
+        durable.write(member.path / CAMERAS, json.dumps(cameras).encode())
+    record = {
+        "name": member.name,
+        "parameters": dict(member.parameters),
+        "split": member.split,
+        "own_cameras": not plan.cameras,
+        "view_splits": list(member.view_splits),
+        "provenance": dict(member.provenance),
+        **({"appearances": list(member.appearances)} if len(member.appearances) < len(plan.appearances) else {}),
+    }
+    durable.write(member.path / RECORD, json.dumps(record, indent=1, allow_nan=False).encode())
+
+
+def read_record(path: Path, plan: CatalogPlan) -> Member:
+    """The member in the folder `path`; raises CatalogError naming the file that is absent or damaged."""
+    record = read_json(path / RECORD)
+    try:
+        cameras = plan.cameras
+        if record["own_cameras"]:
+            cameras = tuple(Camera.from_json(camera) for camera in read_json(path / CAMERAS, list))
+        parameters = {name: float(record["parameters"][name]) for name in plan.space.names}
+        if not all(map(math.isfinite, parameters.values())) or record["name"] != path.name:
+            raise ValueError(f"it describes {record['name']} with {parameters}")
+        return Member(
+            name=record["name"],
+            parameters=parameters,
+            split=sys.intern(record["split"]),
+            cameras=cameras,
+            view_splits=_shared(record["view_splits"], plan.view_splits),
+            path=path,
+            provenance=record["provenance"],
+            appearances=known_appearances(record.get("appearances"), plan.appearance_names),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise CatalogError(f"{path / RECORD} is damaged: {error!r}") from error
+
+
+def _shared(splits: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:
+    """The splits of a member's views; the plan's own tuple where they are the same, of which 100,000 members need no copies."""
+    own = tuple(map(sys.intern, splits))
+    return known if own == known else own

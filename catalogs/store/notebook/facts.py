@@ -1,0 +1,115 @@
+"""What a catalog holds, in words."""
+
+from __future__ import annotations
+
+import os
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.store.members import Member
+from catalogs.store.plan import CatalogPlan
+from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
+from catalogs.vocabulary.parameters import Parameter
+from catalogs.vocabulary.words import counted
+
+
+def megabytes(folder: Path) -> float:
+    """What the files in and below the folder take on disk."""
+    return _bytes(folder) / 1e6
+
+
+def _bytes(folder: str | Path) -> int:
+    """The same in bytes, without a list of what is there."""
+    with os.scandir(folder) as entries:
+        return sum(
+            _bytes(entry.path) if entry.is_dir(follow_symlinks=False) else entry.stat().st_size
+            for entry in entries
+            if entry.is_dir(follow_symlinks=False) or entry.is_file()
+        )
+
+
+def facts(plan: CatalogPlan, members: Iterable[Member]) -> list[tuple[str, str]]:
+    """What a catalog's plan and these members say, as (what, in words); no image and no summary is opened."""
+    tally = Tally(plan)
+    for member in members:
+        tally.add(member)
+    return tally.facts()
+
+
+class Tally:
+    """What the members of a catalog are, taken in one after the other; of each it keeps the values of its parameters."""
+
+    def __init__(self, plan: CatalogPlan) -> None:
+        self._plan = plan
+        self._splits: Counter[str] = Counter()
+        self._values = {name: array("d") for name in plan.space.names}
+        self._images = 0
+        self._sizes = {(camera.width, camera.height) for camera in plan.cameras}
+        self._views: set[int] = set()  # how many a member has
+        self._view_splits: Counter[str] = Counter()
+
+    def add(self, member: Member) -> None:
+        """Take in a member."""
+        self._splits[member.split] += 1
+        for name, values in self._values.items():
+            values.append(member.parameters[name])
+        self._images += len(member.cameras) * len(member.appearances)
+        if member.cameras is not self._plan.cameras:
+            self._sizes.update((camera.width, camera.height) for camera in member.cameras)
+            self._views.add(len(member.cameras))
+            self._view_splits.update(member.view_splits)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What the plan and the members say, as (what, in words)."""
+        plan, count = self._plan, self._splits.total()
+        low, high = plan.bounds
+        return [
+            ("members", f"{count} ({counted(self._splits)})" if count else "none yet"),
+            *(("parameter", self._parameter(parameter)) for parameter in plan.space.parameters),
+            *(("field", str(quantity)) for quantity in plan.quantities.values() if quantity),
+            *(("appearance", _appearance(appearance, plan)) for appearance in plan.plain_appearances),
+            *(("variation", str(variation)) for variation in plan.variations),
+            ("views", self._shown_views()),
+            ("images", self._shown_images()),
+            ("box", f"{_numbers(low)} to {_numbers(high)}"),
+        ]
+
+    def _parameter(self, parameter: Parameter) -> str:
+        values = np.unique(self._values[parameter.name])
+        if not len(values):
+            return str(parameter)
+        return f"{parameter}; members from {values[0]:g} to {values[-1]:g}, {len(values)} values"
+
+    def _shown_views(self) -> str:
+        plan, numbers = self._plan, self._views or {0}
+        if plan.cameras:
+            return f"{len(plan.cameras)} shared by all members ({counted(Counter(plan.view_splits))})"
+        return f"every member its own, {min(numbers)} to {max(numbers)} ({counted(self._view_splits)} in all)"
+
+    def _shown_images(self) -> str:
+        plan, sizes = self._plan, sorted(self._sizes)
+        size = ", ".join(f"{width}x{height}" for width, height in sizes[:4]) + (", ..." if len(sizes) > 4 else "")
+        kind = "8-bit PNG" if plan.image_format == "png" else "float32 EXR"
+        kind += ", one HDF5 file for each member" if plan.packed else ""
+        ground = "with alpha" if plan.background is None else f"opaque on the background {_numbers(plan.background)}"
+        return f"{self._images:,} of {size or 'no size yet'}, {kind}, {ground}"
+
+
+def _appearance(appearance: Appearance, plan: CatalogPlan) -> str:
+    quantity = plan.quantity(field_of(appearance))
+    of, unit = (f" of {quantity.name}" if quantity.name else ""), (f" {quantity.unit}" if quantity.unit else "")
+    if isinstance(appearance, VolumeRendering):
+        low, high = appearance.transfer_function.bounds
+        shading = "shaded" if appearance.shaded else "unshaded"
+        return f"{appearance.name}: volume rendering{of} over [{low:g}, {high:g}]{unit}, {shading}"
+    if isinstance(appearance, Isosurface):
+        return f"{appearance.name}: isosurface{of} at {appearance.isovalue:g}{unit}"
+    return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:g}' for value in values)})"

@@ -1,0 +1,58 @@
+"""The pictures of a stored member, wherever its catalog keeps them: a file for each, or one for all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from catalogs.files.images import ImageError, in_memory, read_image, read_stored
+from catalogs.files.packed import PACK, Pack, PackError, open_pack
+from catalogs.store.members import Member
+from catalogs.store.plan import CatalogPlan
+
+
+def read_picture(
+    member: Member, plan: CatalogPlan, appearance: str, view: int, *, dtype: str = "uint8"
+) -> NDArray[Any]:
+    """Premultiplied RGBA [H, W, 4] of one of the member's pictures, as "uint8" or "float32".
+
+    Raises ImageError naming the file when it is absent, damaged or of another size than its camera.
+    """
+    camera = member.cameras[view]
+    if plan.packed:
+        try:
+            return in_memory(pack_of(member).pixels(number_of(member, appearance, view)), dtype)
+        except (PackError, OSError) as error:
+            raise ImageError(str(error)) from error
+    path = member.path / plan.image_name(appearance, view)
+    rgba = read_image(path, dtype=dtype)
+    if rgba.shape[:2] != (camera.height, camera.width):
+        raise ImageError(f"{path} is {rgba.shape[0]}x{rgba.shape[1]}, its camera {camera.height}x{camera.width}")
+    return rgba
+
+
+def stored_picture(member: Member, plan: CatalogPlan, appearance: str, view: int) -> NDArray[Any]:
+    """One of the member's pictures as it is stored, [H, W, C]; raises ImageError or PackError where it is absent or damaged."""
+    if plan.packed:
+        return pack_of(member).pixels(number_of(member, appearance, view))
+    return read_stored(member.path / plan.image_name(appearance, view))
+
+
+def picture_size(member: Member, plan: CatalogPlan, appearance: str, view: int) -> int:
+    """Bytes of a picture's own file: the same in a folder and packed.  Raises OSError or PackError where it is absent."""
+    if plan.packed:
+        return int(pack_of(member).entries[number_of(member, appearance, view)]["size"])
+    return (member.path / plan.image_name(appearance, view)).stat().st_size
+
+
+def pack_of(member: Member) -> Pack:
+    """The pack of a member of a packed catalog; raises PackError where it is absent, damaged, or another one."""
+    camera = member.cameras[0]
+    count = len(member.appearances) * len(member.cameras)
+    return open_pack(member.path / PACK, count, camera.height, camera.width)
+
+
+def number_of(member: Member, appearance: str, view: int) -> int:
+    """Which picture of a member's pack this is."""
+    return member.appearances.index(appearance) * len(member.cameras) + view

@@ -1,0 +1,311 @@
+"""What is fixed for a whole ensemble before its first member is written: the contents of `catalog.json`."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from catalogs.files import cinema, durable
+from catalogs.files.images import FORMATS
+from catalogs.files.packed import PACK
+from catalogs.vocabulary.appearance import (
+    Appearance,
+    Isosurface,
+    appearance_from_json,
+    appearance_to_json,
+    check_fields,
+    field_of,
+    shown_fields,
+)
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
+from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
+from catalogs.vocabulary.variations import ISOVALUE, Setting, Variation, variation_from_json
+from catalogs.vocabulary.words import shortened
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
+PACKED = "packed"  # the layout of a catalog whose members keep their pictures in one file each
+KEPT_NAMES = (
+    "member.json",
+    "rows.csv",
+    "cameras.json",
+    "field.npz",
+    PACK,
+)  # what a member's folder holds beside images
+VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view_split")
+
+
+class CatalogError(ValueError):
+    """A catalog can't be made, read or written as it should: the message names the place and the remedy."""
+
+
+@dataclass(frozen=True)
+class CatalogPlan:
+    """What is fixed for the whole ensemble before its first member.
+
+    Attributes
+    ----------
+    space : the simulation parameters.
+    appearances : the visualization parameters, each with its own name.
+    cameras : shared by all members; () when every member brings its own.
+    view_splits : "train", "validation" or "test" per camera.
+    bounds : world box (low, high) that holds the volume.
+    background : None: images have alpha; else they are opaque and stand on this RGB colour in [0, 1].
+    image_format : "png" (8 bits) or "exr" (float32).
+    provenance : JSON values: software, sample distances, scene.
+    variations : which of the appearances sample visualization parameters.
+    quantities : what the shown fields are called, and their units, by the names in `fields`; of some, of all, or of none.
+    packed : whether the pictures of each member are in one HDF5 file (`catalogs.files.packed`); such a catalog takes
+    no further members.
+    """
+
+    space: ParameterSpace
+    appearances: tuple[Appearance, ...]
+    cameras: tuple[Camera, ...]
+    view_splits: tuple[str, ...]
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
+    background: tuple[float, float, float] | None = None
+    image_format: str = "png"
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    variations: tuple[Variation, ...] = ()
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    packed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bounds", _box(self.bounds))
+        object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
+        if self.background is not None:
+            object.__setattr__(self, "background", _color(self.background))
+        names = self.appearance_names
+        if not names or len(set(names)) != len(names):
+            raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
+        for problem in filter(None, map(name_problem, names)):
+            raise CatalogError(f"an appearance can't be called so: {problem}")
+        try:
+            check_fields(self.appearances)
+        except ValueError as error:
+            raise CatalogError(str(error)) from None
+        try:
+            object.__setattr__(self, "quantities", quantities_of(quantities_from(self.quantities), self.fields))
+        except ValueError as error:
+            raise CatalogError(str(error)) from None
+        _check_variations(self.variations, self.appearances)
+        object.__setattr__(self, "variations", self.in_field_units(self.variations))
+        if self.cameras or self.view_splits:
+            check_views(self.cameras, self.view_splits)
+        if self.image_format not in FORMATS:
+            raise CatalogError(f"image_format must be one of {sorted(FORMATS)}, got {self.image_format!r}")
+        problems = cinema.header_problems(self.header)
+        if problems:
+            raise CatalogError(f"these columns would break Cinema specification D: {'; '.join(problems)}")
+
+    def __repr__(self) -> str:
+        views = f"{len(self.cameras) or 'own'} views"
+        return f"<CatalogPlan of {self.space}; {views} of {shortened(self.appearance_names)}>"
+
+    @property
+    def appearance_names(self) -> list[str]:
+        return [appearance.name for appearance in self.appearances]
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that are shown, the first appearance's first; ("",) where no appearance names one."""
+        return shown_fields(self.appearances)
+
+    def quantity(self, field: str = "") -> Quantity:
+        """Name and unit of a shown field, by default of the first; empty where nothing is known."""
+        name = field or (self.fields[0] if self.fields else "")
+        return self.quantities.get(name, Quantity(name))
+
+    def field_label(self, field: str = "") -> str:
+        """Name and unit of a shown field as an axis says them, such as "Q (1/s²)"; "" where nothing is known."""
+        return str(self.quantity(field))
+
+    def in_field_units(self, variations: Sequence[Variation]) -> tuple[Variation, ...]:
+        """Variations of this catalog's appearances, their values in the unit of the field that they show."""
+        fields = {appearance.name: field_of(appearance) for appearance in self.appearances}
+        return tuple(v.with_unit(self.quantity(fields[v.settings[0].appearance]).unit) for v in variations)
+
+    @property
+    def header(self) -> list[str]:
+        """The labels of the table, in their order."""
+        return [*self.space.names, "appearance", *self.varied_names, *VIEW_COLUMNS, "FILE"]
+
+    @property
+    def varied_names(self) -> list[str]:
+        """The visualization parameters, which have columns in the table; first the isovalue, wherever a surface is shown."""
+        isovalue = [ISOVALUE] * any(isinstance(appearance, Isosurface) for appearance in self.appearances)
+        varied = [name for variation in self.variations if variation.continuous for name in variation.space.names]
+        return list(dict.fromkeys([*isovalue, *varied]))
+
+    def setting(self, appearance: str) -> Setting | None:
+        """The setting that this appearance shows; None for one of no variation, and for a base."""
+        return next(filter(None, (variation.setting(appearance) for variation in self.variations)), None)
+
+    def varied(self, appearance: str) -> dict[str, float]:
+        """All of `varied_names` of an appearance by name, zero where it does not have one."""
+        values = dict.fromkeys(self.varied_names, 0.0)
+        for surface in (a for a in self.appearances if isinstance(a, Isosurface) and a.name == appearance):
+            values[ISOVALUE] = float(surface.isovalue)
+        for variation in (v for v in self.variations if v.continuous):
+            setting = variation.setting(appearance)
+            values |= dict(zip(variation.space.names, setting.values, strict=True)) if setting else {}
+        return values
+
+    @property
+    def plain_appearances(self) -> tuple[Appearance, ...]:
+        """The appearances that no continuous variation made."""
+        made = {s.appearance for v in self.variations if v.continuous for s in v.settings}
+        return tuple(a for a in self.appearances if a.name not in made)
+
+    def image_name(self, appearance: str, view: int) -> str:
+        """Path of an image below its member's folder."""
+        return f"{appearance}/{view:03d}{FORMATS[self.image_format]}"
+
+    def file_name(self, appearance: str, view: int) -> str:
+        """Path below its member's folder of the file that holds an image: its own, or the member's pack."""
+        return PACK if self.packed else self.image_name(appearance, view)
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the schema version, as JSON values."""
+        return {
+            "parameters": self.space.to_json(),
+            "appearances": [appearance_to_json(a) for a in self.appearances],
+            "cameras": [c.to_json() for c in self.cameras],
+            "view_splits": list(self.view_splits),
+            "bounds": [list(corner) for corner in self.bounds],
+            "background": None if self.background is None else list(self.background),
+            "image_format": self.image_format,
+            "images": {"memory": "premultiplied RGBA", "disk": "straight RGBA", "rows": "top first"},
+            "provenance": dict(self.provenance),
+            **({"variations": [v.to_json() for v in self.variations]} if self.variations else {}),
+            **({"layout": PACKED} if self.packed else {}),
+            **({"fields": {name: q.to_json() for name, q in self.quantities.items()}} if self.quantities else {}),
+        }
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> CatalogPlan:
+        """The plan of a `to_json` record.
+
+        Unknown keys beside the known ones are ignored, so that additions which change no meaning stay readable; what changes
+        the meaning of a catalog raises its schema, and unknown keys inside appearances and parameters are errors.
+        """
+        if record.get("layout") not in (None, PACKED):
+            raise ValueError(f"its layout is {record['layout']!r}")
+        return cls(
+            space=ParameterSpace.from_json(record["parameters"]),
+            appearances=tuple(appearance_from_json(a) for a in record["appearances"]),
+            cameras=tuple(Camera.from_json(c) for c in record["cameras"]),
+            view_splits=tuple(record["view_splits"]),
+            bounds=record["bounds"],
+            background=record["background"],
+            image_format=record["image_format"],
+            provenance=record.get("provenance", {}),
+            variations=tuple(variation_from_json(v) for v in record.get("variations", ())),
+            quantities=record.get("fields", {}),
+            packed=record.get("layout") == PACKED,
+        )
+
+    def check_recordable(self) -> None:
+        """Raise CatalogError unless JSON gives this plan back as it is: nothing may be written that can't be read."""
+        try:
+            again = CatalogPlan.from_json(json.loads(json.dumps(self.to_json(), allow_nan=False)))
+        except (KeyError, TypeError, ValueError) as error:
+            raise CatalogError(f"this plan can't be written down: {error}") from error
+        differing = again.differences(self)
+        if differing:
+            raise CatalogError(
+                f"this plan can't be written down: {', '.join(differing)} would be read as something else"
+            )
+
+    def differences(self, other: CatalogPlan) -> list[str]:
+        """Names of what differs, provenance aside."""
+        mine, theirs = json.loads(json.dumps(self.to_json())), json.loads(json.dumps(other.to_json()))
+        return [key for key in {**mine, **theirs} if key != "provenance" and mine.get(key) != theirs.get(key)]
+
+
+def _check_variations(variations: Sequence[Variation], appearances: Sequence[Appearance]) -> None:
+    """Raise CatalogError unless the variations differ in kind and the appearance of every setting shows what it says."""
+    kinds = [variation.kind for variation in variations]
+    if len(set(kinds)) != len(kinds):
+        raise CatalogError(f"a catalog has one variation of a kind, whose columns are named once, got {kinds}")
+    settings = [setting.appearance for variation in variations for setting in variation.settings]
+    unknown = sorted({*settings, *(variation.base for variation in variations)} - {a.name for a in appearances})
+    twice = sorted(name for name, count in Counter(settings).items() if count > 1)
+    if unknown or twice:
+        raise CatalogError(
+            f"every setting of a variation, and its base, is one appearance of the catalog: {shortened(unknown) or 'none'} "
+            f"are no appearances, {shortened(twice) or 'none'} stand twice"
+        )
+    wrong = [problem for variation in variations for problem in variation.mismatches(appearances)]
+    if wrong:
+        raise CatalogError(f"appearances are not what their variation says: {'; '.join(wrong[:3])}")
+
+
+def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
+    """Raise CatalogError unless every camera has one of the known splits."""
+    if len(cameras) != len(view_splits):
+        raise CatalogError(f"{len(cameras)} cameras need as many splits, got {len(view_splits)}")
+    unknown = sorted(set(view_splits) - set(SPLITS))
+    if unknown:
+        raise CatalogError(f"a view's split must be one of {SPLITS}, got {unknown}")
+
+
+def name_problem(name: str) -> str | None:
+    """Why a member or an appearance can't have this name, which becomes a folder and a cell of the table; None where it can."""
+    if not isinstance(name, str) or not NAME.fullmatch(name):
+        return f"a name must be 1 to 100 letters, digits and _.+=-, a letter or digit first, got {name!r}"
+    if cinema.reads_as_number(name):
+        return f"the name {name!r} reads as a number, for which clients would take it: put a letter first"
+    if name in KEPT_NAMES:
+        return f"the name {name!r} is kept for a file of the catalog"
+    return None
+
+
+def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
+    """A copy of `values` as JSON gives them back; raises CatalogError naming `what` where JSON can't hold them."""
+    try:
+        return json.loads(json.dumps(dict(values), allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise CatalogError(f"{what} must hold JSON values (words, finite numbers, lists, tables): {error}") from error
+
+
+def read_json(path: Path, kind: type = dict) -> Any:
+    """What a JSON file holds; raises CatalogError naming it where it is absent, damaged, or holds no `kind`."""
+    try:
+        record = json.loads(durable.read(path).decode("utf-8"))
+    except FileNotFoundError:
+        raise CatalogError(f"{path} is missing: is {path.parent} a catalog made by gs-surrogate?") from None
+    except durable.SpecialFileError as error:
+        raise CatalogError(str(error)) from None
+    except (ValueError, RecursionError) as error:
+        raise CatalogError(f"{path} is damaged: {error}") from error
+    if not isinstance(record, kind):
+        raise CatalogError(f"{path} is damaged: it must hold a {kind.__name__}")
+    return record
+
+
+def _box(bounds: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    try:
+        low, high = (tuple(map(float, corner)) for corner in bounds)
+    except (TypeError, ValueError):
+        low = high = ()
+    if not len(low) == len(high) == 3 or not all(-math.inf < a < b < math.inf for a, b in zip(low, high, strict=True)):
+        raise CatalogError(f"bounds must be two corners low < high of three finite numbers, got {bounds}")
+    return low, high
+
+
+def _color(color: Any) -> tuple[float, ...]:
+    try:
+        values = tuple(map(float, color))
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != 3 or not all(0.0 <= value <= 1.0 for value in values):
+        raise CatalogError(f"background must be None or three numbers in [0, 1], got {color!r}")
+    return values

@@ -1,0 +1,154 @@
+"""Which members of a catalog a run learns from, and which judge it; the catalog itself does not change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.store.members import Member
+from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
+
+SURROUNDED, NEARLY = 1e-6, 0.5  # distances to the others' convex hull, bounds being [-1, 1]
+MOST_CANDIDATES = 500  # looked at, drawn from more
+FEWEST_TO_SPARE = 8  # training members, with which some can validate
+VALIDATION_SHARE, MOST_VALIDATION = 0.08, 12
+VALIDATION_VIEWS = 16  # with fewer members every so many-th training view validates
+
+
+@dataclass(frozen=True)
+class Splits:
+    """Some members of a catalog, each with its split; what the catalog has beside them does not belong to the run.
+
+    Attributes
+    ----------
+    members : "train", "validation" or "test" by member name.
+    validation_views : every so many-th training view of each member validates, beside those that do; 0 for none.
+    """
+
+    members: Mapping[str, str] = field(repr=False)
+    validation_views: int = 0
+
+    def __post_init__(self) -> None:
+        wrong = {name: split for name, split in self.members.items() if split not in SPLITS}
+        if wrong:
+            raise ValueError(f"a member's split must be one of {SPLITS}, got {wrong}")
+        if type(self.validation_views) is not int or self.validation_views < 0:
+            raise ValueError(f"validation_views must be a count, got {self.validation_views!r}")
+
+    def of(self, member: Member) -> Member | None:
+        """The member as the run sees it; None where it does not belong to the run."""
+        if member.name not in self.members:
+            return None
+        views = list(member.view_splits)
+        if self.validation_views:
+            train = [view for view, split in enumerate(views) if split == "train"]
+            for view in train[self.validation_views // 2 :: self.validation_views]:
+                views[view] = "validation"
+        return replace(member, split=self.members[member.name], view_splits=tuple(views))
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values that `from_json` reads."""
+        return {"members": dict(self.members), "validation_views": self.validation_views}
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Splits:
+        """The splits of a `to_json` record; raises ValueError, KeyError or TypeError for another."""
+        return cls(dict(record["members"]), record["validation_views"])
+
+
+def choose_splits(
+    members: Sequence[Member], space: ParameterSpace, appearance: str, *, hold_out: float | None = None, seed: int = 0
+) -> Splits:
+    """The members' own splits, completed: test members where `hold_out` asks for a share of the training members, and validation.
+
+    Held out are members that show `appearance`, that lie between others, and that are spread as evenly over the parameters as the
+    members are.  Without validation members, 8 % of the training members become such; of fewer than 8 none, but
+    some of their training views where no view validates yet.  The choice is a function of the members and the `seed`.
+
+    Raises ValueError where nothing can be held out, or the catalog has test members already.
+    """
+    splits = {member.name: member.split for member in members}
+    random = np.random.default_rng(seed)
+
+    def spare() -> list[Member]:
+        return [m for m in members if splits[m.name] == "train" and appearance in m.appearances]
+
+    if hold_out is not None:
+        _check_hold_out(hold_out, members)
+        chosen = held_out(_places(spare(), space), max(1, round(hold_out * len(spare()))), random)
+        if not chosen:
+            raise ValueError(
+                f"none of the {len(spare())} training members lies between others, so none can be held out to test the "
+                "surrogate: leave hold_out away, or render more members"
+            )
+        splits |= {spare()[i].name: "test" for i in chosen}
+    if "validation" in splits.values():
+        return Splits(splits)
+    left, chosen = spare(), list[int]()
+    if len(left) >= FEWEST_TO_SPARE:
+        count = min(MOST_VALIDATION, max(1, round(VALIDATION_SHARE * len(left))))
+        chosen = held_out(_places(left, space), count, random)
+    lacking = not chosen and not any("validation" in m.view_splits for m in members)
+    return Splits(splits | {left[i].name: "validation" for i in chosen}, VALIDATION_VIEWS if lacking else 0)
+
+
+def held_out(places: NDArray[np.float64], count: int, random: np.random.Generator) -> list[int]:
+    """Rows of the normalized parameters (M, P) to hold out: at most `count`, each between others, spread as evenly as all are.
+
+    A row lies between others where it is no corner of their convex hull, which then stays the same without it.  Where too few
+    lie so, as in many dimensions, those nearest to the hull of the others come next, up to a quarter of the bounds away.  The first
+    is drawn from the inner half, and every next one brings the rows nearest to one that is held out (greedy k-medians).
+    """
+    if len(places) < 3 or not places.shape[1]:
+        return []
+    looked_at = random.permutation(len(places))[: max(MOST_CANDIDATES, 2 * count)]
+    outside = np.array([_distance_to_hull(np.delete(places, i, axis=0), places[i]) for i in looked_at])  # [C]
+    order = np.argsort(outside, kind="stable")
+    between = int((outside <= SURROUNDED).sum())
+    nearly = min(count, int((outside <= NEARLY).sum())) if places.shape[1] > 1 else 0
+    able = looked_at[order[: max(between, nearly)]]
+    if not len(able):
+        return []
+    count = min(count, len(able), len(places) - 2)
+    apart = np.linalg.norm(places[:, None] - places[able], axis=2)  # [M, C]
+    inner = apart.sum(axis=0).argsort(kind="stable")[: -(-len(able) // 2)]
+    chosen = [int(random.choice(inner))]
+    while len(chosen) < count:
+        nearest = apart[:, chosen].min(axis=1, keepdims=True)  # [M, 1]
+        total = np.minimum(apart, nearest).sum(axis=0)  # [C]
+        total[chosen] = np.inf
+        chosen.append(int(total.argmin()))
+    return sorted(int(able[i]) for i in chosen)
+
+
+def _check_hold_out(hold_out: float, members: Sequence[Member]) -> None:
+    if type(hold_out) not in (int, float) or not 0.0 < hold_out < 1.0:
+        raise ValueError(
+            f"hold_out, the share of members that test the surrogate, must lie between 0 and 1, got {hold_out!r}"
+        )
+    tests = sum(member.split == "test" for member in members)
+    if tests:
+        raise ValueError(f"the catalog has {tests} test members already: leave hold_out away")
+
+
+def _places(members: Sequence[Member], space: ParameterSpace) -> NDArray[np.float64]:
+    """Normalized parameters (M, P)."""
+    values = np.array([[member.parameters[name] for name in space.names] for member in members], dtype=np.float64)
+    return space.normalize(values.reshape(len(members), len(space)))
+
+
+def _distance_to_hull(points: NDArray[np.float64], place: NDArray[np.float64]) -> float:
+    """How far a place (P,) is from the convex hull of points (M, P); 0 within.
+
+    By non-negative least squares, with the sum of the weights as one more equation: at the distance d its residual r is the least
+    of (s d)^2 + (1 - s)^2 over all sums s, d / sqrt(1 + d^2).
+    """
+    from scipy.optimize import nnls
+
+    system = np.vstack([points.T - place[:, None], np.ones(len(points))])  # [P + 1, M]
+    residual = min(float(nnls(system, np.append(np.zeros(len(place)), 1.0))[1]), 1.0 - 1e-12)
+    return float(residual / np.sqrt(1.0 - residual**2))

@@ -1,0 +1,249 @@
+"""The table of a growing catalog: at every moment a whole one, and a commit costs the same however many members there are.
+
+    x.cdb/data.csv        the table
+          .spare.csv      the table before the last commit
+          .journal        what a commit left, see `catalogs.store.journal`
+          .unfinished/    members that are being written
+
+A commit needs a new file that holds all of the old table.  It takes the spare one, which lacks a single member, appends what is
+missing, syncs it, and renames it to `data.csv`; the file that had this name becomes the spare.  So whoever opens `data.csv` gets a
+file that is synced and changes no more while it is open: a spare that a reader has still open is not touched but replaced by a
+copy of the table, and so it is where the file system can't tell (`durable.opened_elsewhere`).  Everything hidden is
+derived; where it does not match what is on disk, the table is rebuilt from the members.
+
+What holds: whoever opens `data.csv`, whenever, after a kill and after a power cut, too, gets a whole table of whole members.  It
+lacks a member whose writer died between the member's rename and the table's (nobody had been told that it was stored), until the
+next writer, or the end of the next session, comes by.  Where a file system has no leases (network file systems, mostly) each commit
+copies the table; where writers on several machines share one, a stale cache may cost a rebuild.  Both are slower, none is wrong.
+
+Rows of members stand in the order of their commits; `rebuild` sorts them by the members' names.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from catalogs.files import cinema, durable
+from catalogs.store.journal import Journal, Stamps, key_of
+from catalogs.store.members import RECORD, ROWS, Member, read_record, rows_of
+from catalogs.store.missing import MISSING
+from catalogs.store.plan import CatalogError, CatalogPlan, read_json
+
+TABLE = "data.csv"
+MEMBERS = "members"
+UNFINISHED = ".unfinished"
+SPARE = ".spare.csv"
+JOURNAL = ".journal"
+HIDDEN = {UNFINISHED, SPARE, JOURNAL, MISSING}
+REPLACED = ".replaced"  # of a member's folder that waits, where two can't change places at once
+
+
+class Table:
+    """The table of the catalog at `path`.  Whoever changes it holds the catalog's lock."""
+
+    def __init__(self, path: Path, plan: CatalogPlan) -> None:
+        self._path, self._plan = path, plan
+        self._table, self._members = path / TABLE, path / MEMBERS
+        self._journal = Journal(path / JOURNAL)
+
+    def is_current(self) -> bool:
+        """Whether the table is of the members that are there; costs the same however many there are.
+
+        A table that is being written, or was when its writer died, says no: the clock of the stamps ticks too slowly to tell.
+        """
+        last = self._journal.read()
+        try:
+            return last is not None and last == self._stamps() and not self._partials()
+        except OSError:
+            return False
+
+    def find(self, parameters: Mapping[str, float]) -> str | None:
+        """The member with these parameters, in the space's order, as of the last `is_current`."""
+        return self._journal.names.get(key_of(parameters))
+
+    def pieces(self, *, also: Member | None = None, without: Collection[str] = ()) -> Iterator[bytes]:
+        """The header and the rows of every committed member, sorted by name, and of one about to be committed."""
+        names = {*member_names(self._path)}.difference(without)
+        if also is not None:
+            names.add(also.name)
+        yield cinema.format_rows([self._plan.header]).encode()
+        for name in sorted(names):
+            folder = also.path if also is not None and name == also.name else self._members / name
+            yield rows_in(folder, self._plan)
+
+    def clean_up(self) -> None:
+        """Remove what dead writers of members left, and put back what one of them had taken aside."""
+        durable.remove_abandoned(self._path / UNFINISHED)
+        for aside in (self._path / UNFINISHED).glob(f"*{REPLACED}"):
+            target = self._members / aside.name.removesuffix(REPLACED)
+            if target.exists():
+                shutil.rmtree(aside, ignore_errors=True)
+            else:
+                durable.rename(aside, target)
+                durable.sync(self._members)
+
+    def rebuild(self) -> None:
+        """Make table and journal anew from the members."""
+        self.clean_up()
+        durable.remove_abandoned(self._members)  # where older programs wrote
+        changed = durable.stamp(self._members).changed
+        same = durable.holds(self._table, self.pieces())
+        if same and self.is_current():
+            return
+        if not same:
+            durable.replace(self._table, self.pieces())
+        self._write_journal(changed)
+        durable.remove_abandoned(self._path)
+        for partial in self._partials():  # last: they say that the table is out of date
+            partial.unlink(missing_ok=True)
+
+    def derive_rows(self, without: Collection[str] = ()) -> None:
+        """Make every member's file of rows what follows from its record."""
+        for folder in (path for path in member_paths(self._path) if path.name not in without):
+            durable.remove_abandoned(folder)  # rows that a dead repair was writing
+            path, rows = folder / ROWS, derived_rows(read_record(folder, self._plan), self._plan)
+            if not path.is_file() or durable.read(path) != rows:
+                durable.replace(path, rows)
+
+    def set_aside(self, moves: Mapping[str, Path]) -> None:
+        """Move what stands among the members under these names elsewhere in the catalog; first the table lets go of it."""
+        durable.replace(self._table, self.pieces(without=moves))
+        for name, target in moves.items():
+            durable.make_folder(target.parent)
+            durable.rename(self._members / name, target)
+            durable.sync(target.parent)
+        durable.sync(self._members)
+        self._write_journal(durable.stamp(self._members).changed)
+
+    def add(self, members: Sequence[Member]) -> None:
+        """Let the whole, synced folders of new members and their rows appear in one commit; the table must be current."""
+        with self._grown(b"".join(durable.read(member.path / ROWS) for member in members)):
+            for member in members:
+                durable.rename(member.path, self._members / member.name)
+            durable.sync(self._members)
+        self._record(members)
+
+    def replace(self, member: Member) -> None:
+        """Let the whole, synced folder of a member take the place of the one with its name; `member.path` then holds the old one.
+
+        Where the rows differ, the table is written twice, and between the two it lacks the member: it never names
+        an image that is not there.
+        """
+        rows = b""
+        with contextlib.suppress(OSError, CatalogError):  # a damaged member may be replaced, too
+            rows = rows_in(self._members / member.name, self._plan)
+        if rows == durable.read(member.path / ROWS):
+            self._exchange(member)
+            self._record([member])
+            return
+        durable.replace(self._table, self.pieces(without=[member.name]))
+        with durable.staged(self._table, self.pieces(also=member)):
+            self._exchange(member)
+        self._write_journal(durable.stamp(self._members).changed)
+
+    def _exchange(self, member: Member) -> None:
+        target = self._members / member.name
+        try:
+            durable.exchange(member.path, target)
+        except OSError:  # a file system without it: for a moment the member is missing
+            aside = self._path / UNFINISHED / f"{member.name}{REPLACED}"
+            durable.rename(target, aside)
+            durable.rename(member.path, target)
+            durable.sync(self._members)
+            durable.rename(aside, member.path)
+        durable.sync(self._members)
+
+    @contextlib.contextmanager
+    def _grown(self, rows: bytes) -> Iterator[None]:
+        """Put a table with further `rows` on disk before the block, and in its place after; an exception leaves the old one."""
+        partial, spare = durable.partial_name(self._table), self._path / SPARE
+        try:
+            self._take_spare(spare, partial)
+            with durable.opened(self._table) as stream:
+                stream.seek(partial.stat().st_size)
+                durable.append(partial, stream.read() + rows)
+            durable.sync(partial)
+            yield
+            with contextlib.suppress(OSError):  # no hard links here: the next commit copies
+                spare.unlink(missing_ok=True)
+                durable.link(self._table, spare)
+            durable.rename(partial, self._table)
+            durable.sync(self._path)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+
+    def _take_spare(self, spare: Path, partial: Path) -> None:
+        """Make `partial` a beginning of the table that nobody reads: the spare one, or else a copy."""
+        if spare.is_file():
+            durable.rename(spare, partial)
+            if durable.stamp(partial) == self._journal.table_before and not durable.opened_elsewhere(partial):
+                return
+            partial.unlink()
+        durable.copy(self._table, partial)
+
+    def _record(self, members: Sequence[Member]) -> None:
+        self._journal.append([(key_of(member.parameters), member.name) for member in members], self._stamps())
+
+    def _write_journal(self, changed: int) -> None:
+        (self._path / SPARE).unlink(missing_ok=True)
+        names = {key: name for name, key in keys_of(self._path, self._plan)}
+        self._journal.write(names.items(), Stamps(changed, durable.stamp(self._table)))
+
+    def _partials(self) -> list[Path]:
+        """Tables that are being written; under the lock all their writers are dead."""
+        return [path for path in durable.partials(self._path) if path.name.startswith(f".{TABLE}~")]
+
+    def _stamps(self) -> Stamps:
+        return Stamps(durable.stamp(self._members).changed, durable.stamp(self._table))
+
+
+def member_names(catalog: Path) -> list[str]:
+    """Names of a catalog's committed members, sorted."""
+    return [name for name, is_member in _entries(catalog) if is_member]
+
+
+def stray_names(catalog: Path) -> list[str]:
+    """Names of what stands among the members and is none, sorted."""
+    return [name for name, is_member in _entries(catalog) if not is_member]
+
+
+def member_paths(catalog: Path) -> list[Path]:
+    """Folders of a catalog's committed members, sorted by name."""
+    return [catalog / MEMBERS / name for name in member_names(catalog)]
+
+
+def _entries(catalog: Path) -> Iterator[tuple[str, bool]]:
+    """What stands among the members, sorted by name, and whether it holds a record; hidden things aside."""
+    names: list[str] = []
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(catalog / MEMBERS) as found:
+        names = sorted(entry.name for entry in found if not entry.name.startswith("."))
+    for name in names:
+        yield name, os.path.exists(os.path.join(catalog, MEMBERS, name, RECORD))
+
+
+def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:
+    """Name and parameters' key of every member, as their folders say; raises CatalogError naming a damaged record."""
+    for path in member_paths(catalog):
+        stored = read_json(path / RECORD).get("parameters")
+        try:
+            yield path.name, key_of({name: stored[name] for name in plan.space.names})
+        except (KeyError, TypeError, ValueError) as error:
+            raise CatalogError(f"{path / RECORD} is damaged: its parameters are {stored!r}") from error
+
+
+def rows_in(folder: Path, plan: CatalogPlan) -> bytes:
+    """The rows of the member in `folder`; where their file is lost, they follow from its record."""
+    try:
+        return durable.read(folder / ROWS)
+    except FileNotFoundError:
+        return derived_rows(read_record(folder, plan), plan)
+
+
+def derived_rows(member: Member, plan: CatalogPlan) -> bytes:
+    """What a member's file of rows must hold."""
+    return cinema.format_rows(rows_of(member, plan)).encode()

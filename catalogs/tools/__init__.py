@@ -1,0 +1,1 @@
+"""Commands on whole catalogs: check, repair, merge, split, pack and show."""

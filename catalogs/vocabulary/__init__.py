@@ -1,0 +1,1 @@
+"""Cameras, appearances, parameters, variations and scenes: the terms that all packages share."""

@@ -1,0 +1,212 @@
+"""How a field is shown: the visualization parameters of a catalog.
+
+Colours are straight (not premultiplied) RGB in [0, 1]; values are in the field's physical units, fixed for the
+whole ensemble before its first member, so that equal colours mean equal values in every image.
+
+Every constructor raises ValueError naming the appearance, the argument and what it got, so that whatever exists can be drawn
+and written down; numpy's numbers become plain ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from reprlib import repr as shortened
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.vocabulary import numbers
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """Piecewise-linear colour and opacity over field values, constant beyond the end points.
+
+    Attributes
+    ----------
+    color_points : (value, red, green, blue) per control point, values strictly increasing.
+    opacity_points : (value, opacity) per control point, values strictly increasing, opacity in [0, 1].
+    opacity_unit_distance : the path length, in world units, over which a homogeneous medium has the stated
+        opacity: a step of length s has opacity 1 - (1 - opacity)**(s / opacity_unit_distance).
+    """
+
+    color_points: tuple[tuple[float, float, float, float], ...]
+    opacity_points: tuple[tuple[float, float], ...]
+    opacity_unit_distance: float
+
+    def __post_init__(self) -> None:
+        distance = numbers.positive(self.opacity_unit_distance, "opacity_unit_distance")
+        object.__setattr__(self, "color_points", _points("color_points", self.color_points, 4))
+        object.__setattr__(self, "opacity_points", _points("opacity_points", self.opacity_points, 2))
+        object.__setattr__(self, "opacity_unit_distance", distance)
+
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        points = f"{len(self.color_points)} colour and {len(self.opacity_points)} opacity points"
+        return f"<TransferFunction over [{low:g}, {high:g}]: {points}>"
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest control point: values outside are shown like the nearest end (clipped)."""
+        values = [p[0] for p in self.color_points + self.opacity_points]
+        return min(values), max(values)
+
+    def colors(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Straight RGB (..., 3) at field `values` (...)."""
+        places, *channels = np.array(self.color_points).T  # [P], 3 of [P]
+        return np.stack([np.interp(np.asarray(values, dtype=np.float64), places, c) for c in channels], axis=-1)
+
+    def opacities(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Opacity per `opacity_unit_distance` (...) at field `values` (...)."""
+        return np.interp(np.asarray(values, dtype=np.float64), *np.array(self.opacity_points).T)
+
+
+@dataclass(frozen=True)
+class VolumeRendering:
+    """Direct volume rendering of a field under a transfer function; `shaded` lights it by its gradient.
+
+    `field` names the one of a member's fields that is shown; "" is the only one it has.
+    """
+
+    name: str
+    transfer_function: TransferFunction
+    shaded: bool = False
+    field: str = ""
+
+    def __post_init__(self) -> None:
+        what = _called(self)
+        _check_field(self.name, self.field)
+        if not isinstance(self.transfer_function, TransferFunction):
+            raise ValueError(
+                f"{what}: transfer_function must be a TransferFunction, got {shortened(self.transfer_function)}"
+            )
+        if not isinstance(self.shaded, bool | np.bool_):
+            raise ValueError(f"{what}: shaded must be True or False, got {shortened(self.shaded)}")
+        object.__setattr__(self, "shaded", bool(self.shaded))
+
+
+@dataclass(frozen=True)
+class Isosurface:
+    """The surface where a field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular, each from 0 on).
+
+    `field` names the one of a member's fields that is shown; "" is the only one it has.
+    """
+
+    name: str
+    isovalue: float
+    color: tuple[float, float, float] = (0.85, 0.85, 0.85)
+    ambient: float = 0.15
+    diffuse: float = 0.75
+    specular: float = 0.2
+    specular_power: float = 20.0
+    field: str = ""
+
+    def __post_init__(self) -> None:
+        what = _called(self)
+        _check_field(self.name, self.field)
+        object.__setattr__(self, "isovalue", numbers.finite(self.isovalue, f"{what}: isovalue"))
+        color = numbers.row(self.color, 3, f"{what}: color, red, green and blue in [0, 1],")
+        object.__setattr__(self, "color", tuple(numbers.fraction(c, f"{what}: color") for c in color))
+        for light in ("ambient", "diffuse", "specular", "specular_power"):
+            strength = numbers.finite(getattr(self, light), f"{what}: {light}")
+            if strength < 0.0:
+                raise ValueError(f"{what}: {light} must not be negative, got {strength:g}")
+            object.__setattr__(self, light, strength)
+
+
+@dataclass(frozen=True)
+class ImportedImages:
+    """Pictures made elsewhere: how they were rendered is not known beyond this `note`."""
+
+    name: str
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.note, str):
+            raise ValueError(f"{_called(self)}: note must be text, got {shortened(self.note)}")
+
+
+Appearance = VolumeRendering | Isosurface | ImportedImages
+
+KINDS = {"volume": VolumeRendering, "isosurface": Isosurface, "imported": ImportedImages}
+
+
+def field_of(appearance: Appearance) -> str:
+    """The name of the field that is shown; "" for the only one that a member has, and for images made elsewhere."""
+    return "" if isinstance(appearance, ImportedImages) else appearance.field
+
+
+def shown_fields(appearances: Iterable[Appearance]) -> tuple[str, ...]:
+    """Names of the fields that are shown, each once, in the order of the appearances; none for images made elsewhere."""
+    return tuple(dict.fromkeys(a.field for a in appearances if not isinstance(a, ImportedImages)))
+
+
+def check_fields(appearances: Iterable[Appearance]) -> None:
+    """Raise ValueError where some appearances name their field and others do not."""
+    shown = [a for a in appearances if not isinstance(a, ImportedImages)]
+    silent, named = ([a.name for a in shown if bool(a.field) == named] for named in (False, True))
+    if silent and named:
+        raise ValueError(
+            f"appearances {named[:3]} name the field that they show, {silent[:3]} do not: where there are several fields, "
+            'every appearance names its own, field = "..."'
+        )
+
+
+def appearance_to_json(appearance: Appearance) -> dict[str, Any]:
+    """Plain JSON values with a `kind` of "volume", "isosurface" or "imported"; a `field` only where one is named."""
+    kind = next(kind for kind, form in KINDS.items() if isinstance(appearance, form))
+    values = asdict(appearance)
+    if not field_of(appearance):  # so that plans and trained runs from before there were fields are still recognized
+        values.pop("field", None)
+    return {"kind": kind, **values}
+
+
+def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
+    """The appearance of an `appearance_to_json` record or of a scene's `[[appearance]]` table.
+
+    Raises ValueError naming an unknown kind, a missing or an unknown key.
+    """
+    values = dict(record)
+    kind = values.pop("kind", None)
+    if kind not in KINDS:
+        raise ValueError(f"appearance kind must be one of {sorted(KINDS)}, got {kind!r}")
+    try:
+        if isinstance(values.get("transfer_function"), Mapping):
+            values["transfer_function"] = TransferFunction(**values["transfer_function"])
+        return KINDS[kind](**values)
+    except (TypeError, ValueError) as error:
+        place = f"appearance {record.get('name', '?')!r}"
+        said = str(error)
+        raise ValueError(said if said.startswith(place) else f"{place} of kind {kind!r}: {said}") from None
+
+
+def _called(appearance: Appearance) -> str:
+    """What an appearance is called in sentences; raises ValueError where its name is none."""
+    if not isinstance(appearance.name, str) or not appearance.name:
+        raise ValueError(f"the name of an appearance must be text, got {shortened(appearance.name)}")
+    return f"appearance {appearance.name!r}"
+
+
+def _check_field(appearance: str, field: Any) -> None:
+    if not isinstance(field, str) or field != field.strip() or not field.isprintable():
+        raise ValueError(
+            f"appearance {appearance!r}: field must be the name of one of a member's fields, printable and without blanks "
+            f'around it, or "" for the only one, got {field!r}'
+        )
+
+
+def _points(name: str, points: Any, width: int) -> tuple[tuple[float, ...], ...]:
+    """Control points of `width` numbers each, the first of them increasing and the others in [0, 1]."""
+    if isinstance(points, str | bytes) or not isinstance(points, Iterable):
+        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {shortened(points)}")
+    found = tuple(numbers.row(point, width, f"each of {name}") for point in points)
+    if len(found) < 2:
+        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {found}")
+    array = np.array(found)  # [P, width]
+    if (np.diff(array[:, 0]) <= 0).any():
+        raise ValueError(f"{name} must have strictly increasing values, got {array[:, 0].tolist()}")
+    if (array[:, 1:] < 0).any() or (array[:, 1:] > 1).any():
+        raise ValueError(f"{name} must have colours and opacities in [0, 1], got {found}")
+    return found

@@ -1,0 +1,254 @@
+"""The simulation parameters of an ensemble: names, units, bounds, and how members are placed among them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.vocabulary.numbers import finite
+from catalogs.vocabulary.quantity import label
+
+Outside = Literal["warn", "allow"]
+SPLITS = ("train", "validation", "test")
+SCALES = ("linear", "log")
+SLACK = 1e-9  # of a range: bounds that went through decimals
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One simulation parameter.
+
+    Attributes
+    ----------
+    name : as it stands in tables and on pages.
+    low, high : the ensemble's bounds, in `unit`.
+    unit : "" where dimensionless.
+    scale : "linear"; or "log" where ratios count and not differences, such as for a viscosity over several powers of ten: members
+        are drawn, sliders move and a surrogate learns in the logarithm.  Bounds and values are positive then.
+
+    Raises ValueError naming the parameter and what is wrong with it.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+    scale: str = "linear"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"a parameter needs a name and bounds low < high, got the name {self.name!r}")
+        what = f"parameter {self.name}"
+        for end in ("low", "high"):
+            object.__setattr__(self, end, finite(getattr(self, end), f"{what}: {end}, one of its bounds,"))
+        if not self.low < self.high:
+            raise ValueError(f"{what} needs bounds low < high, got {self.low:g}, {self.high:g}")
+        if not isinstance(self.unit, str):
+            raise ValueError(f"{what}: its unit must be text, got {self.unit!r}")
+        if self.scale not in SCALES:
+            raise ValueError(f"{what}: scale must be one of {SCALES}, got {self.scale!r}")
+        if self.scale == "log" and self.low <= 0.0:
+            raise ValueError(
+                f'{what} has scale "log", so its bounds must be positive, got {self.low:g}, {self.high:g}: '
+                'raise low, or take scale "linear"'
+            )
+
+    def __str__(self) -> str:
+        scale = " (log)" if self.scale == "log" else ""
+        return f"{self.name} in [{self.low:g}, {self.high:g}] {self.unit}".rstrip() + scale
+
+    @property
+    def label(self) -> str:
+        """Its name and unit as an axis says them, such as "nu (m²/s)"."""
+        return label(self.name, self.unit)
+
+    @property
+    def middle(self) -> float:
+        """Halfway between the bounds on its scale."""
+        if self.scale == "log":
+            return math.sqrt(self.low) * math.sqrt(self.high)
+        return (self.low + self.high) / 2.0
+
+    def at(self, fraction: float) -> float:
+        """The value at a fraction of the way from `low`, 0, to `high`, 1, on its scale."""
+        if self.scale == "log":
+            return math.exp((1.0 - fraction) * math.log(self.low) + fraction * math.log(self.high))
+        return self.low + fraction * (self.high - self.low)
+
+    def fraction(self, value: float) -> float:
+        """Inverse of `at`; minus infinity for what is not positive on a logarithmic scale."""
+        if self.scale == "log":
+            low, high = math.log(self.low), math.log(self.high)
+            return (math.log(value) - low) / (high - low) if value > 0.0 else -math.inf
+        return (value - self.low) / (self.high - self.low)
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values; a `scale` only where it is "log", so that catalogs and models from before there were scales stay equal."""
+        record = asdict(self)
+        if self.scale == "linear":
+            record.pop("scale")
+        return record
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any]) -> Parameter:
+        """The parameter of a `to_json` record or of a scene's `[[parameters]]` table; raises ValueError naming wrong keys."""
+        known = [field.name for field in fields(cls)]
+        missing = [key for key in known[:3] if key not in record]
+        unknown = [key for key in record if key not in known]
+        if missing or unknown:
+            named = record.get("name", "?")
+            raise ValueError(f"parameter {named!r}: missing keys {missing}, unknown keys {unknown}; known are {known}")
+        return cls(**record)
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The ordered parameters of an ensemble."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"parameter names must be unique, got {self.names}")
+
+    def __repr__(self) -> str:
+        return f"<ParameterSpace of {self}>"
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.parameters)) or "no parameters"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def with_logarithms(self, least: float) -> ParameterSpace:
+        """The same, on logarithmic scales where bounds are positive and the upper one is at least `least` times the lower."""
+        wide = [p.low > 0.0 and p.high >= least * p.low for p in self.parameters]
+        return ParameterSpace(
+            tuple(replace(p, scale="log") if w else p for p, w in zip(self.parameters, wide, strict=True))
+        )
+
+    @property
+    def middle(self) -> dict[str, float]:
+        """The centre of the bounds, each on its parameter's scale, by name."""
+        return {p.name: p.middle for p in self.parameters}
+
+    def values(
+        self, parameters: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+    ) -> NDArray[np.float64]:
+        """`parameters` by name as an array (P,) in this space's order.
+
+        Values out of bounds are taken; unless `outside` is "allow", a UserWarning names each.  It points to the caller's line, or
+        further up by `stacklevel` as `warnings.warn` counts.  Raises ValueError for missing or unknown parameters and for what is
+        no finite number.
+        """
+        if outside not in ("warn", "allow"):
+            raise ValueError(f'outside must be "warn" or "allow", got {outside!r}')
+        if not isinstance(parameters, Mapping):
+            raise ValueError(f"parameters must be values by name, for {list(self.names)}, got {parameters!r}")
+        missing = [n for n in self.names if n not in parameters]
+        unknown = [n for n in parameters if n not in self.names]
+        if missing or unknown:
+            raise ValueError(f"parameters must be exactly {list(self.names)}: missing {missing}, unknown {unknown}")
+        values = np.array([_number(n, parameters[n]) for n in self.names], dtype=np.float64)  # [P]
+        for name, value in zip(self.names, values, strict=True):
+            if not np.isfinite(value):
+                raise ValueError(f"parameter {name} must be finite, got {value}")
+        self._check_positive(values)
+        if outside == "warn":
+            for sentence in self.outside(values).values():
+                warnings.warn(sentence, stacklevel=stacklevel + 1)
+        return values
+
+    def outside(self, values: ArrayLike) -> dict[str, str]:
+        """The parameters of which `values` (P,) are out of bounds: their names, and a sentence about each."""
+        return {
+            p.name: f"parameter {p.name} = {value:g} lies outside its bounds [{p.low:g}, {p.high:g}]: "
+            "predictions there extrapolate"
+            for p, value in zip(self.parameters, np.asarray(values, dtype=np.float64), strict=True)
+            if not -SLACK <= p.fraction(value) <= 1.0 + SLACK
+        }
+
+    def normalize(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Physical values (..., P) to [-1, 1] over the bounds, each on its parameter's scale.
+
+        Raises ValueError for a value on a logarithmic scale that is not positive.
+        """
+        low, high = self._bounds()
+        return 2.0 * (self._scaled(values) - low) / (high - low) - 1.0
+
+    def denormalize(self, normalized: ArrayLike) -> NDArray[np.float64]:
+        """Inverse of `normalize`."""
+        low, high = self._bounds()
+        return self._unscaled(low + (np.asarray(normalized, dtype=np.float64) + 1.0) / 2.0 * (high - low))
+
+    def latin_hypercube(self, count: int, seed: int) -> NDArray[np.float64]:
+        """`count` members (count, P), one in each of `count` slices of every parameter, which are equal on its scale.
+
+        McKay, Beckman & Conover 1979; scipy's `LatinHypercube` with the given seed.
+        """
+        from scipy.stats import qmc
+
+        low, high = self._bounds()
+        sampler = qmc.LatinHypercube(d=len(self), rng=np.random.default_rng(seed))
+        return self._unscaled(low + sampler.random(count) * (high - low))  # [count, P]
+
+    def to_json(self) -> list[dict[str, Any]]:
+        return [parameter.to_json() for parameter in self.parameters]
+
+    @classmethod
+    def from_json(cls, records: Sequence[Mapping[str, Any]]) -> ParameterSpace:
+        return cls(tuple(map(Parameter.from_json, records)))
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether some parameter has a logarithmic scale."""
+        return bool(self._logarithmic)
+
+    @property
+    def _logarithmic(self) -> list[int]:
+        """The parameters on a logarithmic scale, by their places."""
+        return [i for i, p in enumerate(self.parameters) if p.scale == "log"]
+
+    def _check_positive(self, values: NDArray[np.float64]) -> None:
+        for i in self._logarithmic:
+            if (values[..., i] <= 0.0).any():
+                raise ValueError(
+                    f"parameter {self.names[i]} has a logarithmic scale, so it must be positive, got {values[..., i].min():g}"
+                )
+
+    def _scaled(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Values (..., P), the logarithm of those on a logarithmic scale."""
+        scaled = np.array(values, dtype=np.float64)
+        self._check_positive(scaled)
+        for i in self._logarithmic:
+            scaled[..., i] = np.log(scaled[..., i])
+        return scaled
+
+    def _unscaled(self, scaled: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Inverse of `_scaled`; changes `scaled`."""
+        for i in self._logarithmic:
+            scaled[..., i] = np.exp(scaled[..., i])
+        return scaled
+
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Both bounds (P,), the logarithm of those on a logarithmic scale."""
+        low, high = (self._scaled([getattr(p, end) for p in self.parameters]) for end in ("low", "high"))
+        return low, high
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"parameter {name} must be a number, got {value!r}") from None

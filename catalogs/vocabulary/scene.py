@@ -1,0 +1,365 @@
+"""A scene: everything that one run from the simulation to the report needs, read from one TOML file.
+
+The table says where the fields come from, which members there are, how they are shown, from where, and with what
+budget the surrogate is trained.  Each half of the product checks the part it acts on: `source` belongs to `insitu`,
+`training` to `surrogate`; what both must agree on is checked here.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.vocabulary import numbers
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering, appearance_from_json, check_fields, shown_fields
+from catalogs.vocabulary.cameras import Camera, orbit, view_splits
+from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
+from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
+from catalogs.vocabulary.variations import Family, Variation, variation_kind
+from catalogs.vocabulary.words import member_line, shortened
+
+SOURCES = ("simulation", "hooked", "loop", "hdf5", "files", "nerf", "catalog")
+PLANNED = ("simulation", "hooked")  # whose members the scene says, since no file holds them
+OF_A_CATALOG = {
+    "name",
+    "title",
+    "source",
+    "members",
+    "training",
+}  # what a scene of kind "catalog" says; the catalog says the rest
+DATA_FOLDER = "GS_SURROGATE_DATA"
+NAN = ("refuse", "transparent")
+TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "fields"}
+TABLES |= {"views", "render", "training"}
+
+
+@dataclass(frozen=True)
+class PlannedMember:
+    """A member that the scene asks for: its name in the catalog, parameters by name, and split."""
+
+    name: str
+    parameters: Mapping[str, float]
+    split: str
+    appearances: tuple[str, ...] | None = None  # by name; None: all
+
+    def __repr__(self) -> str:
+        return member_line(self, f"appearances: {'all' if self.appearances is None else shortened(self.appearances)}")
+
+
+@dataclass(frozen=True)
+class ViewPlan:
+    """Viewpoints on the icosphere of `frequency` around the volume, and the frame (pixels)."""
+
+    frequency: int = 5
+    width: int = 256
+    height: int = 256
+    fill: float = 0.9
+    vertical_fov_degrees: float = 30.0
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "width", "height"):
+            object.__setattr__(self, name, numbers.count(getattr(self, name), f"views: {name}"))
+        object.__setattr__(self, "fill", numbers.positive(self.fill, "views: fill"))
+        angle = numbers.positive(self.vertical_fov_degrees, "views: vertical_fov_degrees")
+        object.__setattr__(self, "vertical_fov_degrees", angle)
+        if self.fill > 1.0 or angle >= 180.0:
+            raise ValueError(
+                f"views: fill must lie in (0, 1] and vertical_fov_degrees in (0, 180), got {self.fill:g} and {angle:g}"
+            )
+
+    def cameras(self, center: Sequence[float], radius: float) -> tuple[Camera, ...]:
+        """The plan's cameras around a bounding sphere (world units)."""
+        return tuple(orbit(center, radius, **vars(self)))
+
+    def splits(self) -> tuple[str, ...]:
+        """The split of each of those cameras."""
+        return tuple(view_splits(10 * self.frequency**2 + 2))
+
+
+@dataclass(frozen=True)
+class VariedMembers:
+    """Which members show the settings of one variation.
+
+    Training and test members show training and test settings, validation members those of validation.  Of a field, whose settings
+    are appearances of the scene's own, every member shows all, and nothing here applies.
+
+    Attributes
+    ----------
+    variation : whose settings are shown.
+    share : fraction of the training members that show it, drawn by the scene's seed; at least one.
+    compared : how many training settings a test member shows as well, evenly spread; None: all.
+    """
+
+    variation: Variation
+    share: float = 1.0
+    compared: int | None = None
+
+    def drawn(self, training: Sequence[str], random: np.random.Generator) -> set[str]:
+        """Names of the training members that show the variation."""
+        exact = round(self.share * len(training), 9)  # 0.07 of 100 members is 7.000000000000001
+        count = max(1, math.ceil(exact)) if training else 0
+        return set(random.choice(training, count, replace=False).tolist()) if count else set()
+
+    def shown_by(self, split: str) -> tuple[str, ...]:
+        """Names of the appearances that a member of this split shows."""
+        if split == "validation":
+            return self.variation.named("validation")
+        train = self.variation.named("train")
+        if split == "test" and self.compared is not None and self.compared < len(train):
+            train = tuple(train[i * len(train) // self.compared] for i in range(self.compared))
+        return (*train, *self.variation.named("test"))
+
+
+@dataclass(frozen=True)
+class RenderPlan:
+    """How exact the pictures must be: PSNR in dB against a converged reference, or a fixed step in world units.
+
+    `nan` is "refuse", or shows values that are NaN or infinite "transparent", such as land in an ocean.
+    """
+
+    target_decibels: float = 50.0
+    sample_distance: float | None = None
+    nan: str = "refuse"
+
+    def __post_init__(self) -> None:
+        if self.nan not in NAN:
+            raise ValueError(f"render: nan must be one of {NAN}, got {self.nan!r}")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A parsed scene file.
+
+    Attributes
+    ----------
+    name : names the folder of its results, `runs/<name>`.
+    source : the `[source]` table; its `kind` is one of `SOURCES`, "loop" where a simulation brings its members to the hook.
+    space : the ensemble's parameters; empty where the source's file states them (`hdf5`).
+    members : what a simulation must run; empty where the source's file holds the members.
+    validation_members : how many training members of a file become validation members.
+    appearances : how the field is shown, those of variations included; empty for images made elsewhere (`nerf`).
+    varied : which of them sample visualization parameters, and which members show them.
+    training : the raw `[training]` table, checked by the surrogate.
+    quantities : what the shown fields are called, and their units, from the `[fields]` table (`Q = "1/s²"`); a source may say more.
+    """
+
+    name: str
+    title: str
+    path: Path
+    source: Mapping[str, Any]
+    space: ParameterSpace
+    members: tuple[PlannedMember, ...]
+    appearances: tuple[Appearance, ...]
+    views: ViewPlan
+    render: RenderPlan
+    training: Mapping[str, Any] = field(default_factory=dict)
+    validation_members: int = 0
+    seed: int = 0
+    varied: tuple[VariedMembers, ...] = ()
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scene:
+        """Read a scene; raises ValueError naming the file, the table and the remedy, FileNotFoundError without one."""
+        path = Path(path)
+        if not path.is_file():
+            known = sorted(p.stem for p in path.parent.glob("*.toml"))
+            raise FileNotFoundError(f"there is no scene {path}; known here: {', '.join(known) or 'none'}")
+        try:
+            tables = tomllib.loads(path.read_text(encoding="utf-8"))
+            return _parse(tables, path)
+        except (ValueError, KeyError, TypeError) as error:
+            reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise ValueError(f"scene {path}: {reason}") from error
+
+    def __repr__(self) -> str:
+        shown = shortened([appearance.name for appearance in self.appearances])
+        return f"<Scene {self.name}: {len(self.members)} planned members; {self.space}; appearances: {shown}>"
+
+    @property
+    def variations(self) -> tuple[Variation, ...]:
+        return tuple(v.variation for v in self.varied)
+
+    def assigned(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
+        """The members, each with the appearances that it shows; all of them where nothing is varied."""
+        if not self.varied:
+            return tuple(members)
+        training = [m.name for m in members if m.split == "train"]
+        sampled = [v for v in self.varied if v.variation.continuous]
+        settings = {s.appearance for v in sampled for s in v.variation.settings}
+        plain = [a.name for a in self.appearances if a.name not in settings]
+        random = np.random.default_rng(self.seed)
+        chosen = [v.drawn(training, random) for v in sampled]
+
+        def shown(member: PlannedMember) -> tuple[str, ...]:
+            of = [v for v, some in zip(sampled, chosen, strict=True) if member.split != "train" or member.name in some]
+            return (*plain, *(name for v in of for name in v.shown_by(member.split)))
+
+        return tuple(replace(member, appearances=shown(member)) for member in members)
+
+    def run_directory(self, runs: str | os.PathLike[str] = "runs") -> Path:
+        """Where this scene's catalog, surrogate and report live."""
+        return Path(runs) / self.name
+
+    @property
+    def catalog_path(self) -> Path:
+        """The catalog of a source of kind "catalog": its path, relative to the scene's own folder."""
+        return self.path.parent / str(self.source["path"])
+
+    def data_path(self) -> Path:
+        """The source's file or folder, relative to $GS_SURROGATE_DATA (default `../shared/data`).
+
+        Raises FileNotFoundError saying what is missing and how to name its place.
+        """
+        path = Path(os.environ.get(DATA_FOLDER, "../shared/data")) / str(self.source["path"])
+        if not path.exists():
+            raise FileNotFoundError(
+                f"scene {self.name} needs {path}, which is not here: set {DATA_FOLDER} to the folder that holds "
+                f"{self.source['path']}"
+            )
+        return path
+
+
+def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
+    unknown = sorted(set(tables) - TABLES)
+    if unknown:
+        raise ValueError(f"unknown tables or keys {unknown}; known are {sorted(TABLES)}")
+    source = tables["source"]
+    if source.get("kind") not in SOURCES:
+        raise ValueError(f"source.kind must be one of {SOURCES}, got {source.get('kind')!r}")
+    if source["kind"] == "catalog":
+        _check_catalog_source(tables)
+    space = ParameterSpace.from_json(tables.get("parameters", ()))
+    plan = dict(tables.get("members", {}))
+    seed = int(plan.pop("seed", 0))
+    members: tuple[PlannedMember, ...] = ()
+    if source["kind"] in PLANNED:
+        members = _members(plan, space, seed)
+        validation_members = 0
+    else:
+        validation_members = int(plan.pop("validation", 0))
+        if plan:
+            raise ValueError(f"members come from the source: only seed and validation apply, got {sorted(plan)}")
+    appearances = tuple(appearance_from_json(record) for record in tables.get("appearance", ()))
+    variations = tables.get("variation", [])
+    if not isinstance(variations, list) or not all(isinstance(record, dict) for record in variations):
+        raise ValueError(f"variation must be tables with double brackets, [[variation]], got {variations!r}")
+    families = [_family(record, appearances) for record in variations]
+    appearances += tuple(a for family, _ in families for a in family.appearances)
+    if not appearances and source["kind"] not in ("nerf", "catalog"):
+        raise ValueError("at least one [[appearance]] must say how the field is shown")
+    if len({a.name for a in appearances}) != len(appearances):
+        raise ValueError("the names of appearances must be unique")
+    check_fields(appearances)
+    quantities = quantities_of(quantities_from(tables.get("fields", {})), shown_fields(appearances))
+    return Scene(
+        name=str(tables["name"]),
+        title=str(tables.get("title", tables["name"])),
+        path=path,
+        source=source,
+        space=space,
+        members=members,
+        appearances=appearances,
+        views=ViewPlan(**tables.get("views", {})),
+        render=RenderPlan(**tables.get("render", {})),
+        training=tables.get("training", {}),
+        validation_members=validation_members,
+        seed=seed,
+        varied=tuple(varied for _, varied in families),
+        quantities=quantities,
+    )
+
+
+def _check_catalog_source(tables: Mapping[str, Any]) -> None:
+    """Raise ValueError for what a scene of a catalog can't say."""
+    surplus = sorted(set(tables) - OF_A_CATALOG)
+    if surplus:
+        raise ValueError(f"source of kind catalog: {surplus} are the catalog's own, leave them out")
+    source = tables["source"]
+    if unknown := sorted(set(source) - {"kind", "path", "hold_out"}):
+        raise ValueError(f"source of kind catalog has unknown keys {unknown}; known are ['hold_out', 'path']")
+    if not isinstance(source.get("path"), str) or not source["path"]:
+        raise ValueError(f"source.path must name a catalog, from this scene's folder, got {source.get('path')!r}")
+    hold_out = source.get("hold_out")
+    if hold_out is not None and (type(hold_out) is not float or not 0.0 < hold_out < 1.0):
+        raise ValueError(
+            f"source.hold_out, the share of members that test the surrogate, must lie in (0, 1), got {hold_out!r}"
+        )
+    if "validation" in tables.get("members", {}):
+        raise ValueError("members.validation does not apply: of a catalog's members some validate where none do yet")
+
+
+def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tuple[Family, VariedMembers]:
+    """One `[[variation]]` table: a family of appearances around the one that it names, and who shows it."""
+    values = dict(record)
+    form, base_name = variation_kind(values.pop("kind", None)), values.pop("of", None)
+    share, compared = values.pop("members", 1.0), values.pop("compared", None)
+    base = next((a for a in appearances if a.name == base_name), None)
+    if not isinstance(base, VolumeRendering):
+        raise ValueError(f"variation.of must name a volume rendering among the appearances, got {base_name!r}")
+    if type(share) not in (int, float) or not 0.0 < share <= 1.0:
+        raise ValueError(f"variation.members, the share of training members, must lie in (0, 1], got {share!r}")
+    if compared is not None and (type(compared) is not int or compared < 1):
+        raise ValueError(f"variation.compared must be a count, at least 1, got {compared!r}; left out, it is all")
+    if not form.continuous and {"members", "compared"} & set(record):
+        raise ValueError(f"variation of {base.name}: every member shows every field, leave out members and compared")
+    try:
+        family = form.family(base, [a.name for a in appearances], **values)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"variation of {base.name}: {error}") from None
+    return family, VariedMembers(family.variation, float(share), compared)
+
+
+def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple[PlannedMember, ...]:
+    """Members per split: a count (Latin hypercube) or a list whose entries `_rows` describes."""
+    unknown = sorted(set(plan) - set(SPLITS))
+    if unknown:
+        raise ValueError(f"members: unknown keys {unknown}; known are {[*SPLITS, 'seed']}")
+    members = []
+    for offset, split in enumerate(SPLITS):
+        wanted = plan.get(split, 0)
+        if isinstance(wanted, int):
+            rows = space.latin_hypercube(wanted, seed + offset).tolist() if wanted else []
+        else:
+            rows = [row for i, entry in enumerate(wanted) for row in _rows(entry, space, f"members.{split}[{i}]")]
+        for i, row in enumerate(rows):
+            parameters = dict(zip(space.names, row, strict=True))
+            space.values(parameters, stacklevel=4)  # who called `Scene.load`
+            members.append(PlannedMember(f"{split}-{i:03d}", parameters, split))
+    if not any(m.split == "train" for m in members):
+        raise ValueError("members.train must ask for at least one member")
+    if len({tuple(m.parameters.values()) for m in members}) != len(members):
+        raise ValueError("members must differ in their parameters: two are the same")
+    return tuple(members)
+
+
+def _rows(entry: Any, space: ParameterSpace, place: str) -> list[list[float]]:
+    """The parameters (in the space's order) of what one entry of a list of members stands for.
+
+    One member is its values, or only its value where there is one parameter.  Several that differ in one parameter, such as the
+    dumps of a run, are a table: `{ Re = 400.0, time = [2.0, 4.5, 7.0] }`.
+    """
+    if not isinstance(entry, dict):
+        values = entry if isinstance(entry, list) else [entry]
+        if len(values) != len(space):
+            raise ValueError(f"{place} must hold {len(space)} values for {space.names}, got {values}")
+        return [list(map(float, values))]
+    if set(entry) != set(space.names):
+        raise ValueError(f"{place} must give {', '.join(space.names)}, got {', '.join(entry) or 'nothing'}")
+    several = [name for name, value in entry.items() if isinstance(value, list)]
+    if len(several) > 1:
+        raise ValueError(
+            f"{place}: one parameter may be a list, {' and '.join(several)} are: write a table for each value of one"
+        )
+    if not several:
+        return [[float(entry[name]) for name in space.names]]
+    if not entry[several[0]]:
+        raise ValueError(f"{place}.{several[0]} is empty: list at least one value, or leave the table out")
+    return [[float({**entry, several[0]: value}[name]) for name in space.names] for value in entry[several[0]]]

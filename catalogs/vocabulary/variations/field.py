@@ -1,0 +1,89 @@
+"""Fields: a few appearances, one of which is shown instead of the base; there is nothing between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering
+from catalogs.vocabulary.parameters import Outside, Parameter, ParameterSpace
+from catalogs.vocabulary.variations.variation import Family, Setting, Variation
+from catalogs.vocabulary.words import shortened
+
+APPEARANCE = "appearance"
+
+
+class FieldVariation(Variation):
+    """Other appearances of the catalog, mostly of other fields, each asked for by its name.
+
+    There is one parameter per setting, called like its appearance: 1 for the one that is shown and 0 for the others.  All settings
+    are trained.
+    """
+
+    kind = "field"
+    name = "field"
+    plural = "other fields"
+    continuous = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.array_equal(self.trained, np.eye(len(self.settings))):
+            raise ValueError(
+                f"every setting of the field of {self.base} must be trained, with a 1 in its own place, got {self.trained}"
+            )
+
+    def __str__(self) -> str:
+        return f"field: {self.base}, or {shortened(self.parameter_names)}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(setting.appearance for setting in self.settings)
+
+    @property
+    def asked_names(self) -> tuple[str, ...]:
+        return (APPEARANCE,)
+
+    def asked(self, setting: Setting) -> dict[str, float | str]:
+        return {APPEARANCE: setting.appearance}
+
+    def values_of(
+        self, asked: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+    ) -> tuple[float, ...] | None:
+        values = {self.base: None} | {s.appearance: s.values for s in self.settings}
+        name = asked[APPEARANCE]
+        if not isinstance(name, str) or name not in values:
+            raise ValueError(f"{APPEARANCE} must be one of {list(values)}, got {name!r}")
+        return values[name]
+
+    def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
+        """As they are; no network is asked at the base."""
+        return super().normalize(None) if values is None else np.array(values, dtype=np.float64)
+
+    @classmethod
+    def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
+        variation = field_variation(base.name, **{"appearances": (), **table})
+        unknown = [name for name in variation.space.names if name not in known]
+        if unknown:
+            raise ValueError(
+                f"appearances must name some of {list(known)}, each an [[appearance]] table, got {unknown}"
+            )
+        return Family(variation, ())
+
+    def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
+        return True  # any appearance may stand for a field
+
+
+def field_variation(base: str, *, appearances: Sequence[str]) -> FieldVariation:
+    """Other `appearances` of the catalog, by name, any one of which is shown instead of `base`: mostly those of other fields."""
+    listed = [appearances] if isinstance(appearances, str) else appearances
+    names: tuple[str, ...] = tuple(listed) if isinstance(listed, Iterable) else ()
+    if not names or not all(isinstance(n, str) for n in names) or len(set(names)) != len(names) or base in names:
+        raise ValueError(
+            f"appearances must name some beside the base {base}, each once, got {list(names) or appearances!r}"
+        )
+    rows = np.eye(len(names)).tolist()
+    settings = tuple(Setting(name, tuple(row), "train") for name, row in zip(names, rows, strict=True))
+    return FieldVariation(base, ParameterSpace(tuple(Parameter(name, 0.0, 1.0) for name in names)), settings)

@@ -1,0 +1,165 @@
+"""What all variations have in common: a base, a space of visualization parameters, and the settings that sample it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.appearance import Appearance, VolumeRendering
+from catalogs.vocabulary.parameters import SPLITS, Outside, ParameterSpace
+from catalogs.vocabulary.words import counted
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One appearance of a variation: its name, its visualization parameters (V,) and its split."""
+
+    appearance: str
+    values: tuple[float, ...]
+    split: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", tuple(map(float, self.values)))
+        if self.split not in SPLITS:
+            raise ValueError(f"the split of {self.appearance} must be one of {SPLITS}, got {self.split!r}")
+        if not np.isfinite(self.values).all():
+            raise ValueError(f"the visualization parameters of {self.appearance} must be finite, got {self.values}")
+
+
+@dataclass(frozen=True)
+class Variation(ABC):
+    """Visualization parameters, P_vis, and the appearances that sample them.
+
+    Attributes
+    ----------
+    kind : the name of the class in JSON and TOML.
+    name, plural : what varies, in words.
+    continuous : whether values between those of the settings may be asked for; a catalog's table has columns of them.
+    field_values : names of the parameters that are values of the field, or differences of them, and so have its unit.
+    edits_base : whether the settings are the base with another transfer function: only opacities and colours change, and the base
+        itself is the middle of the space, zero.
+    base : name of the appearance that is varied.
+    space : the visualization parameters.
+    settings : the appearances beside the base.
+    """
+
+    kind: ClassVar[str]
+    name: ClassVar[str]
+    plural: ClassVar[str]
+    continuous: ClassVar[bool] = True
+    edits_base: ClassVar[bool] = False
+    field_values: ClassVar[tuple[str, ...]] = ()
+
+    base: str
+    space: ParameterSpace
+    settings: tuple[Setting, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "settings", tuple(self.settings))
+        names = self.parameter_names
+        if self.space.names != names:
+            raise ValueError(f"a variation of kind {self.kind} has the parameters {names}, got {self.space.names}")
+        if not self.trained:
+            raise ValueError(f"the variation of {self.base} has no training settings")
+        if any(len(s.values) != len(self.space) for s in self.settings):
+            raise ValueError(f"every setting of {self.base} must have {len(self.space)} values, for {names}")
+        if any(s.appearance == self.base for s in self.settings):
+            raise ValueError(f"the base {self.base} stands among the settings of its own variation: leave it out")
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self}>"
+
+    def __str__(self) -> str:
+        splits = counted(setting.split for setting in self.settings)
+        return f"{self.kind} of {self.base}: {len(self.settings)} settings ({splits}), {self.space}"
+
+    @property
+    @abstractmethod
+    def parameter_names(self) -> tuple[str, ...]:
+        """The names that `space` must have."""
+
+    @property
+    def trained(self) -> list[tuple[float, ...]]:
+        """The values (V,) of each training setting."""
+        return [s.values for s in self.settings if s.split == "train"]
+
+    @property
+    def asked_names(self) -> tuple[str, ...]:
+        """Names of what a surrogate is asked for: the parameters, or `appearance`."""
+        return self.space.names
+
+    def asked(self, setting: Setting) -> dict[str, float | str]:
+        """What a surrogate is asked for, by name, to show a setting."""
+        return dict(zip(self.space.names, setting.values, strict=True))
+
+    def values_of(
+        self, asked: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+    ) -> tuple[float, ...] | None:
+        """The visualization parameters (V,) of what is asked for by some of `asked_names`; None for the base appearance.
+
+        Displacements that are left out are zero.  Raises ValueError for an appearance that is none of the variation's; raises and
+        warns as `ParameterSpace.values` does.
+        """
+        whole = dict.fromkeys(self.space.names, 0.0) | dict(asked)
+        return tuple(self.space.values(whole, outside=outside, stacklevel=stacklevel + 1).tolist())
+
+    def with_unit(self, unit: str) -> Variation:
+        """Itself, with `unit`, that of the field, for those of `field_values` that have none."""
+        if not unit:
+            return self
+        parameters = tuple(
+            replace(p, unit=unit) if p.name in self.field_values and not p.unit else p for p in self.space.parameters
+        )
+        return replace(self, space=ParameterSpace(parameters))
+
+    def setting(self, appearance: str) -> Setting | None:
+        """The setting with this appearance, None for others."""
+        return next((s for s in self.settings if s.appearance == appearance), None)
+
+    def named(self, *splits: str) -> tuple[str, ...]:
+        """Names of the appearances of these splits."""
+        return tuple(s.appearance for s in self.settings if s.split in splits)
+
+    def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
+        """Visualization parameters (V,) as a network sees them, about -1 to 1; of the base for None, NaN where it has none."""
+        return np.full(len(self.space), np.nan) if values is None else self.space.normalize(values)
+
+    def mismatches(self, appearances: Sequence[Appearance]) -> list[str]:
+        """Sentences naming each setting whose appearance shows something else than its values say; names must be known."""
+        known = {appearance.name: appearance for appearance in appearances}
+        wrong = (s for s in self.settings if not self._shows(known[s.appearance], s.values, known[self.base]))
+        return [f"{setting.appearance} does not show {self.asked(setting)}" for setting in wrong]
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values that `variation_from_json` turns back into the same variation."""
+        return {
+            "kind": self.kind,
+            "base": self.base,
+            "parameters": self.space.to_json(),
+            "settings": [asdict(setting) | {"values": list(setting.values)} for setting in self.settings],
+        }
+
+    @classmethod
+    @abstractmethod
+    def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
+        """The family that a scene's `[[variation]]` table asks for; `known` are the names of the scene's own appearances.
+
+        Raises ValueError or TypeError for a table that is not acceptable.
+        """
+
+    @abstractmethod
+    def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
+        """Whether the appearance is what the values (V,) make of the base."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A variation and its appearances, the base left out."""
+
+    variation: Variation
+    appearances: tuple[Appearance, ...] = field(repr=False)

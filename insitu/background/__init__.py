@@ -1,0 +1,1 @@
+"""Rendering in another process while the simulation continues."""

@@ -1,0 +1,299 @@
+"""Many members rendered by worker processes into one catalog; what fails or is interrupted costs nothing else."""
+
+from __future__ import annotations
+
+import os
+import time as clock
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.engines.engine import Engine
+from catalogs.engines.executors import OnExecutor
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.farthest import farthest_points
+from catalogs.vocabulary.parameters import ParameterSpace
+from catalogs.vocabulary.scene import PlannedMember
+from catalogs.vocabulary.words import shortened
+from insitu.ensembles.dumps import FieldSource, FileSource, Run, runs_of
+from insitu.ensembles.progress import EnsembleProgress, Tracker
+from insitu.ensembles.tasks import DiskError, Outcome, measure_pilots, reason_of, render_run
+from insitu.ensembles.workers import Report, WorkerPool, single_threaded
+from insitu.fields.cache import drop_field
+from insitu.members.agreement import SOURCE, agreeing_catalog, create_catalog, misplaced
+from insitu.members.callers import warn_caller
+from insitu.members.existing import Existing
+from insitu.members.planning import Pilot, PlanOptions, check_complete, combine_pilots
+from insitu.members.rendered import RenderedMember
+
+PILOTS = 2
+
+
+@dataclass(frozen=True)
+class EnsembleResult:
+    """What became of the members: rendered now, present before, or failed and why; and the seconds it took."""
+
+    rendered: tuple[RenderedMember, ...]
+    skipped: tuple[str, ...]
+    failures: Mapping[str, str]
+    seconds: float
+
+    def __repr__(self) -> str:
+        images = sum(m.images for m in self.rendered)
+        parts = [f"{len(self.rendered)} members rendered ({images} images) in {self.seconds:.1f} s"]
+        if self.skipped:
+            parts.append(f"{len(self.skipped)} were there already")
+        if self.failures:
+            parts.append(f"{len(self.failures)} failed")
+        return "EnsembleResult: " + ", ".join(parts)
+
+    def __str__(self) -> str:
+        return "\n".join([repr(self), *failure_lines(self.failures)])
+
+
+def failure_lines(failures: Mapping[str, str]) -> list[str]:
+    """Why members failed, each reason once with how many it holds for."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in failures.items():
+        by_reason.setdefault(why, []).append(name)
+    return [f"  {counted_names(names)}: {why}" for why, names in by_reason.items()]
+
+
+def counted_names(names: Sequence[str]) -> str:
+    """One name, or how many and the first of them."""
+    return names[0] if len(names) == 1 else f"{len(names)} members ({shortened(names, 4)})"
+
+
+def run_ensemble(
+    catalog: str | os.PathLike[str],
+    members: Sequence[PlannedMember],
+    source: FieldSource,
+    options: PlanOptions = PlanOptions(),  # noqa: B008 - frozen
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    engine: Engine | None = None,
+    shard: tuple[int, int] | None = None,
+    nan: str = "refuse",
+    existing: Existing = "error",
+    cache: Path | None = None,
+    progress: Callable[[EnsembleProgress], None] | None = None,
+    warn: Callable[[Warning], None] | None = None,
+) -> EnsembleResult:
+    """Render every member that the catalog lacks.
+
+    A new catalog is planned first, on pilot members whose parameters lie farthest apart: its box holds their boxes,
+    its sample distance is the finest that any of them needs.
+
+    Parameters
+    ----------
+    catalog : the `.cdb` directory, made when absent; `options` are what it fixes, or must agree with.
+    members : all members of the ensemble; those already in the catalog are skipped.
+    source : yields their fields, in the worker processes; of one run (see `RunSource`) all in the same process.
+    workers : processes of the default pool (spawned, one thread each); by default one per available core.
+    executor : any `concurrent.futures.Executor` instead, such as mpi4py's; its workers must see the
+        same file system.  Progress then moves by whole runs.
+    engine : what is there already and stays, such as the `catalogs.engines.cluster.Cluster` of many machines; then
+    `workers` and `executor`
+        do not matter.
+    shard : (i, n), i from 1 to n: take only every n-th run, starting with the i-th; where the source knows of no runs, every n-th
+        member.  n machines that write to one shared catalog each take one.
+    nan : as in `render_member`.
+    existing : what becomes of stored members whose file has changed since: "error" raises naming them, "skip" keeps them,
+        "replace" renders them anew; those whose file is the same are always skipped.
+    cache : folder for the fields of expensive pilots until they are rendered.
+    progress : called a few times a second.
+    warn : called with each warning about a member, which otherwise is given at the caller's line.
+
+    A member that fails is reported in the result; the others go on, unless the disk is full.  KeyboardInterrupt stops
+    the workers, leaves no partial member behind and is raised on; the same call then goes on where it stopped.
+
+    Raises ValueError where the plan is incomplete or another than the catalog's; nothing is written then.
+    """
+    started = clock.perf_counter()
+    path = Path(catalog)
+    runs = runs_of(source, members)
+    mine = _shard(runs, shard)
+    options = replace(options, provenance={SOURCE: dict(source.identity), **options.provenance})
+    made = _agreeing_catalog(path, options, members)
+    present = set() if made is None else {m.name for m in made.members}
+    changed = [] if made is None or existing == "skip" else _changed_members(made, members, source)
+    if existing == "error":
+        _refuse_changed(path, changed)
+    present -= set(changed)
+    todo = [[m for m in run if m.name not in present] for run in mine]
+    todo = [run for run in todo if run]
+    skipped = tuple(m.name for run in mine for m in run if m.name in present)
+    if not todo:
+        Catalog.open(path).rebuild_table()  # writes only where a killed run left the table behind its members
+        return EnsembleResult((), skipped, {}, clock.perf_counter() - started)
+    count = min(workers or available_cores(), len(todo))
+    with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
+        kept = cache if source.expensive else None
+        show, tell = progress or (lambda state: None), warn or warn_caller
+        work = _Work(path, source, nan, kept, hands, show, tell, frozenset(changed))
+        if made is None:
+            space, _ = check_complete(options)
+            work.plan(runs, pilot_members(members, space), options, sum(map(len, todo)))
+        rendered, there, failures = work.render(todo)
+    Catalog.open(path).rebuild_table()  # in the order of names, whoever was first
+    return EnsembleResult(tuple(rendered), (*skipped, *there), failures, clock.perf_counter() - started)
+
+
+def pilot_members(members: Sequence[PlannedMember], space: ParameterSpace, count: int = PILOTS) -> list[PlannedMember]:
+    """Up to `count` training members that lie far apart: the lowest corner's, then always the farthest from those taken.
+
+    Distances are those of parameters normalized to their bounds.
+    """
+    training = [m for m in members if m.split == "train"] or list(members)
+    points = space.normalize([[m.parameters[n] for n in space.names] for m in training])  # [M, P]
+    taken = farthest_points(points, count, int(np.argmin(points.sum(axis=1))))
+    return [training[i] for i in taken]
+
+
+def available_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def local_engine(count: int, executor: Executor | None) -> AbstractContextManager[Engine]:
+    """So many workers of our own, or an `executor`'s."""
+    return WorkerPool(count) if executor is None else nullcontext(OnExecutor(executor))
+
+
+@dataclass(frozen=True)
+class _Work:
+    """One call of `run_ensemble`: what its tasks share."""
+
+    path: Path
+    source: FieldSource
+    nan: str
+    cache: Path | None
+    engine: Engine
+    show: Callable[[EnsembleProgress], None]
+    warn: Callable[[Warning], None]
+    replaced: frozenset[str]  # stored members that are rendered anew
+
+    def plan(self, runs: Sequence[Run], pilots: Sequence[PlannedMember], options: PlanOptions, members: int) -> None:
+        """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
+        tracker = Tracker(members, 0, field_share=1.0)
+        names = {m.name for m in pilots}
+        found: dict[str, Pilot] = {}
+        failures: dict[str, BaseException] = {}
+
+        def done(_: str, measured: dict[str, Pilot]) -> None:
+            found.update(measured)
+            for name, pilot in measured.items():
+                tracker.idle(name)
+                self._tell(name, pilot.notes)
+
+        tasks = {
+            run[0].name: partial(measure_pilots, self.source, run, names, self.nan, self.cache, options)
+            for run in runs
+            if names & {m.name for m in run}
+        }
+        self.engine.run(tasks, done, failures.__setitem__, partial(self._tick, tracker))
+        if not found:
+            raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
+        create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
+
+    def render(self, runs: Sequence[Run]) -> tuple[list[RenderedMember], list[str], dict[str, str]]:
+        """What was rendered; the names of what was found there all the same; and why others were not, by name."""
+        catalog = Catalog.open(self.path)
+        plan, members = catalog.plan, [m for run in runs for m in run]
+        shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]
+        images = round(len(plan.cameras) * sum(shown) / max(1, len(shown)))
+        tracker = Tracker(len(members), images, field_share=0.5 if self.source.expensive else 0.02)
+        by_task = {run[0].name: run for run in runs}
+        rendered: list[RenderedMember] = []
+        there: list[str] = []
+        failures: dict[str, str] = {}
+
+        def made(outcome: Outcome) -> None:
+            if outcome.rendered is None:
+                failures[outcome.name] = outcome.failure
+                tracker.failed(outcome.name)
+                return
+            tracker.done(outcome.name, outcome.rendered.images)
+            if outcome.field_seconds is not None:
+                tracker.timed(outcome.field_seconds, outcome.rendered.seconds)
+            rendered.append(outcome.rendered)
+            self._tell(outcome.name, outcome.rendered.warnings)
+            if self.cache is not None:
+                drop_field(self.cache, outcome.name)
+
+        def settle(task: str, outcomes: Sequence[Outcome], reason: str = "") -> None:
+            known = {outcome.name: outcome for outcome in outcomes}
+            for member in by_task[task]:
+                if member.name in known:
+                    made(known[member.name])
+                elif not reason or (
+                    member.name in catalog and member.name not in self.replaced
+                ):  # by a worker before it died, or by another process
+                    there.append(member.name)
+                    tracker.done(member.name, images)
+                else:
+                    made(Outcome(member.name, failure=reason))
+
+        def failed(task: str, error: BaseException) -> None:
+            settle(task, getattr(error, "outcomes", ()), reason_of(error))
+
+        tasks = {
+            name: partial(render_run, self.path, self.source, run, self.nan, self.cache, self.replaced)
+            for name, run in by_task.items()
+        }
+        self.engine.run(tasks, settle, failed, partial(self._tick, tracker), lambda error: isinstance(error, DiskError))
+        return rendered, there, failures
+
+    def _tick(self, tracker: Tracker, reports: Iterable[Report]) -> None:
+        for report in reports:
+            tracker.report(report)
+        self.show(tracker.snapshot())
+
+    def _tell(self, name: str, notes: Iterable[str]) -> None:
+        """Warn in this process of what a member's worker noted."""
+        for note in notes:
+            self.warn(UserWarning(f"{name}: {note}"))
+
+
+def _agreeing_catalog(path: Path, options: PlanOptions, members: Sequence[PlannedMember]) -> Catalog | None:
+    """The catalog at `path`, if there is one; raises ValueError where it is not this ensemble's."""
+    catalog = agreeing_catalog(path, options)
+    differences = [] if catalog is None else misplaced(catalog, members)
+    if differences:
+        raise ValueError(f"catalog {path} holds members of another ensemble: {'; '.join(differences[:5])}")
+    return catalog
+
+
+def _changed_members(catalog: Catalog, members: Sequence[PlannedMember], source: FieldSource) -> list[str]:
+    """Stored members whose file holds something else now; of a catalog without any of them, the first if the plan's does."""
+    if not isinstance(source, FileSource):
+        return []
+    planned = {m.name: m for m in members}
+    stored = [m for m in catalog.members if m.name in planned]
+    if not stored:
+        before = catalog.plan.provenance.get(SOURCE, {})
+        return [m.name for m in members[:1] if source.is_changed(m, before)]
+    return [m.name for m in stored if source.is_changed(planned[m.name], m.provenance.get(SOURCE, {}))]
+
+
+def _refuse_changed(path: Path, changed: Sequence[str]) -> None:
+    if changed:
+        raise ValueError(
+            f"catalog {path} holds pictures of other contents of the files than they have now, of {counted_names(changed)}: "
+            'keep these (existing="skip"), render them anew ("replace"), or write to a new catalog'
+        )
+
+
+def _shard(runs: Sequence[Run], shard: tuple[int, int] | None) -> list[Run]:
+    if shard is None:
+        return list(runs)
+    index, count = shard
+    if not 1 <= index <= count:
+        raise ValueError(f"shard must be i/n with 1 <= i <= n, got {index}/{count}")
+    return list(runs[index - 1 :: count])

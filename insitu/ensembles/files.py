@@ -1,0 +1,142 @@
+"""An ensemble whose members lie in a file each: read one at a time, by the worker that renders it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from catalogs.store.plan import name_problem
+from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.scene import PlannedMember
+from insitu.members.request import member_name
+from insitu.readers.codes import reader_of
+from insitu.readers.files import read_data
+from insitu.readers.identity import contents, is_changed, stamp
+from insitu.readers.reader import Sampling
+from insitu.readers.states import files_beside
+from insitu.readers.tables import Row, Table
+
+Bounds = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class FileEnsemble:
+    """Members with files of their own.  A source of fields for `run_ensemble`.
+
+    Attributes
+    ----------
+    rows : by the member's name.
+    space : the parameters.
+    arrays : which arrays of the files are the fields; () where each file holds one, or appearances name them.
+    spacing, origin, dims, reader, sampling : as in `insitu.readers.files.read_data`.
+    """
+
+    rows: Mapping[str, Row] = field(repr=False)
+    space: ParameterSpace
+    arrays: tuple[str, ...] = ()
+    spacing: tuple[float, ...] | None = None
+    origin: tuple[float, ...] | None = None
+    dims: tuple[str, ...] | None = None
+    reader: str = ""
+    sampling: Sampling = Sampling()  # noqa: RUF009 - frozen
+    expensive: ClassVar[bool] = False
+
+    @classmethod
+    def of(cls, table: Table, *, bounds: Bounds | None = None, units: Sequence[str] = (), **how: Any) -> FileEnsemble:
+        """The ensemble of a table.
+
+        Parameters
+        ----------
+        bounds : (low, high) of some parameters by name, by default from the smallest to the largest in the table.
+        units : of the parameters, by default as the table says.
+        how : the other attributes.
+
+        Raises ValueError naming a parameter without bounds, or a name that no member can have.
+        """
+        rows = {row.name or member_name(row.parameters): row for row in table.rows}
+        for name, row in rows.items():
+            if problem := name_problem(name):
+                raise ValueError(f"{row.path}: {problem}")
+        return cls(rows, space_of(table, bounds or {}, units), **how)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        shown = ", ".join(self.arrays) or "one array"
+        return f"FileEnsemble: {len(self)} files of {shown}"
+
+    def __str__(self) -> str:
+        return f"{self!r}\n  " + ", ".join(f"{p.name} [{p.low:g}, {p.high:g}]{p.unit}" for p in self.space.parameters)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """What `field` returns for each member; () where that is what appearances name."""
+        return self.arrays
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        place = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
+        given = {k: list(v) for k, v in place.items() if v}
+        return {"kind": "files", "arrays": list(self.arrays), **given, **self.sampling.identity}
+
+    def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
+        """All members; `validation` of the training ones, drawn by `seed`, are set aside."""
+        from insitu.readers.stored import with_validation
+
+        planned = [PlannedMember(name, dict(row.parameters), row.split or "train") for name, row in self.rows.items()]
+        return with_validation(planned, validation, seed)
+
+    def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
+        """What the member's file holds: fields by name, or one data set."""
+        row, path = self.rows[member.name], self.rows[member.name].path
+        how: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
+        how |= {"reader": self.reader, "index": row.index, "sampling": self.sampling}
+        if not self.arrays:
+            return read_data(path, **how)
+        return {array: read_data(path, array=array, **how) for array in self.arrays}
+
+    def record(self, member: PlannedMember) -> Mapping[str, Any]:
+        """`identity`, the file, the code that wrote it, the index of the state where it holds several, and what it holds."""
+        row = self.rows[member.name]
+        code = reader_of(row.path, self.reader)
+        place = {"file": os.fspath(row.path), "reader": code and code.name, "index": list(row.index)}
+        known = {key: value for key, value in place.items() if value}
+        return {**self.identity, **known, "contents": contents(row.path, beside=self.files(row.path))}
+
+    def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
+        """Whether the member's file holds something else than when `before` was its `record`."""
+        path = self.rows[member.name].path
+        if "contents" not in before or not Path(path).exists():
+            return False
+        code, beside = reader_of(path, self.reader), self.files(path)
+        if code is not None and code.grows and stamp(path, beside=beside)["size"] > before["contents"].get("size", 0):
+            return False  # states were added behind those that it had
+        return is_changed(path, before["contents"], beside=beside)
+
+    def files(self, path: Path) -> tuple[Path, ...]:
+        """What belongs to a member besides the file at `path`: those of other ranks, and that of the mesh."""
+        return files_beside(path, self.reader, self.sampling)
+
+
+def space_of(table: Table, bounds: Bounds, units: Sequence[str] = ()) -> ParameterSpace:
+    """The parameters of a table, their bounds as given, else from the smallest to the largest value."""
+    names = table.names
+    unknown = sorted(set(bounds) - set(names))
+    if unknown:
+        raise ValueError(f"--bounds of {unknown}, but the parameters are {list(names)}")
+    if units and len(units) != len(names):
+        raise ValueError(f"--units must be of the {len(names)} parameters {list(names)}, got {list(units)}")
+    parameters = []
+    for number, name in enumerate(names):
+        values = [row.parameters[name] for row in table.rows]
+        low, high = bounds.get(name, (min(values), max(values)))
+        if low == high:
+            raise ValueError(
+                f"parameter {name!r} is {low:g} in every member: give --bounds {name} LOW HIGH, or name the others by --parameters"
+            )
+        parameters.append(Parameter(name, low, high, units[number] if units else table.units.get(name, "")))
+    return ParameterSpace(tuple(parameters))

@@ -1,0 +1,86 @@
+"""A stream of steps, rendered as they arrive: one simulation's, whose every step says its parameters itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from insitu.hook.session import Session
+from insitu.members.existing import Existing
+from insitu.members.planning import PlanOptions
+from insitu.members.request import member_name
+from insitu.readers.files import volume
+from insitu.readers.placing import placed_field
+
+if TYPE_CHECKING:
+    from insitu.readers.adios import Step
+
+
+@dataclass
+class Arrived:
+    """What became of the steps of a stream: names of members that were rendered or there already, and why others are missing."""
+
+    rendered: list[str] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
+    failures: dict[str, str] = field(default_factory=dict)
+
+
+def render_stream(
+    catalog: str | os.PathLike[str],
+    steps: Iterable[Step],
+    options: PlanOptions,
+    *,
+    arrays: tuple[str, ...] = (),
+    place: Mapping[str, Any] | None = None,
+    nan: str = "refuse",
+    existing: Existing = "skip",
+    arrived: Arrived | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    warn: Callable[[Warning], None] | None = None,
+) -> Arrived:
+    """Render every step of a stream that the catalog lacks.
+
+    Parameters
+    ----------
+    steps : as they arrive; each says its parameters, and holds its arrays.
+    options : what the catalog fixes, or must agree with; its space names the parameters.
+    arrays : those that are the fields; () where there is one.
+    place : spacing, origin and dims of arrays that do not say.
+    nan, existing : as in `render_member`.
+    arrived : where it is noted what became of the steps, for a caller who interrupts.
+    say : told what was rendered, and what could not be.
+
+    A step that can't be rendered is reported, and the next one is awaited.  Raises ValueError as `Session` does.
+    """
+    arrived = arrived or Arrived()
+    if options.space is None:
+        raise ValueError("the options must name the parameters")
+    asked = {f.name: getattr(options, f.name) for f in dataclasses.fields(options)}
+    with Session(catalog, **asked, nan=nan, existing=existing, on_error="raise", warn=warn) as session:
+        for step in steps:
+            name = f"step {step.number}"
+            try:
+                lacking = [parameter for parameter in options.space.names if parameter not in step.says]
+                if lacking:
+                    raise ValueError(f"it does not say {lacking}; it says {dict(step.says)}")
+                parameters = {parameter: step.says[parameter] for parameter in options.space.names}
+                name = member_name(parameters)
+                found = session.render_member(_field(step, arrays, place or {}), parameters)
+            except (ValueError, TypeError, RuntimeError) as error:
+                arrived.failures[name] = f"{type(error).__name__}: {error}"
+                say(f"{name} can't be rendered: {error}")
+                continue
+            (arrived.skipped if found.skipped else arrived.rendered).append(found.name)
+            if not found.skipped:
+                say(f"rendered {found.name}; {len(arrived.rendered)} in all")
+    return arrived
+
+
+def _field(step: Step, arrays: tuple[str, ...], place: Mapping[str, Any]) -> Any:
+    """The field of a step, or its fields by name."""
+    if not arrays:
+        return placed_field(step.arrays, volume(step.arrays, None), **place)
+    return {name: placed_field(step.arrays, volume(step.arrays, name), **place) for name in arrays}

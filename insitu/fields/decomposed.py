@@ -1,0 +1,355 @@
+"""A member whose fields lie in blocks, one on each of several ranks.
+
+Every rank makes `Blocks` of what it has; rank 0 asks for pictures and summaries, and the others do their part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.store.plan import CatalogPlan
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import (
+    Appearance,
+    Isosurface,
+    TransferFunction,
+    VolumeRendering,
+    field_of,
+    shown_fields,
+)
+from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.quantity import Quantity
+from insitu.fields.boxes import Box, checked_box
+from insitu.fields.share import Ghosts, Share, share_of
+from insitu.fields.summarize import Part, summarize_shown
+from insitu.mpi.layout import Extent, Layout, UnevenBlocks, layout
+from insitu.mpi.neighbours import block_of
+from insitu.mpi.ranks import Ranks, Told, call
+from insitu.mpi.resampling import common_lattice, even_layout, resampled
+from render.blocks import Block, Lattice, footprint
+from render.compositing import nearest, over, packed, unpacked
+from render.grids import Triple
+from render.isosurface import SUPERSAMPLING, box_average
+from render.layers import BlockRenderer
+from render.partition import Piece, Plane, front_to_back, pieces_of, space_partition
+from render.steepness import drawn_cells, root_mean_square, squared_changes
+from render.volume import drawn_range
+
+AT_ONCE = 1 << 28  # bytes of layers that a rank draws before it sends them
+
+
+@dataclass(frozen=True)
+class Description:
+    """What rank 0 knows of a member in blocks: `box`, `ranges`, `quantities` and `notes` as
+    `insitu.fields.member_fields.Fields` has them."""
+
+    whole: Lattice
+    box: Box
+    ranges: Mapping[str, tuple[float, float]]
+    quantities: Mapping[str, Quantity]
+    notes: tuple[str, ...]
+
+
+class Blocks:
+    """This rank's share of a member; `commands` is what rank 0 may ask of it, `take` how it begins.
+
+    `field` is what the simulation has here, or a function that returns it: called where the member is rendered.
+    """
+
+    def __init__(
+        self,
+        ranks: Ranks,
+        field: Any,
+        *,
+        spacing: Sequence[float] | None = None,
+        origin: Sequence[float] | None = None,
+        array: str | None = None,
+        dims: Sequence[str] | None = None,
+        ghosts: Ghosts = 0,
+    ) -> None:
+        self.ranks, self.field = ranks, field
+        self._place: dict[str, Any] = {
+            "spacing": spacing,
+            "origin": origin,
+            "array": array,
+            "dims": dims,
+            "ghosts": ghosts,
+        }
+        self._blocks: dict[str, Block | None] = {}
+        self._ranges: Mapping[str, tuple[float, float]] = {}
+        self._laid: Layout
+        self._order: Plane | Piece
+        self._pieces: list[Piece]
+        self._renderer: BlockRenderer | None = None
+        self._appearance: Appearance
+        self.commands: Mapping[str, Callable[..., Any]] = {
+            "take": self._take,
+            "open": self._open,
+            "draw": self._draw,
+            "change": self._change,
+            "summarize": self._summarize,
+        }
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free what drawing holds."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def take(self, appearances: Sequence[Appearance], *, known: Sequence[Appearance], nan: str) -> DecomposedFields:
+        """The fields that `appearances` show, for rank 0 within `insitu.mpi.ranks.lead`; see
+        `insitu.fields.member_fields.as_fields`.
+
+        Raises ValueError or TypeError naming the rank whose block is not acceptable.
+        """
+        return DecomposedFields(self, self.call("take", tuple(appearances), tuple(known), nan))
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Let every rank do a command; see `insitu.mpi.ranks.call`."""
+        return call(self.ranks, self.commands, name, *arguments)
+
+    def _take(self, appearances: Sequence[Appearance], known: Sequence[Appearance], nan: str) -> Description:
+        names = shown_fields(appearances) or ("",)
+        field = self.field() if callable(self.field) else self.field
+        share = share_of(field, appearances, known=known, nan=nan, **self._place)
+        quantities: Mapping[str, Quantity] = next(
+            (q for q in self.ranks.gather(share and share.quantities) if q is not None), {}
+        )
+        notes: tuple[str, ...] = ()
+        extents = self.ranks.gather(share and share.own)
+        if not any(extents):
+            raise Told(ValueError("no rank has a block of the field"))
+        try:
+            self._laid = layout(extents)
+        except UnevenBlocks as reason:
+            share, notes = self._on_one_grid(share, names, nan, str(reason))
+        except ValueError as error:
+            raise Told(error) from None
+        for name in names:
+            self._blocks[name] = block_of(None if share is None else share.owned(name), self._laid, self.ranks)
+        self._order = space_partition(self._laid.boxes)
+        self._pieces = pieces_of(self._order)
+        self._ranges = {name: _range(self._parts([name])[name], self.ranks) for name in names}
+        whole = self._laid.whole
+        return Description(whole, checked_box(whole.bounds), self._ranges, quantities, notes)
+
+    def _on_one_grid(
+        self, share: Share | None, names: Sequence[str], nan: str, reason: str
+    ) -> tuple[Share | None, tuple[str, ...]]:
+        """The rank's share of the fields resampled onto one grid, and what is to be said about it."""
+        whole = common_lattice(self.ranks.gather(share and share.own))
+        self._laid, found = even_layout(whole, self.ranks.size), {}
+        extents = () if share is None else (share.held, share.own)
+        for name in names:
+            samples, missing = resampled(None if share is None else share.fields[name], extents, self._laid, self.ranks)
+            gaps = sum(self.ranks.gather(missing))
+            if gaps and nan == "refuse":
+                raise Told(
+                    ValueError(
+                        f"the blocks fill no grid ({reason}), and {gaps} of the {np.prod(whole.shape)} samples of the one that "
+                        'they are resampled to lie in none of them: give ghost layers (ghosts=), or nan="transparent"'
+                    )
+                )
+            if samples is not None:
+                found[name] = samples
+        nz, ny, nx = whole.shape
+        note = f"the blocks fill no grid as they are ({reason}): they were resampled to {nx} x {ny} x {nz} samples (trilinear)"
+        mine = self._laid.owned[self.ranks.number]
+        if mine is None:
+            return None, (note,)
+        shape = next(iter(found.values())).values.shape
+        extent = Extent((shape[0], shape[1], shape[2]), whole.spacing, whole.place(mine.start))
+        return Share(found, extent, extent, {}), (note,)
+
+    def _parts(self, names: Sequence[str]) -> dict[str, Part]:
+        whole = self._laid.whole
+        blocks = {name: self._blocks[name] for name in names}
+        return {n: Part.none_of(whole) if block is None else Part.of(block) for n, block in blocks.items()}
+
+    def _open(self, appearance: Appearance, sample_distance: float | None) -> None:
+        """Make ready to draw an appearance."""
+        self.close()
+        self._appearance, name = appearance, field_of(appearance)
+        block = self._blocks[name]
+        if block is not None:
+            volume = isinstance(appearance, VolumeRendering)
+            drawn = drawn_range(self._ranges[name], appearance.transfer_function) if volume else None  # type: ignore[union-attr]
+            self._renderer = BlockRenderer(block, appearance, sample_distance=sample_distance, drawn=drawn)
+
+    def _draw(self, cameras: Sequence[Camera], float_output: bool) -> list[NDArray[Any]]:
+        """Pictures, on rank 0: every rank draws its block of all, and puts the layers of one together."""
+        form = Pictures(
+            self._laid.whole, self._order, self._pieces, isinstance(self._appearance, Isosurface), float_output
+        )
+        sent = [self._drawn(form, camera) for camera in cameras]
+        received = self.ranks.send(sent + [_EMPTY] * (self.ranks.size - len(sent)))
+        number = self.ranks.number
+        made = form.put_together(received, cameras[number]) if number < len(cameras) else None
+        to_root = _EMPTY if made is None else np.ascontiguousarray(made).reshape(-1).view(np.uint8)
+        arrived = self.ranks.send([to_root, *[_EMPTY] * (self.ranks.size - 1)])
+        if number:
+            return []
+        dtype = np.float32 if float_output else np.uint8
+        return [data.view(dtype).reshape(c.height, c.width, 4) for data, c in zip(arrived, cameras, strict=False)]
+
+    def _drawn(self, form: Pictures, camera: Camera) -> NDArray[np.uint8]:
+        """The layers of this rank's pieces, one after the other."""
+        layers = []
+        for piece, rows, columns in form.seen(camera, self.ranks.number):
+            assert self._renderer is not None
+            layers.append(self._renderer.layer(camera, piece, rows, columns, float_output=form.float_output))
+        return np.concatenate([_EMPTY, *map(packed, layers)])
+
+    def _change(self, field: str, transfer: TransferFunction) -> float:
+        """See `render.steepness.mean_change`."""
+        cells, block, part = drawn_cells(self._laid.whole.shape), self._blocks[field], self._parts([field])[field]
+        squares = np.empty(0)
+        if block is not None:
+            squares = squared_changes(block.grid, transfer, cells[part.owns(cells)] - part.first)
+        return root_mean_square(np.concatenate(self.ranks.gather(squares)))
+
+    def _summarize(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
+        return summarize_shown(self._parts(names), plan, self.ranks)
+
+
+@dataclass(frozen=True, eq=False)
+class DecomposedFields:
+    """The fields of a member in blocks, for rank 0; see `insitu.fields.member_fields.MemberFields`."""
+
+    blocks: Blocks
+    told: Description
+
+    @property
+    def box(self) -> Box:
+        """See `MemberFields`."""
+        return self.told.box
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See `MemberFields`."""
+        return self.told.notes
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """See `MemberFields`."""
+        return self.told.ranges
+
+    @property
+    def quantities(self) -> Mapping[str, Quantity]:
+        """See `MemberFields`."""
+        return self.told.quantities
+
+    def drawable(self, appearance: Appearance) -> DecomposedField:
+        """See `MemberFields`."""
+        return DecomposedField(self.blocks, field_of(appearance), self.told.whole.spacing)
+
+    def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
+        """See `MemberFields`."""
+        found: dict[str, FieldSummary] = self.blocks.call("summarize", tuple(names), plan)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class DecomposedField:
+    """One field in blocks, for rank 0; see `render.quality.Drawable`."""
+
+    blocks: Blocks
+    name: str
+    spacing: Triple
+
+    def pictures(
+        self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
+    ) -> Iterator[NDArray[Any]]:
+        """See `Drawable`; as many at once as there are ranks, or as their memory bears."""
+        self.blocks.call("open", appearance, sample_distance)
+        share = at_once(appearance, cameras, self.blocks.ranks.size)
+        for start in range(0, len(cameras), share):
+            yield from self.blocks.call("draw", tuple(cameras[start : start + share]), float_output)
+
+    def mean_change(self, transfer: TransferFunction) -> float:
+        """See `Drawable`."""
+        return float(self.blocks.call("change", self.name, transfer))
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """How pictures are put together from layers of blocks.
+
+    Attributes
+    ----------
+    whole : where the samples lie.
+    order, pieces : the tree that orders the blocks, and its leaves.
+    surfaces : whether the layers are those of an isosurface, `SUPERSAMPLING` times as large and with depths.
+    float_output : float32 pictures, else uint8.
+    """
+
+    whole: Lattice
+    order: Plane | Piece
+    pieces: Sequence[Piece]
+    surfaces: bool
+    float_output: bool
+
+    def seen(self, camera: Camera, owner: int) -> Iterable[tuple[Piece, slice, slice]]:
+        """The pieces of a rank, one of an isosurface, with the rows and columns of the layer that each adds to a picture."""
+        mine = [piece for piece in self.pieces if piece.owner == owner]
+        if not self.surfaces:
+            return [(piece, *footprint(self.whole, piece, camera)) for piece in mine]
+        if not mine:
+            return []
+        start, stop = np.min([p.start for p in mine], axis=0), np.max([p.stop for p in mine], axis=0)
+        block = Piece(owner, tuple(start.tolist()), tuple(stop.tolist()))
+        return [(block, *footprint(self.whole, block, self._large(camera)))]
+
+    def put_together(self, received: Sequence[NDArray[np.uint8]], camera: Camera) -> NDArray[Any]:
+        """The picture [height, width, 4] of the layers that came from each rank."""
+        layers = {}
+        for owner, data in enumerate(received):
+            for piece, rows, columns in self.seen(camera, owner):
+                layers[piece], data = unpacked(data, rows, columns, self._layer_type, surfaces=self.surfaces)
+        if self.surfaces:
+            large = self._large(camera)
+            image = nearest(layers.values(), large.height, large.width, self._layer_type)
+            return box_average(image, SUPERSAMPLING)
+        ordered = front_to_back(self.order, self.whole.index(camera.position))
+        image = over((layers[piece] for piece in ordered), camera.height, camera.width)
+        return image if self.float_output else np.rint(np.float32(255.0) * image).astype(np.uint8)
+
+    @property
+    def _layer_type(self) -> str:
+        return "uint8" if self.surfaces and not self.float_output else "float32"
+
+    @staticmethod
+    def _large(camera: Camera) -> Camera:
+        return camera.resized(SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height)
+
+
+def at_once(appearance: Appearance, cameras: Sequence[Camera], ranks: int) -> int:
+    """How many views are drawn before layers are sent."""
+    per_pixel = 8 * SUPERSAMPLING**2 if isinstance(appearance, Isosurface) else 16  # bytes
+    largest = max((camera.width * camera.height for camera in cameras), default=1)
+    return max(1, min(ranks, AT_ONCE // (per_pixel * largest)))
+
+
+_EMPTY = np.empty(0, dtype=np.uint8)
+
+
+def _range(part: Part, ranks: Ranks) -> tuple[float, float]:
+    """Smallest and largest finite value of a field in blocks.  Collective; raises Told where there is none."""
+    own = part.values[part.window(0, part.shape[0])]
+    if part.holes is not None:
+        own = own[~part.holes[part.window(0, part.shape[0])]]
+    found = [ends for ends in ranks.gather((float(own.min()), float(own.max())) if own.size else None) if ends]
+    if not found:
+        raise Told(ValueError("not one value of the field is finite"))
+    return min(low for low, _ in found), max(high for _, high in found)

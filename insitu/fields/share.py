@@ -1,0 +1,180 @@
+"""What one rank has of a member's fields, as its simulation hands it over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.appearance import Appearance
+from catalogs.vocabulary.quantity import Quantity
+from insitu.fields.field import Field
+from insitu.fields.member_fields import as_fields
+from insitu.mpi.layout import Extent
+from insitu.mpi.neighbours import Samples
+from render.grids import Grid
+from render.partition import Index
+
+Ghosts = int | Sequence[int | tuple[int, int]]
+Layers = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # before and after, along x, y, z
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """One rank's block of a member's fields.
+
+    Attributes
+    ----------
+    fields : by name, all at `held`.
+    held, own : where the samples lie, with ghost layers and without.
+    quantities : the names and units that the data state, by name.
+    """
+
+    fields: Mapping[str, Samples]
+    held: Extent
+    own: Extent
+    quantities: Mapping[str, Quantity]
+
+    def owned(self, name: str) -> Samples:
+        """A field without its ghost layers."""
+        first = np.rint((np.array(self.own.origin) - self.held.origin) / self.held.spacing).astype(int)[::-1]
+        window = tuple(slice(a, a + n) for a, n in zip(first.tolist(), self.own.shape, strict=True))
+        samples = self.fields[name]
+        return Samples(samples.values[window], None if samples.holes is None else samples.holes[window])
+
+
+def share_of(
+    data: Any,
+    appearances: Sequence[Appearance],
+    *,
+    known: Sequence[Appearance],
+    nan: str,
+    ghosts: Ghosts = 0,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    array: str | None = None,
+    dims: Sequence[str] | None = None,
+) -> Share | None:
+    """This rank's share; None of a rank without a block, whose `data` are None.
+
+    `data`, `spacing`, `array`, `dims` and `nan` are as in `insitu.fields.member_fields.as_fields`; `origin` is that
+    of the first sample, ghost
+    layers included, of which there are `ghosts` (see `insitu.Session.render_member`).
+
+    Raises ValueError or TypeError where the block is not acceptable.
+    """
+    if data is None:
+        return None
+    layers = ghost_layers(ghosts)
+    has_ghosts = any(map(any, layers))
+    missing = "transparent" if has_ghosts else nan
+    fields = as_fields(
+        _each(data, partial(_acceptable, missing)),
+        appearances,
+        known=known,
+        spacing=spacing,
+        origin=origin,
+        array=array,
+        dims=dims,
+        nan=missing,
+    )
+    if fields.notes:
+        raise ValueError(
+            f"{fields.notes[0]}; a block must hold samples of a uniform grid: resample it, then pass the result"
+        )
+    grid = next(iter(fields.grids.values()))
+    shape = _shape(data, grid.shape, dims)
+    held = Extent(shape, grid.spacing, grid.origin)
+    share = Share(
+        {name: _samples(g, shape, _taken(data, name)) for name, g in fields.grids.items()},
+        held,
+        _without(held, layers),
+        fields.quantities,
+    )
+    if has_ghosts and nan == "refuse":
+        _check_no_holes(share)
+    return share
+
+
+def ghost_layers(ghosts: Ghosts) -> Layers:
+    """The layers before and after a block along x, y and z; raises ValueError where `ghosts` says no such thing."""
+    each = list(ghosts) if isinstance(ghosts, Sequence) else [ghosts] * 3
+    pairs = [tuple(g) if isinstance(g, Sequence) else (g, g) for g in each]
+    counts = [n for pair in pairs for n in pair]
+    if len(pairs) != 3 or len(counts) != 6 or not all(isinstance(n, int) and n >= 0 for n in counts):
+        raise ValueError(
+            "ghosts must be a number of layers on every side, (x, y, z) numbers, or (x, y, z) pairs (before, after), "
+            f"got {ghosts!r}"
+        )
+    x, y, z = ((int(before), int(after)) for before, after in pairs)
+    return x, y, z
+
+
+def _without(held: Extent, layers: Layers) -> Extent:
+    """Where a block lies but for its ghost layers."""
+    shape = [n - before - after for n, (before, after) in zip(held.shape, reversed(layers), strict=True)]
+    if min(shape) < 1:
+        x, y, z = held.shape[::-1]
+        raise ValueError(f"the block has {x} x {y} x {z} samples, none but its ghost layers {layers}")
+    origin = [o + before * s for o, s, (before, _) in zip(held.origin, held.spacing, layers, strict=True)]
+    return Extent((shape[0], shape[1], shape[2]), held.spacing, (origin[0], origin[1], origin[2]))
+
+
+def _each(data: Any, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
+    """`data` with its plain arrays changed; what is no array is left as it is."""
+    if type(data) is dict:
+        return {name: _each(value, change) for name, value in data.items()}
+    if isinstance(data, Field):
+        return replace(data, values=change(data.values))
+    return change(data) if type(data) is np.ndarray else data
+
+
+def _acceptable(missing: str, values: NDArray[Any]) -> NDArray[Any]:
+    """An array that makes a grid: single layers twice, and zeros where all is missing; `_shape` and `_samples` undo it."""
+    for axis in range(values.ndim):
+        if values.shape[axis] == 1:
+            values = np.repeat(values, 2, axis=axis)
+    return np.zeros_like(values) if missing == "transparent" and _is_empty(values) else values
+
+
+def _is_empty(values: Any) -> bool:
+    """Whether an array has no finite number."""
+    return type(values) is np.ndarray and values.dtype.kind == "f" and not np.isfinite(values).any()
+
+
+def _taken(data: Any, name: str) -> Any:
+    """The array that was taken for a field of this name."""
+    held = data if type(data) is not dict else data[name] if name else next(iter(data.values()))
+    return held.values if isinstance(held, Field) else held
+
+
+def _shape(data: Any, found: Index, dims: Sequence[str] | None) -> Index:
+    """The samples (z, y, x) that there really are."""
+    array = _taken(next(iter(data.values())) if type(data) is dict else data, "")
+    if type(array) is not np.ndarray:
+        return found
+    order = range(3) if dims is None else [list(dims).index(letter) for letter in "zyx"]
+    z, y, x = (array.shape[axis] for axis in order)
+    return z, y, x
+
+
+def _samples(grid: Grid, shape: Index, taken: Any) -> Samples:
+    window = tuple(map(slice, shape))
+    if _is_empty(taken):
+        return Samples(grid.values[window], np.ones(shape, dtype=bool))
+    return Samples(grid.values[window], None if grid.holes is None else grid.holes[window])
+
+
+def _check_no_holes(share: Share) -> None:
+    for name in share.fields:
+        holes = share.owned(name).holes
+        if holes is not None and holes.any():
+            of = f" of field {name!r}" if name else ""
+            raise ValueError(
+                f"{int(holes.sum())} of {holes.size} values{of} are NaN or infinite: "
+                'pass nan="transparent" to leave them out of the picture'
+            )

@@ -1,0 +1,1 @@
+"""The hook for a simulation loop: `Session` and `render_member`."""

@@ -1,0 +1,84 @@
+"""Appearances under which a member shows nothing, and what may be the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import NamedTuple
+
+from catalogs.store.summary import FieldSummary
+from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+
+BLANK, ONE_COLOR = "every picture is blank", "all of the field has one colour"
+
+
+class PictureNote(NamedTuple):
+    """What deserves a warning about all pictures of a member under an appearance: the problem, and the likely reason."""
+
+    appearance: str
+    problem: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.appearance}: {self.problem}: {self.reason}"
+
+
+def note_on_pictures(appearance: Appearance, summary: FieldSummary, *, blank: bool) -> PictureNote | None:
+    """The note, if there is one; `blank` says that no pixel of the pictures is covered.
+
+    Pictures that are not blank are worth it where the field lies wholly out of the transfer function's values: all of it has
+    the colour of one end.
+    """
+    values = f"the field's values run from {summary.minimum:.6g} to {summary.maximum:.6g}"
+    if isinstance(appearance, VolumeRendering):
+        function = appearance.transfer_function
+        low, high = function.bounds
+        if blank:
+            return PictureNote(appearance.name, BLANK, f"{values}, {_reason(function, summary)}")
+        if summary.maximum < low or summary.minimum > high:
+            return PictureNote(
+                appearance.name, ONE_COLOR, f"{values}, the transfer function's from {low:.6g} to {high:.6g}"
+            )
+    elif isinstance(appearance, Isosurface) and blank:
+        inside = summary.minimum < appearance.isovalue <= summary.maximum
+        reason = "no camera sees the surface at" if inside else "not through the isovalue"
+        return PictureNote(appearance.name, BLANK, f"{values}, {reason} {appearance.isovalue:.6g}")
+    return None
+
+
+def _reason(function: TransferFunction, summary: FieldSummary) -> str:
+    """Why a volume may be invisible."""
+    shown = opaque_values(function)
+    if not shown:
+        return "the transfer function is transparent everywhere"
+    where = f"the transfer function is opaque {_listed(shown)}"
+    seen = any(start < summary.maximum and summary.minimum < end for start, end in shown)
+    return f"{where}: no camera sees these values, or they are too faint or too thin" if seen else where
+
+
+def opaque_values(function: TransferFunction) -> list[tuple[float, float]]:
+    """The open intervals of values with an opacity above 0; the first and last may reach to infinity."""
+    infinity = float("inf")
+    points = function.opacity_points
+    extended = [(-infinity, points[0][1]), *points, (infinity, points[-1][1])]
+    found: list[tuple[float, float]] = []
+    for (start, before), (end, after) in pairwise(extended):
+        if before > 0 or after > 0:
+            joins = bool(found) and found[-1][1] == start and before > 0
+            found[-1:] = [(found[-1][0], end)] if joins else [*found[-1:], (start, end)]
+    return found
+
+
+def _listed(intervals: Iterable[tuple[float, float]]) -> str:
+    infinity = float("inf")
+    parts = []
+    for start, end in intervals:
+        if (start, end) == (-infinity, infinity):
+            parts.append("everywhere")
+        elif start == -infinity:
+            parts.append(f"below {end:.6g}")
+        elif end == infinity:
+            parts.append(f"above {start:.6g}")
+        else:
+            parts.append(f"from {start:.6g} to {end:.6g}")
+    return " and ".join(parts)

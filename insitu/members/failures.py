@@ -1,0 +1,93 @@
+"""Members that could not be rendered, where a simulation must not end for that."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from catalogs.store.missing import no_longer_missing, report_missing
+from insitu.members.rendered import RenderedMember
+from insitu.members.request import member_name
+
+OnError = Literal["raise", "warn"]
+ON_ERROR = ("raise", "warn")
+
+
+class MissingMemberWarning(UserWarning):
+    """A member could not be rendered, and is missing in the catalog."""
+
+
+class Failures:
+    """The members of one session that are missing: in memory, and on disk as soon as there is a catalog."""
+
+    def __init__(self, catalog: Path) -> None:
+        self._catalog = catalog
+        self._found: dict[str, tuple[Any, str]] = {}
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """Why each is missing, by name."""
+        return {name: reason for name, (_, reason) in self._found.items()}
+
+    def add(self, name: Any, parameters: Any, error: Exception, warn: Callable[[Warning], None]) -> RenderedMember:
+        """Take note that a member is missing, and warn of it; returns its result.  Never raises.
+
+        `name` and `parameters` are whatever the caller gave, wrong as they may be.
+        """
+        return self.report(_called(name, parameters), parameters, f"{type(error).__name__}: {error}", warn)
+
+    def report(self, name: str, parameters: Any, reason: str, warn: Callable[[Warning], None]) -> RenderedMember:
+        """The same for a member whose name is known to be right, and why it is missing."""
+        self._found[name] = (dict(parameters) if isinstance(parameters, Mapping) else {}, reason)
+        self.record()
+        tell(MissingMemberWarning(f"member {name} is missing: {reason}. The run goes on; render it again later"), warn)
+        return RenderedMember(name, self._catalog, error=reason)
+
+    def forget(self, name: str) -> None:
+        """Take note that a member is there after all."""
+        self._found.pop(name, None)
+        no_longer_missing(self._catalog, name)
+
+    def record(self) -> None:
+        """Write into the catalog, if there is one, what is missing; a disk that refuses has no say."""
+        with suppress(Exception):
+            if (self._catalog / "catalog.json").is_file():
+                for name, (parameters, reason) in self._found.items():
+                    report_missing(self._catalog, name, parameters, reason)
+
+
+def _called(name: Any, parameters: Any) -> str:
+    """The member's name, or what comes nearest to it."""
+    if isinstance(name, str):
+        return name
+    with suppress(Exception):
+        return member_name(parameters)
+    return "without a name"
+
+
+def tell(note: Warning, warn: Callable[[Warning], None]) -> None:
+    """Warn of `note`.  Never raises."""
+    try:
+        warn(note)
+    except Exception as refused:  # warnings that are errors, or a caller's `warn` that fails
+        with suppress(Exception):
+            print(f"{note} (and its warning failed: {refused!r})", file=sys.stderr)
+
+
+@contextmanager
+def named_disk_errors(name: str, path: Path) -> Iterator[None]:
+    """Adds member and remedy to an OSError on its way out."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(
+            error.errno,
+            f"{error.strerror}: member {name} could not be stored and nothing of it was kept; "
+            "make room or permission, then render it again",
+            str(path),
+        ) from error

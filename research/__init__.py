@@ -1,0 +1,1 @@
+"""Studies, benchmarks and measured records: they import the product, and the product never imports them."""

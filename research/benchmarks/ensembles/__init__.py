@@ -1,0 +1,1 @@
+"""Ensembles of files: readers, clusters, killed workers."""

@@ -1,0 +1,1 @@
+"""The explorer: latency, expected errors, screenshots."""

@@ -1,0 +1,87 @@
+"""The pictures of the README: the explorer and the catalog's page, as a browser shows them.
+
+    python -m research.benchmarks.explorer.screenshots [--runs runs]
+
+Writes docs/explorer.png, docs/explorer_compare.png, docs/explorer_sweep.png and docs/browse.png from the runs tgv-tf, cloverleaf
+and tgv-iso, which must be trained.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import urlencode
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from research.benchmarks.explorer.explore import serving
+from research.benchmarks.page import DOCS
+from tests.support.browsers import FLAGS, find_browser
+
+SIZE = {"width": 1280, "height": 800}
+STILL = "() => window.explorer?.resting && /^(?!Measuring)./.test(document.getElementById('expected').textContent)"
+
+
+def taken(browser: Browser, address: str, state: dict[str, object], wait: str, target: Path) -> None:
+    """A picture of the page at `address` in a state, once `wait` is true there."""
+    page = browser.new_page(viewport=SIZE)
+    page.goto(f"{address}#{urlencode(state)}")
+    page.wait_for_function(wait, timeout=60_000)
+    page.wait_for_timeout(500)
+    page.screenshot(path=target)
+    print(target)
+    page.close()
+
+
+def explored(browser: Browser, runs: Path) -> None:
+    """The explorer's three modes."""
+    curve = {"a.show": "transfer_function", "a.c1_value": 1, "a.c2_value": -1.5, "a.c2_opacity": 0.15, "a.p.Re": 1830}
+    with serving("surrogate", "explore", runs / "tgv-tf") as (address, _, _):
+        taken(browser, address, curve, STILL, DOCS / "explorer.png")
+    with serving("surrogate", "explore", runs / "cloverleaf") as (address, _, _):
+        page: Page = browser.new_page(viewport=SIZE)
+        page.goto(f"{address}#mode=compare&against=truth")
+        page.wait_for_function(STILL, timeout=60_000)
+        test = page.locator("#member optgroup[label=test] option").first.get_attribute("value")
+        page.locator("#member").select_option(test)
+        page.locator("#nearest-picture").click()
+        page.wait_for_function("() => document.getElementById('compared').textContent.includes('PSNR')")
+        page.wait_for_function(STILL)
+        page.screenshot(path=DOCS / "explorer_compare.png")
+        print(DOCS / "explorer_compare.png")
+        page.close()
+    swept = {"mode": "sweep", "a.show": "isovalue", "sweep.name": "Re", "sweep.second": "isovalue", "sweep.count": 5}
+    with serving("surrogate", "explore", runs / "tgv-iso") as (address, _, _):
+        taken(browser, address, swept, STILL, DOCS / "explorer_sweep.png")
+
+
+def browsed(browser: Browser, runs: Path) -> None:
+    """The catalog's page, with a brush on its parallel coordinates."""
+    with serving("catalogs", "browse", runs / "cloverleaf" / "catalog.cdb") as (address, _, _):
+        page = browser.new_page(viewport=SIZE)
+        page.goto(address)
+        page.get_by_role("tab", name="Grid").click()
+        page.wait_for_timeout(2000)
+        page.screenshot(path=DOCS / "browse.png")
+        print(DOCS / "browse.png")
+        page.close()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Take all pictures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=Path, default=Path("runs"))
+    given = parser.parse_args(arguments)
+    program = find_browser()
+    if program is None:
+        raise SystemExit("no browser: apt-get install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=list(FLAGS))
+        explored(browser, given.runs)
+        browsed(browser, given.runs)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Run docs/tutorial.ipynb and keep what its cells show.
+
+    python -m research.benchmarks.explorer.tutorial [--output FILE]
+
+About a minute on two cores.  What the notebook writes goes into a temporary folder.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from research.benchmarks.page import DOCS, PROJECT, command_line
+
+if TYPE_CHECKING:
+    import nbformat
+
+NOTEBOOK = DOCS / "tutorial.ipynb"
+LIVE = "live"  # the tag of cells whose output is worth nothing without their kernel
+SECONDS = 600  # for one cell
+
+
+def executed(notebook: nbformat.NotebookNode, folder: Path) -> nbformat.NotebookNode:
+    """The notebook with the outputs of a fresh kernel that works in `folder`.
+
+    Raises `nbclient.exceptions.CellExecutionError` where a cell fails.
+    """
+    from nbclient import NotebookClient  # seconds
+
+    here = {"TMPDIR": str(folder), "IPYTHONDIR": str(folder / ".ipython"), "PYTHONPATH": str(PROJECT)}
+    client = NotebookClient(
+        notebook,
+        timeout=SECONDS,
+        kernel_name="python3",
+        coalesce_streams=True,
+        resources={"metadata": {"path": str(folder)}},
+    )
+    done: nbformat.NotebookNode = client.execute(env={**os.environ, **here})
+    return done
+
+
+def kept(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """The notebook without what changes from run to run or machine to machine: times of cells, versions, live frames."""
+    import nbformat
+
+    for cell in notebook.cells:
+        cell.metadata.pop("execution", None)
+        if LIVE in cell.metadata.get("tags", ()):
+            cell.outputs = []
+    notebook.metadata = nbformat.from_dict(
+        {"kernelspec": notebook.metadata.kernelspec, "language_info": {"name": "python"}}
+    )
+    return notebook
+
+
+def main() -> None:
+    """Write docs/tutorial.ipynb anew."""
+    import nbformat
+
+    parser = command_line("tutorial", __doc__)
+    parser.add_argument("--output", type=Path, default=NOTEBOOK, help="file that the executed notebook is written to")
+    output = parser.parse_args().output
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    with tempfile.TemporaryDirectory() as folder:
+        nbformat.write(kept(executed(notebook, Path(folder))), output)
+    print(output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""What rendering one member costs: processor time, memory and disk, by the size of its field.
+
+    python -m research.benchmarks.hook.member_cost [--sizes 64 128 256, ascending] [--pixels 256] [--members 3]
+    [--for 10000] [--cores 200]
+
+Renders members of an analytic field from 252 viewpoints into a temporary folder, one process with one thread, and prints a table;
+and what so many members on so many cores come to, if each costs the same, which is an extrapolation and not a measurement.
+Minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import statistics
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
+from catalogs.vocabulary.scene import ViewPlan
+from insitu.hook.session import Session
+from research.benchmarks.page import command_line, table
+from research.benchmarks.timing import digits, processor_seconds
+
+LOOK = VolumeRendering(
+    "dvr",
+    TransferFunction(
+        ((-1.0, 0.1, 0.2, 0.9), (0.0, 0.9, 0.9, 0.9), (1.0, 0.9, 0.1, 0.0)), ((-1.0, 0.7), (0.0, 0.0), (1.0, 0.7)), 0.2
+    ),
+)
+DAY = 86400.0  # seconds
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a member: processor seconds, bytes and files on disk."""
+
+    seconds: float
+    bytes: int
+    files: int
+
+
+def waves(size: int, phase: float) -> NDArray[np.float32]:
+    """A field (size, size, size) of sums of waves over a cube of side 2, fading outwards."""
+    z, y, x = np.meshgrid(*[np.linspace(-1.0, 1.0, size, dtype=np.float32)] * 3, indexing="ij")
+    body = np.sin(6 * x + phase) * np.cos(5 * y) + np.sin(4 * z - phase) * np.cos(7 * x)
+    field: NDArray[np.float32] = (body / 2 * np.exp(-2 * (x**2 + y**2 + z**2))).astype(np.float32)
+    return field
+
+
+def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
+    """The medians of so many members after a first one, which also plans the catalog."""
+    views = ViewPlan(width=pixels, height=pixels)
+    found = []
+    with Session(folder, space={"phase": (0.0, 10.0)}, appearances=LOOK, views=views) as session:
+        for number in range(members + 1):
+            field, results = waves(size, number), []
+
+            def render(
+                field: NDArray[np.float32] = field, number: int = number, results: list[object] = results
+            ) -> None:
+                spacing = (2.0 / (size - 1),) * 3
+                results.append(session.render_member(field, {"phase": number}, spacing=spacing, origin=(-1.0,) * 3))
+
+            seconds, (result,) = processor_seconds(render), session.results[-1:]
+            files = [path for path in result.path.rglob("*") if path.is_file()]
+            found.append(Cost(seconds, sum(f.stat().st_size for f in files), len(files)))
+    return Cost(*(statistics.median(getattr(cost, name) for cost in found[1:]) for name in Cost.__annotations__))
+
+
+def main() -> None:
+    parser = command_line("member_cost", __doc__)
+    parser.add_argument("--sizes", nargs="+", type=int, default=[64, 128, 256], help="samples along each axis")
+    parser.add_argument("--pixels", type=int, default=256)
+    parser.add_argument("--members", type=int, default=3, help="how many are measured of each size (default: 3)")
+    parser.add_argument("--for", dest="ensemble", type=int, default=10_000, help="members to extrapolate to")
+    parser.add_argument("--cores", type=int, default=200, help="cores to extrapolate to")
+    arguments = parser.parse_args()
+    os.environ["LP_NUM_THREADS"] = "1"
+    rows = []
+    for size in arguments.sizes:
+        with tempfile.TemporaryDirectory() as scratch:
+            cost = measure(size, arguments.pixels, arguments.members, Path(scratch) / "a.cdb")
+        total = arguments.ensemble * cost.seconds
+        rows.append(
+            [
+                f"{size}³",
+                f"{digits(cost.seconds)} s",
+                f"{digits(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)} MB",
+                f"{digits(cost.bytes / 1e6)} MB",
+                str(int(cost.files)),
+                f"{digits(total / 3600)} h",
+                f"{digits(total / 3600 / arguments.cores)} h",
+                f"{digits(arguments.ensemble * cost.bytes / 1e9)} GB",
+                f"{arguments.ensemble * int(cost.files):,}",
+            ]
+        )
+    ensemble = f"{arguments.ensemble:,} members"
+    head = ["samples", "processor time", "memory of the process", "disk", "files", f"{ensemble}: processor time"]
+    print(table([*head, f"on {arguments.cores} cores", "disk", "files"], rows))
+
+
+if __name__ == "__main__":
+    main()

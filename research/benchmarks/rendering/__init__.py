@@ -1,0 +1,1 @@
+"""The accuracy and the speed of the VTK renderer."""

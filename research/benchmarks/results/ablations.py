@@ -1,0 +1,90 @@
+"""The tables of what each choice of training is worth, in groups of variants that answer one question."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from research.benchmarks.results.studies import StudyResults
+from research.studies.ablation.comparison import Row
+from research.studies.ablation.table import decibels_cell, difference_cell, equal_steps, unequal_times, verdict
+from research.studies.ablation.variants import DEFAULT, PAPER, Variant
+from surrogate.evaluation.tables import number, table_of
+
+COLUMNS = (
+    ("variant", lambda row: row.variant.name),
+    ("changed", lambda row: row.variant.what),
+    ("PSNR (dB)", decibels_cell),
+    ("difference (dB)", difference_cell),
+    ("SSIM", lambda row: number(row.mean("ssim"), 4)),
+    ("steps", lambda row: f"{row.mean('steps'):,.0f}"),
+    ("seconds", lambda row: f"{row.mean('seconds'):,.0f}"),
+    ("seeds", lambda row: str(len(row.results))),
+)
+DESIGNS = {"deformation", "visualization_deformation"}
+SIZES = {"gaussians", "latent_size", "visualization_latent_size", "value_bins"}
+EQUAL_TIME = (
+    "In equal time the paper's field takes far fewer steps on a processor (see the column): those rows measure what a step of it "
+    "costs, not what it can learn; only equally many steps compare the fields."
+)
+GROUPS = ("reference", "deformation field", "start", "training strategy", "size")
+
+
+def group_of(variant: Variant) -> str:
+    """Which question a variant answers, of `GROUPS`."""
+    changed = {*variant.changes, *variant.factors}
+    if variant.name == DEFAULT:
+        return "reference"
+    if changed & DESIGNS or variant.steps_of:
+        return "deformation field"
+    if "initialization" in changed:
+        return "start"
+    return "size" if changed <= SIZES else "training strategy"
+
+
+def study_section(study: StudyResults) -> list[str]:
+    """A study in Markdown: a table by groups, the best of a group first, and what it says in sentences."""
+    if study.published:
+        lines = "\n".join(study.published["lines"])
+        return [lines, " ".join(_limits(study.kind.variants, _named_on(lines, study.kind.variants)))]
+    rows = [row for row in study.rows if row.results]
+    groups = {name: [row for row in rows if group_of(row.variant) == name] for name in GROUPS}
+    places = {id(row): name for name, members in groups.items() for row in members[:1]}
+
+    def group(row: Row) -> str:
+        return f"**{places[id(row)]}**" if id(row) in places else ""
+
+    grouped = [row for members in groups.values() for row in members]
+    limits = _limits(study.kind.variants, {row.variant.name for row in study.rows})
+    said = " ".join([*_sentences(study.rows), *limits])
+    return [_introduction(study), table_of(grouped, ("", group), *COLUMNS), said]
+
+
+def _introduction(study: StudyResults) -> str:
+    images = sorted({result.images for result in study.results})
+    return (
+        f"{study.budget:g} s of processor time for each fit, as many steps as fit into that unless it takes another's; "
+        f"{' or '.join(map(str, images))} validation images; nothing is fitted to need.  PSNR ± standard deviation over seeds; "
+        "difference from the default, or as said, ± its standard error."
+    )
+
+
+def _limits(variants: Sequence[Variant], known: Collection[str]) -> list[str]:
+    """What a study of these variants, of which some are `known`, does not tell."""
+    missing = [variant.name for variant in variants if variant.name not in known]
+    of_paper = any(PAPER in variant.changes.values() for variant in variants if variant.name in known)
+    return [
+        *([f"{len(missing)} of {len(variants)} variants were not run: {', '.join(missing)}."] if missing else []),
+        *([EQUAL_TIME] if of_paper else []),
+    ]
+
+
+def _named_on(lines: str, variants: Sequence[Variant]) -> set[str]:
+    """Names of the variants that an earlier page has a row of, or says to have no result."""
+    _, _, failed = lines.partition("Without a result:")
+    return {v.name for v in variants if f"| {v.name} |" in lines or f" {v.name} (" in failed}
+
+
+def _sentences(rows: Sequence[Row]) -> list[str]:
+    failed = [f"{row.variant.name} ({row.failures[0].error})" for row in rows if not row.results and row.failures]
+    lost = [f"Without a result: {'; '.join(failed)}."] if failed else []
+    return [verdict(rows), *equal_steps(rows), *unequal_times(rows), *lost]

@@ -1,0 +1,60 @@
+"""What is missing of a scene, and what makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from research.benchmarks.results.parts import BASE, Part, parts_of
+from research.benchmarks.results.scenes import SceneResults
+from research.benchmarks.results.studies import kinds_of
+from surrogate.evaluation.cases import PARAMETERS
+from surrogate.evaluation.tables import table
+
+
+class Gap(NamedTuple):
+    """What is missing of a scene, and the command that makes it."""
+
+    scene: str
+    what: str
+    command: str
+
+
+def gaps_of(scene: SceneResults) -> list[Gap]:
+    """All that is missing of a scene."""
+    return [Gap(scene.name, what, command) for what, command in _missing(scene)]
+
+
+def section_of(gaps: Sequence[Gap], *told: str) -> list[str]:
+    """The parts of a page about what is missing, none where nothing is; `told` stands before the table."""
+    rows = [(f"`{gap.scene}`", gap.what, f"`{gap.command}`") for gap in gaps]
+    return ["## What is missing", *told, table(("scene", "what", "made by"), rows)] if gaps else []
+
+
+def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
+    if scene.report is None and scene.repeats is None and not scene.studies:
+        yield "everything", f"make results SCENES={scene.name}"
+        return
+    if scene.outdated:
+        yield "everything of its present settings", f"make results SCENES={scene.name}"
+    if scene.report is None:
+        yield "the report", f"make results SCENES={scene.name}"
+    without = [part.what for part in parts_of([scene]) if part.ceiling is None and _can_have_ceiling(part)]
+    if without:
+        yield (
+            f"the ceiling of {', '.join(without)}",
+            f"surrogate ceiling scenes/{scene.name}.toml --records research/records",
+        )
+    if scene.repeats is None:
+        yield "other seeds", f"surrogate repeat scenes/{scene.name}.toml"
+    there = {study.kind for study in scene.studies}
+    for kind in kinds_of(scene.variations):
+        if kind not in there:
+            yield f"the ablation of {kind.title}", kind.command(scene.name)
+
+
+def _can_have_ceiling(part: Part) -> bool:
+    """Whether a member has views that train and others that test, under a setting that tests where it is about one."""
+    if part.kind == BASE:
+        return any(part.images("unseen_views", column) for column in PARAMETERS)
+    return part.images("unseen_settings", "unseen_parameters") > 0

@@ -1,0 +1,126 @@
+"""The parts of a scene's report that tables have rows about: the base appearance, and each variation of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from catalogs.vocabulary.variations import KINDS
+from research.benchmarks.results.scenes import SceneResults
+from surrogate.evaluation.cases import PARAMETERS
+from surrogate.evaluation.metrics import MOST_DECIBELS
+from surrogate.evaluation.tables import NOTHING, metric_number, number, spread_number
+
+BASE = "base"
+NEARLY_CUT = MOST_DECIBELS - 5.0  # dB; some of the images of such a mean are cut
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What is known of one part.
+
+    Attributes
+    ----------
+    kind : "base", or that of the variation.
+    what : that it shows, in words.
+    record : of the report, with means by metric, row and column.
+    spreads : the same over seeds; None for fewer than two.
+    ceiling : the entry of `ceiling.json` about it; None without one.
+    """
+
+    scene: str
+    kind: str
+    what: str
+    record: Mapping[str, Any]
+    spreads: Mapping[str, Any] | None
+    ceiling: Mapping[str, Any] | None
+
+    def images(self, row: str, column: str) -> int:
+        """How many such images the data set has."""
+        return int(self.record["images"][row][column] or 0)
+
+    def figure(self, metric: str, row: str, column: str) -> str:
+        """A mean, with the standard deviation over seeds where that is known."""
+        if self.spreads is not None and metric in self.spreads:
+            return spread_number(metric, self.spreads[metric][row][column])
+        return metric_number(metric, self.record[metric][row][column])
+
+    def seeds(self) -> str:
+        """How many seeds a figure is the mean of."""
+        return "1" if self.spreads is None else str(len(self.spreads["seeds"]))
+
+    def best_trivial(self, row: str, column: str) -> str:
+        """The best trivial predictor on the same images: its PSNR in dB, and its name."""
+        if self.kind != BASE and row != "unseen_settings":
+            return NOTHING
+        entries = self.record["trivial_predictors"]
+        means = [entry["psnr"].get(row, {}) if self.kind == BASE else entry["psnr"] for entry in entries]
+        known = [(of[column], i) for i, of in enumerate(means) if of.get(column) is not None]
+        if not known:
+            return NOTHING
+        value, best = max(known)
+        entry = entries[best]
+        remarks = [
+            entry["name"].split(" (")[0],
+            *self._uncut(entry, value, row, column),
+            *self._uncapped(entry, column),
+        ]
+        return f"{number(value)} ({'; '.join(remarks)})"
+
+    def at_center(self, row: str, column: str) -> str:
+        """PSNR in dB of the same model with the simulation's parameters at their centre, on the same images."""
+        known = self.record.get("at_center")
+        return NOTHING if known is None else number(known["psnr"][row][column])
+
+    def _uncut(self, entry: Mapping[str, Any], value: float, row: str, column: str) -> list[str]:
+        """Of a predictor near the most that an image counts, the PSNR of its mean error, which is not cut."""
+        means = entry.get("psnr_of_mean_error", {})
+        uncut = (means.get(row, {}) if self.kind == BASE else means).get(column)
+        return [f"of the mean error {uncut:.2f}"] if value > NEARLY_CUT and uncut is not None and uncut > value else []
+
+    def _uncapped(self, entry: Mapping[str, Any], column: str) -> list[str]:
+        """Of a predictor from fewer settings than training showed: how many, and what it reaches where it has more."""
+        shown, trained = entry.get("settings_shown", {}), self.record.get("settings_trained")
+        if not trained or column not in shown or shown[column][0] >= trained:
+            return []
+        fewest, most = shown[column]
+        remarks = [f"from {fewest if fewest == most else f'{fewest} to {most}'} of {trained} trained {self.what}"]
+        fuller = [other for other, (least, _) in shown.items() if other in PARAMETERS and least > most]
+        return remarks + [
+            f"with {shown[other][0]}, at {other.replace('_', ' ')}, {number(entry['psnr'][other])}"
+            for other in fuller
+            if entry["psnr"].get(other) is not None
+        ]
+
+    def beside_ceiling(self) -> str:
+        """PSNR in dB of the same Gaussians fitted alone, and of the surrogate on the same images."""
+        if self.ceiling is None:
+            return NOTHING
+        return f"{number(self.ceiling['psnr'])} ({number(self.ceiling['surrogate']['psnr'])})"
+
+
+def parts_of(scenes: Iterable[SceneResults]) -> list[Part]:
+    """All parts of all reports, scene by scene, the base first."""
+    return [part for scene in scenes for part in _parts(scene)]
+
+
+def _parts(scene: SceneResults) -> list[Part]:
+    report, repeats = scene.report, scene.repeats
+    if report is None:
+        return []
+    varied: Sequence[Mapping[str, Any]] = report["variations"]
+    names = {name for one in varied for name in _ceiling_names(one)}
+    base = next((entry for entry in scene.ceilings if not names & set(entry["parameters"])), None)
+    parts = [Part(scene.name, BASE, scene.base, report, repeats, base)]
+    for number_of, one in enumerate(varied):
+        own = _ceiling_names(one)
+        ceiling = next((entry for entry in scene.ceilings if own & set(entry["parameters"])), None)
+        spreads = None if repeats is None else {"seeds": repeats["seeds"], **repeats["variations"][number_of]}
+        parts.append(Part(scene.name, one["kind"], KINDS[one["kind"]].plural, one, spreads, ceiling))
+    return parts
+
+
+def _ceiling_names(varied: Mapping[str, Any]) -> set[str]:
+    """The visualization parameters that a ceiling of a variation is measured at; those of a field, all seen, have none."""
+    return {parameter["name"] for parameter in varied["parameters"]} if KINDS[varied["kind"]].continuous else set()

@@ -1,0 +1,119 @@
+"""What was measured of a scene: report, ceilings and seeds of the same settings, and ablations, of the present ones if any are."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from catalogs.vocabulary.appearance import ImportedImages, appearance_to_json
+from catalogs.vocabulary.scene import Scene
+from research.benchmarks.results.studies import StudyResults, published_study, read_studies
+from research.benchmarks.splatting.instruction_sets import load as load_instruction_sets
+from research.benchmarks.training.curves.measured import Point
+from research.benchmarks.training.curves.measured import load as load_curve
+from research.benchmarks.training.functions.measured import Shown, load
+from research.studies.ceiling import load_ceilings
+from research.studies.repeats.records import Scores, load_scores
+from research.studies.repeats.spread import summarize_repeats
+from surrogate.provenance import code
+from surrogate.report.records import load_report
+from surrogate.settings import TrainingSettings
+from surrogate.storage.records import Record
+
+APPEARANCES = {"volume": "volume rendering", "isosurface": "isosurface", "imported": "pictures made elsewhere"}
+PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION = "published.json", "published", 1
+
+
+@dataclass(frozen=True, eq=False)
+class SceneResults:
+    """One scene.
+
+    Attributes
+    ----------
+    run : its folder of results, where the pictures of its report are.
+    base : what its base appearance is, in words.
+    variations : how many its surrogate follows.
+    report : figures of its report; None without one.
+    ceilings : entries about the same model, as `load_ceilings` has them.
+    seeds, repeats : the scores of the seeds of the same settings, and `summarize_repeats` of them; None for fewer than two.
+    studies : its ablations.
+    functions : how functions that were never trained are shown, a record and its rows for each seed.
+    curve : how good it is after some minutes of training.
+    instruction_sets : the scores of the same settings with the instructions of older processors, by name.
+    outdated : whether nothing is of the scene's present settings: all is of the ones that it had when it was measured.
+    earlier : whether any of it is outdated, was measured by other code than the present, or is known from an earlier page alone.
+    """
+
+    name: str
+    title: str
+    run: Path
+    base: str = ""
+    variations: int = 0
+    report: Mapping[str, Any] | None = None
+    ceilings: Sequence[Mapping[str, Any]] = ()
+    repeats: Mapping[str, Any] | None = None
+    studies: Sequence[StudyResults] = ()
+    functions: Sequence[tuple[Record, Sequence[Shown]]] = ()
+    curve: Sequence[Point] = ()
+    instruction_sets: Mapping[str, Sequence[Scores]] = field(default_factory=dict)
+    seeds: Sequence[Scores] = ()
+    outdated: bool = False
+    earlier: bool = False
+
+
+def read_scenes(scenes: Path, records: Path, runs: Path) -> list[SceneResults]:
+    """All scenes of a folder of TOML files, by name; nothing is written.
+
+    Raises ValueError naming a scene that can't be read.
+    """
+    return [read_scene(path, records, runs) for path in sorted(scenes.glob("*.toml"))]
+
+
+def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
+    """What there is of one scene.  Raises ValueError for one that can't be read."""
+    scene = Scene.load(path)
+    settings, folder, run = TrainingSettings(**scene.training), records / scene.name, scene.run_directory(runs)
+    base = next((a for a in scene.appearances if settings.appearance in ("", a.name)), ImportedImages(""))
+    learnt = [v for v in scene.variations if v.base in ("", base.name) and settings.steps.visualization]
+    of_scene = scene.name, scene.title, run, APPEARANCES[appearance_to_json(base)["kind"]], len(learnt)
+    shown = _shown(folder, settings)
+    scores, known = load_scores(folder, settings=shown), load_report(folder, settings.seed)
+    report = known if known is not None and known.agrees({"settings": shown}) else None
+    studies = read_studies(folder, settings.to_json()) or read_studies(folder, shown)
+    functions, curve = load(folder, shown), load_curve(folder)
+    published = Record.load(folder / PUBLISHED, PUBLISHED_KIND, PUBLISHED_VERSION, {"scene": scene.name})
+    if published is not None:
+        measured = {study.kind for study in studies}
+        old = [published_study(name, of) for name, of in published.values["studies"].items()]
+        studies = [*studies, *(study for study in old if study.kind not in measured)]
+    [(base_of_most, _)] = Counter(one.base for one in scores).most_common(1) or [("", 0)]
+    mark = base_of_most if report is None else report.key["mark"]
+    seeds = [one for one in scores if one.base == mark]
+    ceilings = [entry for entry in load_ceilings(folder) if (entry["surrogate"] or {}).get("fingerprint") == mark]
+    outdated = shown != settings.to_json()
+    made_by = {one.provenance.code for one in (*seeds, *curve)} | ({report.provenance.code} if report else set())
+    return SceneResults(
+        *of_scene,
+        None if report is None else report.values,
+        ceilings,
+        summarize_repeats(seeds),
+        studies,
+        functions,
+        curve,
+        load_instruction_sets(folder, shown),
+        seeds,
+        outdated=outdated,
+        earlier=outdated or not made_by <= {code()} or any(study.earlier for study in studies),
+    )
+
+
+def _shown(records: Path, settings: TrainingSettings) -> Mapping[str, Any]:
+    """The settings whose figures are shown: the present ones, or those of the report where nothing is of these yet."""
+    present, report = settings.to_json(), load_report(records, settings.seed)
+    if report is None or report.agrees({"settings": present}) or load_scores(records, settings=present):
+        return present
+    earlier: Mapping[str, Any] = report.key["settings"]
+    return earlier

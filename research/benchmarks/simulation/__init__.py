@@ -1,0 +1,1 @@
+"""The bundled Taylor-Green solver."""

@@ -1,0 +1,1 @@
+"""The splatting engine's speed beside its error: `python -m research.benchmarks.splatting`."""

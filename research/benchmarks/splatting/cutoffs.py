@@ -1,0 +1,55 @@
+"""What leaving out faint contributions saves, and what it costs in the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from research.benchmarks.page import table
+from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
+from research.benchmarks.splatting.figures import panels, with_labels
+from research.benchmarks.splatting.setup import Setup
+from research.benchmarks.splatting.trained import Trained
+from research.benchmarks.splatting.twin import ask
+from research.benchmarks.splatting.workloads import FIXED, View
+from research.benchmarks.timing import digits
+
+FLOORS = {"1/64": 1 / 64, "1/128": 1 / 128, "1/255": 1 / 255, "1/1024": 1 / 1024, "1e-4": 1e-4}
+ALL = 1e-9  # a floor so low that nothing is left out: 20,000 such contributions are 2e-5 together
+FIGURE = "splatting_cutoffs.png"
+
+
+def cutoffs(setup: Setup, trained: Trained) -> str:
+    """Alpha floors on the fixed scene and on a trained model, against a twin that leaves nothing out."""
+    cases = {FIXED.title: FIXED.view(), f"model of {trained.name}": trained.view()}
+    found = {name: _measured(name, view, setup) for name, view in cases.items()}
+    with panels(setup.output / FIGURE, height=3.6) as axes:
+        for style, (name, by_floor) in enumerate(found.items()):
+            points = [(drawn.both.median, drawn.image.decibels, label) for label, (drawn, _) in by_floor.items()]
+            with_labels(axes, points, style, name)
+        axes.set(xlabel="forward + backward, ms (one thread)", ylabel="PSNR against no floor, dB")
+        axes.set_xlim(left=0)
+        axes.margins(y=0.1)
+        axes.legend(loc="lower right")
+    rows = [
+        [name, label, digits(pairs), *drawn.times(), *drawn.error_cells()]
+        for name, by_floor in found.items()
+        for label, (drawn, pairs) in by_floor.items()
+    ]
+    return table(["scene", "alpha floor", "pairs, M", *TIMES, *ERROR_HEADER], rows)
+
+
+def _measured(name: str, view: View, setup: Setup) -> dict[str, tuple[Drawn, float]]:
+    """By floor: the drawing, and millions of pairs."""
+    everything = ask(_with_floor(view, ALL), setup.patches)
+    found = {}
+    for label, floor in FLOORS.items():
+        setup.say(f"{name}: alpha floor {label}")
+        seen = _with_floor(view, floor)
+        counted = ask(seen, setup.patches, gradients=False).counted
+        pairs = counted.interactions / counted.pixels * view.camera.width * view.camera.height / 1e6
+        found[label] = measure(seen, everything, setup.seconds, threads=1), pairs
+    return found
+
+
+def _with_floor(view: View, floor: float) -> View:
+    return view._replace(constants=replace(view.constants, alpha_floor=floor))

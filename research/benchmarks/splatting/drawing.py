@@ -1,0 +1,71 @@
+"""One scene drawn one way: how long it takes, and how far picture and gradients are from the float64 twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from research.benchmarks.splatting.twin import Errors, Twin, gradient_error, image_errors, picture_at
+from research.benchmarks.splatting.workloads import View
+from research.benchmarks.timing import Measured, measured_in_turn
+from surrogate.splatting import Primitives, Rendering, draw
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Milliseconds of the forward pass, the backward pass and both; errors of the picture and of the gradients."""
+
+    forward: Measured
+    backward: Measured
+    both: Measured
+    image: Errors
+    gradient: float
+
+    def times(self) -> list[str]:
+        """Of the forward pass, the backward pass and both."""
+        return [str(self.forward), str(self.backward), str(self.both)]
+
+    def error_cells(self) -> list[str]:
+        """PSNR, largest difference, largest gradient error."""
+        return [f"{self.image.decibels:.1f}", f"{self.image.largest:.0e}", f"{self.gradient:.0e}"]
+
+
+TIMES = ("forward, ms", "backward, ms", "sum, ms")
+ERROR_HEADER = ("PSNR against float64, dB", "largest image error", "largest gradient error")
+
+
+def measure(view: View, twin: Twin, seconds: float, **options: Any) -> Drawn:
+    """Draw and differentiate for `seconds`, then compare with the twin."""
+    leaves = Primitives(*(tensor.clone().requires_grad_() for tensor in view.scene))
+    view, camera = view._replace(scene=leaves), view.camera
+    wait = torch.cuda.synchronize if leaves.means.is_cuda else lambda: None
+    random = torch.Generator().manual_seed(3)
+    by_color, by_alpha = (
+        torch.randn(camera.height, camera.width, *channels, generator=random, dtype=leaves.means.dtype).to(leaves.means)
+        for channels in ((3,), ())
+    )
+    drawn: list[Rendering] = []
+
+    def forward() -> None:
+        drawn[:] = [draw(*view, **options)]
+        wait()
+
+    def backward() -> None:
+        torch.autograd.grad((drawn[0].color, drawn[0].alpha), leaves, (by_color, by_alpha))
+        wait()
+
+    forward_ms, backward_ms, both = measured_in_turn([forward, backward], seconds)
+    image, gradient = errors(view, twin, **options)
+    return Drawn(forward_ms, backward_ms, both, image, gradient)
+
+
+def errors(view: View, twin: Twin, **options: Any) -> tuple[Errors, float]:
+    """Errors of the picture, and of the gradients of the twin's functional (nan where the twin has none)."""
+    drawn = draw(*view, **options)
+    picture = picture_at(Rendering(drawn.color.cpu(), drawn.alpha.cpu()), twin.pixels)  # [P, 4]
+    if not twin.gradients:
+        return image_errors(picture, twin), float("nan")
+    found = torch.autograd.grad((picture * twin.weights.to(picture)).sum(), view.scene)
+    return image_errors(picture, twin), gradient_error([gradient.cpu() for gradient in found], twin)

@@ -1,0 +1,1 @@
+"""Catalogs: scale, the page, packed members, Cinema clients."""

@@ -1,0 +1,1 @@
+"""Training: budgets, curves, transfer functions, few views, volume fidelity."""

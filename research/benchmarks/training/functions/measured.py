@@ -1,0 +1,150 @@
+"""How well a surrogate shows functions that it never saw, and how well it would be to show the trained one instead."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import TransferFunction
+from research.benchmarks.training.functions.asked import PEAK, TRAINED, appearance_name
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.novelty import SeenValues
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import Scored, mean, score_cases
+from surrogate.evaluation.tables import number, table
+from surrogate.model import Surrogate
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.records import Provenance, Record
+
+KIND, VERSION, FOLDER = "functions", 1, "functions"  # of a scene's records
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How well one function is shown, of all images of a catalog: dB but for `ssim`, `novelty` and `images`.
+
+    Attributes
+    ----------
+    psnr, worst : the mean and the worst of all images.
+    psnr_foreground : None where no image has a foreground.
+    instead : what the picture under the trained function has.
+    novelty : the share of what the function shows that training did not; None where that is not known.
+    """
+
+    function: str
+    psnr: float
+    worst: float
+    psnr_foreground: float | None
+    ssim: float
+    instead: float
+    novelty: float | None
+    images: int
+
+
+@one_torch_thread()
+def shown(
+    surrogate: Surrogate,
+    truth: Catalog,
+    members: Sequence[str],
+    functions: Mapping[str, TransferFunction],
+    seen: SeenValues | None,
+) -> list[Shown]:
+    """Each function on all pictures of `truth` of these members; raises ValueError where the surrogate can't show any function."""
+    known, views, found = [truth.member(name) for name in members], range(len(truth.plan.cameras)), []
+    for name, function in functions.items():
+        cases = [Case(member, view, appearance_name(name)) for member in known for view in views]
+        # The trained function, among the others for comparison, is what the surrogate shows without being asked for any.
+        under = surrogate.at if name == TRAINED else partial(surrogate.under, function)
+        scored, instead = (
+            list(score_cases(SurrogatePredictor(at, None), truth, cases)[0].values()) for at in (under, surrogate.at)
+        )
+        found.append(_shown(name, scored, instead, None if seen is None else seen.novelty(function)))
+    return found
+
+
+def _shown(name: str, scored: Sequence[Scored], instead: Sequence[Scored], novelty: float | None) -> Shown:
+    return Shown(
+        name,
+        psnr=float(np.mean([s.score.psnr for s in scored])),
+        worst=min(s.score.psnr for s in scored),
+        psnr_foreground=mean(scored, "psnr_foreground"),
+        ssim=float(np.mean([s.score.ssim for s in scored])),
+        instead=float(np.mean([s.score.psnr for s in instead])),
+        novelty=novelty,
+        images=len(scored),
+    )
+
+
+def unseen(rows: Sequence[Shown]) -> list[Shown]:
+    """Those that a mean is taken of: not the trained function, nor the peak."""
+    return [row for row in rows if row.function not in (TRAINED, PEAK)]
+
+
+def mean_and_worst(rows: Sequence[Shown]) -> tuple[float, float]:
+    """Of the means of the functions never seen, their mean and the worst, dB."""
+    means = [row.psnr for row in unseen(rows)]
+    return float(np.mean(means)), min(means)
+
+
+def save(records: Path, surrogate: Surrogate, rows: Sequence[Shown], about: Mapping[str, Any], seconds: float) -> Path:
+    """Keep the rows of one seed in the folder of a scene's records; returns where."""
+    settings = dict(surrogate.training["settings"])
+    key = {"seed": settings["seed"], "fingerprint": surrogate.training["fingerprint"], "settings": settings}
+    values = {**about, "functions": [vars(row) for row in rows]}
+    path = records / FOLDER / f"{settings['seed']}.json"
+    Record(KIND, VERSION, key, values, Provenance.now(seconds)).save(path)
+    return path
+
+
+def load(records: Path, settings: Mapping[str, Any]) -> list[tuple[Record, list[Shown]]]:
+    """What is kept of all seeds of these settings, by seed."""
+    kept = Record.load_all(records / FOLDER, KIND, VERSION).values()
+    same = [record for record in kept if _but_seed(record.key["settings"]) == _but_seed(settings)]
+    return [(r, [Shown(**row) for row in r.values["functions"]]) for r in sorted(same, key=lambda r: r.key["seed"])]
+
+
+def _but_seed(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in settings.items() if name != "seed"}
+
+
+def rows_table(seeds: Sequence[Sequence[Shown]]) -> str:
+    """A row for each function, means ± standard deviations over seeds, and one for the mean of those never seen."""
+
+    def spread(values: Sequence[float | None]) -> str:
+        known = [value for value in values if value is not None]
+        deviation = f" ± {np.std(known, ddof=1):.2f}" if len(known) > 1 else ""
+        return number(float(np.mean(known)) if known else None) + deviation
+
+    def of(rows: Sequence[Shown]) -> list[str]:
+        first = rows[0]
+        return [
+            first.function,
+            spread([row.psnr for row in rows]),
+            spread([row.worst for row in rows]),
+            spread([row.psnr_foreground for row in rows]),
+            number(float(np.mean([row.ssim for row in rows])), 4),
+            spread([row.instead for row in rows]),
+            number(None) if first.novelty is None else f"{100.0 * first.novelty:.0f} %",
+            str(first.images),
+        ]
+
+    means = [mean_and_worst(rows) for rows in seeds]
+    total = ["**mean of the functions never seen**", f"**{spread([m for m, _ in means])}**", *[""] * 6]
+    worst = ["**the worst of them**", f"**{spread([w for _, w in means])}**", *[""] * 6]
+    header = [
+        "function",
+        "PSNR (dB)",
+        "worst image",
+        "foreground",
+        "SSIM",
+        "the trained function instead",
+        "new",
+        "images",
+    ]
+    return table(header, [*(of(rows) for rows in zip(*seeds, strict=True)), total, worst])

@@ -1,0 +1,201 @@
+"""What batches of several images are worth, and what a step of them costs when processes share it.
+
+    python -m research.benchmarks.training.ranks CATALOG [--images 12000] [--seeds 3] [--processes 2] [--quick]
+    [--machine "two cores"]
+
+Trains on the CATALOG with 1, 2 and 4 images a step, as many images in all, with rates multiplied by the square root of that number
+and with the usual ones, and judges them by test images.  Then some steps of each batch are taken by one process and by several that
+`torchrun` starts.  Their processor time depends little on what else the machine does; the time of the wall does.  Writes two tables
+in docs/clusters.md; with the defaults about half an hour on one loaded core for runs/tiny/catalog.cdb, which `insitu dataset`
+makes of scenes/tiny.toml.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from catalogs.store.catalog import Catalog
+from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, table, write_parts
+from research.benchmarks.timing import Measured, digits, timed
+from surrogate import Surrogate, TrainingSettings, train
+from surrogate.evaluation.cases import base_cells
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import mean, score_cases, spread
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.runs import with_chosen_splits
+from surrogate.training.loop import StageRun
+from surrogate.training.ranks import Ranks, launched
+from surrogate.training.source import Source
+from surrogate.training.stages import new_deformation, simulation_stage
+
+BATCHES = (1, 2, 4)
+GAUSSIANS = 2_000
+TIMED = (2_000, 20_000)  # Gaussians
+CANONICAL = 0.2  # of the steps
+SCORED = 120  # test images
+RATES = ("mean_rate", "log_scale_rate", "quat_rate", "opacity_rate", "color_rate", "field_value_rate")
+RATES_OF_F_SIM = ("latent_rate", "embedding_rate", "value_rate")
+
+
+def settings_of(batch: int, images: int, seed: int = 0, *, scaled: bool = True) -> TrainingSettings:
+    """A training on so many images; its rates are those of one image a step where they are not `scaled`."""
+    steps, usual = images // batch, TrainingSettings().to_json()
+    canonical = round(CANONICAL * steps)
+    back = 1.0 if scaled else batch**-0.5
+    rates = {key: back * usual[key] for key in (*RATES, *RATES_OF_F_SIM) if key in usual}
+    return TrainingSettings(
+        gaussians=GAUSSIANS,
+        canonical_steps=canonical,
+        deformation_steps=steps - canonical,
+        validation_interval=0,
+        fit_to_need=False,
+        color_degree=0,
+        seed=seed,
+        batch=batch,
+        **rates,
+    )
+
+
+def trained(catalog: Catalog, images: int, seeds: int, say: Callable[[str], None]) -> str:
+    """The table of PSNR at equal images."""
+    header = ["images a step", "steps", "rates", "PSNR at test images, dB"]
+    rows = []
+    for batch in BATCHES:
+        for scaled in (True, False) if batch > 1 else (True,):
+            found = []
+            for seed in range(seeds):
+                with tempfile.TemporaryDirectory() as folder:
+                    made = train(settings_of(batch, images, seed, scaled=scaled), catalog, folder)
+                found.append(_score(made, catalog))
+                say(f"batch {batch}, {'scaled' if scaled else 'usual'} rates, seed {seed}: {found[-1]:.2f} dB")
+            deviation = f" ± {statistics.stdev(found):.2f}" if seeds > 1 else ""
+            usual = "usual" if not scaled or batch == 1 else f"usual × √{batch}"
+            rows.append([str(batch), f"{images // batch:,}", usual, f"{statistics.fmean(found):.2f}{deviation}"])
+    shown = f"{GAUSSIANS:,} Gaussians, {images:,} images in all, mean and standard deviation over {seeds} seeds."
+    return f"{shown}\n\n{table(header, rows)}"
+
+
+@one_torch_thread()
+def _score(surrogate: Surrogate, catalog: Catalog) -> float:
+    cases = list(base_cells(catalog, str(surrogate.training["appearance"]))["unseen_views"]["unseen_parameters"])
+    some = [cases[i] for i in spread(len(cases), SCORED)]
+    [found] = score_cases(SurrogatePredictor(surrogate.at, catalog.plan.background), catalog, some)
+    psnr = mean(found.values(), "psnr")
+    if psnr is None:
+        raise ValueError(f"{catalog.path} has no test images at unseen views and parameters")
+    return psnr
+
+
+def shared(path: Path, processes: int, quick: bool, say: Callable[[str], None]) -> str:
+    """The table of what a step costs."""
+    header = [
+        "Gaussians",
+        "images a step",
+        "processes",
+        "a step, processor ms of each",
+        "a step, ms",
+        "all-reduce alone, ms",
+        "MB",
+    ]
+    rows = []
+    cases = [(n, b, c) for n in TIMED for b in BATCHES for c in ((1, processes) if b >= processes else (1,))]
+    for gaussians, batch, count in cases[:3] if quick else cases:
+        found = _measured_by(path, gaussians, batch, count, quick)
+        say(f"{gaussians} Gaussians, batch {batch}, {count} processes: {found}")
+        exchanged = [digits(found["reduce"]), f"{found['megabytes']:.1f}"] if count > 1 else ["", ""]
+        times = [digits(found["processor"]), digits(found["wall"])]
+        rows.append([f"{gaussians:,}", str(batch), str(count), *times, *exchanged])
+    return table(header, rows)
+
+
+def _measured_by(path: Path, gaussians: int, batch: int, count: int, quick: bool) -> dict[str, float]:
+    """The first process's figures."""
+    module = [
+        "-m",
+        "research.benchmarks.training.ranks",
+        str(path),
+        "--measure",
+        str(gaussians),
+        str(batch),
+        *(["--quick"] if quick else []),
+    ]
+    launch = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(count)] if count > 1 else []
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, *launch, *module], cwd=PROJECT, env=environment, capture_output=True, text=True
+    )
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+@one_torch_thread()
+def measure(catalog: Catalog, count: int, batch: int, ranks: Ranks, steps: int) -> dict[str, float]:
+    """Milliseconds of a step of stage 2 with `count` Gaussians, and of the all-reduce in it by itself."""
+    settings = settings_of(batch, 1_000_000).changed(gaussians=count)
+    source = Source(settings, catalog, ranks)
+    data = source.data()
+    gaussians = source.initial_gaussians(data)
+    stage = simulation_stage(gaussians, new_deformation(gaussians, len(catalog.plan.space), settings), settings)
+    run = StageRun(stage, settings, data)
+    for _ in range(steps // 4):
+        run.advance()
+    began, worked = time.perf_counter(), time.process_time()
+    for _ in range(steps):
+        run.advance()
+    processor, wall = time.process_time() - worked, time.perf_counter() - began
+    numbers = torch.zeros(sum(tensor.numel() for tensor in stage.tensors.values()))
+    reduced = Measured.of([timed(lambda: ranks.add(numbers)) for _ in range(steps)])
+    return {
+        "processor": 1e3 * statistics.fmean(ranks.gathered(processor)) / steps,
+        "wall": 1e3 * wall / steps,
+        "reduce": reduced.median,
+        "megabytes": 4e-6 * numbers.numel(),
+    }
+
+
+def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | None = None) -> None:
+    """Write the tables."""
+    options = command_line("ranks", __doc__)
+    options.add_argument("catalog", type=Path)
+    options.add_argument("--images", type=int, default=12_000, help="of each training")
+    options.add_argument("--seeds", type=int, default=3)
+    options.add_argument("--processes", type=int, default=2)
+    options.add_argument("--measure", type=int, nargs=2, metavar=("GAUSSIANS", "BATCH"), help=argparse.SUPPRESS)
+    options.add_argument("--quick", action="store_true", help="few images and steps: does it run?")
+    options.add_argument("--machine", default="", help="the machine, in words")
+    options.add_argument("--output", type=Path, default=DOCS, help="folder that holds clusters.md")
+    given = options.parse_args(arguments)
+    catalog = with_chosen_splits(Catalog.open(given.catalog), "", None, 0)
+    if given.measure:
+        with launched() as ranks:
+            found = measure(catalog, *given.measure, ranks, 8 if given.quick else 200)
+            if ranks.is_first:
+                print(json.dumps(found))
+        return
+    images, seeds = (40, 1) if given.quick else (given.images, given.seeds)
+    say = say or stopwatch()
+    parts: dict[str, Any] = {
+        "batches": lambda: trained(catalog, images, seeds, say),
+        "ranks": lambda: shared(given.catalog, given.processes, given.quick, say),
+    }
+    made = made_by(f"ranks {given.catalog}", on=given.machine)
+    if write_parts(page_in(given.output, "clusters.md"), parts, made, say):
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

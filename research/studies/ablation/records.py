@@ -1,0 +1,122 @@
+"""The result of one fit, each in a record of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from research.studies.ablation.experiments import Experiment
+from research.studies.ablation.variants import Variant
+from surrogate.settings import TrainingSettings
+from surrogate.storage.records import Provenance, Record
+
+KIND, VERSION = "ablation", 1
+KEY = ("variant", "seed", "budget", "budgets", "mark", "scene", "settings")
+DECIDING = "research.studies.ablation.timing"  # beside training and evaluation: it decides how many steps are taken
+TIME_TOLERANCE = 0.15  # of the budget
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of one variant and seed.
+
+    Attributes
+    ----------
+    budget : seconds that a fit of the study is given.
+    mark : the fingerprint of the catalog and of the settings that all variants depart from.
+    settings : the variant's, before steps were fitted to the budget, as JSON values.
+    scene : the scene's settings.
+    budgets : how many budgets this fit was given.
+    canonical_steps, deformation_steps, visualization_steps : that were taken.
+    seconds : of training, from its first image to its last step, by `research.studies.ablation.timing.clock`.
+    psnr, ssim : means over the `images` validation images; psnr in dB.
+    gaussians : how many there were.
+    step_times : seconds before the first step, and of a step in each stage, as they were measured before.
+    error : why there is no result; "" where there is one.
+    """
+
+    variant: str
+    seed: int
+    budget: float
+    mark: str
+    settings: Mapping[str, Any]
+    scene: Mapping[str, Any] = field(default_factory=dict)
+    budgets: float = 1.0
+    canonical_steps: int = 0
+    deformation_steps: int = 0
+    visualization_steps: int = 0
+    seconds: float = 0.0
+    psnr: float = 0.0
+    ssim: float = 0.0
+    images: int = 0
+    gaussians: int = 0
+    step_times: Sequence[float] = ()
+    error: str = ""
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        figures = (self.seconds, self.psnr, self.ssim, self.steps, self.images, self.gaussians)
+        numbers = all(type(number) in (int, float) for number in (self.budget, self.budgets, *figures))
+        if type(self.seed) is not int or not numbers:
+            raise TypeError(f"seeds, figures and steps must be numbers, got {self!r}")
+
+    @property
+    def steps(self) -> int:
+        """Of all stages."""
+        return self.canonical_steps + self.deformation_steps + self.visualization_steps
+
+    @property
+    def is_timely(self) -> bool:
+        """Whether training took about as long as planned; not where the machine was busier or idler than when steps were timed."""
+        return abs(self.seconds / (self.budgets * self.budget) - 1.0) <= TIME_TOLERANCE
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """The results of one study: those in `folder` of the variants of `experiment`, given `budget` seconds each."""
+
+    folder: Path
+    experiment: Experiment
+    budget: float
+
+    def settings(self, variant: Variant, seed: int) -> TrainingSettings:
+        """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""
+        return variant.settings(self.experiment.base).changed(seed=self.experiment.base.seed + seed)
+
+    def result(self, variant: Variant, seed: int, **found: Any) -> Result:
+        """A result of this study."""
+        try:
+            settings = self.settings(variant, seed).to_json()
+        except ValueError:  # such settings can't be: `found` holds the error
+            settings = {}
+        scene = self.experiment.scene.to_json()
+        return Result(variant.name, seed, self.budget, self.experiment.mark, settings, scene, variant.budgets, **found)
+
+    def save(self, result: Result) -> None:
+        """Keep a result, at once and whole."""
+        Record.of(KIND, VERSION, result, KEY).save(self._path(result.variant, result.seed))
+
+    def find(self, variant: Variant, seed: int) -> Result | None:
+        """What this study knows of a variant and seed, a failure included; None for nothing, or for what is out of date."""
+        wanted = asdict(self.result(variant, seed))
+        key = {name: wanted[name] for name in KEY}
+        record = Record.load(self._path(variant.name, seed), KIND, VERSION, key)
+        return None if record is None else record.to(Result)
+
+    def all(self) -> list[Result]:
+        """All that this study knows, by seed."""
+        named = {variant.name: variant for variant in self.experiment.variants}
+        there = load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
+        found = [self.find(named[one.variant], one.seed) for one in there if one.variant in named]
+        return [result for result in found if result is not None]
+
+    def _path(self, name: str, seed: int) -> Path:
+        return self.folder / f"{name}.seed{seed}.json"
+
+
+def load_results(folder: Path, **key: Any) -> list[Result]:
+    """All results in a folder that agree with `key`, by seed."""
+    found = [record.to(Result) for record in Record.load_all(folder, KIND, VERSION, key).values()]
+    return sorted((result for result in found if result is not None), key=lambda result: result.seed)

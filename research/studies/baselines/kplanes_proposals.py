@@ -1,0 +1,96 @@
+"""Where K-Planes places its samples: proposal fields, which know densities only, say where along a ray something is.
+
+Barron et al. 2022, "Mip-NeRF 360: Unbounded Anti-Aliased Neural Radiance Fields", sections 3 and 4 and its supplement, with the
+schedules of K-Planes' official code, of 30,001 steps, stretched to the planned number of steps.
+
+Samples reach from near to far, and resampled ones are moved together; in the official code the outermost borders are moved too, by
+up to half an interval inwards, and each is moved on its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from research.studies.baselines.radiance import resampled, spaced, weights_of
+
+STEPS = 30_001  # of the official training
+ANNEALED, SLOPE = 1000, 10.0  # steps until samples follow the proposals' weights entirely, and how steeply that begins
+FIRST_UPDATES = 10  # steps at which the proposals learn each time
+SPARSE, LONGEST_WAIT = 5000, 5  # steps until the proposals wait longest between two updates, and so many steps then
+TINY = 1e-7  # weight of a sample, where errors are divided by it
+
+Densities = Callable[[Tensor], Tensor]  # of the distances (R, S) along R rays, (R, S)
+
+
+class Samples(NamedTuple):
+    """Intervals along R rays between `borders` (R, S + 1), distances, and how much each contributes: `weights` (R, S)."""
+
+    borders: Tensor  # [R, S + 1]
+    weights: Tensor  # [R, S]
+
+
+def middles(borders: Tensor) -> Tensor:
+    """The distances (R, S) where the densities of intervals between `borders` (R, S + 1) are asked for."""
+    return (borders[:, 1:] + borders[:, :-1]) / 2.0
+
+
+def sampled(borders: Tensor, densities: Tensor) -> Samples:
+    """The samples between `borders` (R, S + 1) that have these densities (R, S)."""
+    return Samples(borders, weights_of(densities, borders.diff(dim=1)))
+
+
+def proposed(
+    near: Tensor,
+    far: Tensor,
+    proposals: Sequence[Densities],
+    counts: Sequence[int],
+    sharpness: float = 1.0,
+    random: torch.Generator | None = None,
+) -> tuple[list[Samples], Tensor]:
+    """What every proposal found between `near` and `far` (R,), and the borders (R, counts[-1] + 1) that follow from it.
+
+    The first proposal is asked at counts[0] equal intervals, each further one where the weights of the one before, to the power of
+    `sharpness`, are large.  Borders are moved at random with `random`.
+    """
+    found: list[Samples] = []
+    borders = spaced(near, far, counts[0], random)
+    for proposal, count in zip(proposals, counts[1:], strict=True):
+        found.append(sampled(borders, proposal(middles(borders))))
+        borders = resampled(borders, found[-1].weights.detach() ** sharpness, count, random)
+    return found, borders
+
+
+def interlevel_loss(proposal: Samples, final: Samples) -> Tensor:
+    """How far weights of a proposal (R, S) fall short of the final ones (R, T) in the same place: the losses (R, T) of those.
+
+    Equation 13 of Mip-NeRF 360: max(0, w - bound)^2 / w, where the bound of an interval is the sum of the proposal's weights in all
+    intervals that it overlaps.  Final weights learn nothing from it.
+    """
+    borders, weights = (tensor.detach() for tensor in final)
+    sums = torch.nn.functional.pad(proposal.weights.cumsum(dim=1), (1, 0))  # [R, S + 1], before each border
+    last = proposal.weights.shape[1] - 1
+    starts, ends = (side.contiguous() for side in (proposal.borders[:, :-1], proposal.borders[:, 1:]))  # [R, S]
+    first_overlapped = torch.searchsorted(starts, borders[:, :-1].contiguous(), right=True) - 1  # [R, T]
+    last_overlapped = torch.searchsorted(ends, borders[:, 1:].contiguous(), right=True)  # [R, T]
+    bounds = sums.gather(1, last_overlapped.clamp(max=last) + 1) - sums.gather(1, first_overlapped.clamp(min=0))
+    return (weights - bounds).clamp(min=0.0) ** 2 / (weights + TINY)
+
+
+def sharpness_at(fraction: float) -> float:
+    """To which power weights are taken after a `fraction` of all steps: from 0, evenly spaced samples, to 1.
+
+    Equation 18 of Mip-NeRF 360.
+    """
+    part = min(fraction * STEPS / ANNEALED, 1.0)
+    return SLOPE * part / ((SLOPE - 1.0) * part + 1.0)
+
+
+def proposals_learn(fraction: float, waited: int) -> bool:
+    """Whether the proposals learn in the step after a `fraction` of all steps, `waited` steps after the last in which they did."""
+    place = fraction * STEPS
+    wait = min(max(LONGEST_WAIT * place / SPARSE, 1.0), LONGEST_WAIT)
+    return place < FIRST_UPDATES or waited > wait

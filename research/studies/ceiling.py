@@ -1,0 +1,262 @@
+"""The ceiling: what as many Gaussians reach that are fitted to one unseen member alone, without a deformation.
+
+A surrogate falls short of it on the same images by what it loses in predicting the member instead of seeing it.  The ceiling falls
+short of a perfect picture because of the Gaussians, their number and the training views.  It is no strict bound: as many steps on
+the fewer views of one member may overfit.  It learns from a test member, so no choice may be made by it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from catalogs.store.catalog import Catalog, Member
+from catalogs.vocabulary.variations import Variation
+from research.studies.progress import StudyProgress, StudyWatch
+from surrogate.appearance.field_gaussians import AnyGaussians
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.predictor import SurrogatePredictor
+from surrogate.evaluation.scoring import mean, score_cases
+from surrogate.initialization.pictures import central_member
+from surrogate.lighting import Lighting
+from surrogate.model import DeformedGaussians, Surrogate
+from surrogate.provenance import code
+from surrogate.rasterizer import Rasterizer
+from surrogate.settings import TrainingSettings
+from surrogate.splatting.cuda import chosen_device
+from surrogate.splatting.threads import one_torch_thread
+from surrogate.storage.checkpoints import fingerprint
+from surrogate.storage.records import Provenance, Record
+from surrogate.training.data import ImageRow, TrainingData, load_examples
+from surrogate.training.loop import StageRun
+from surrogate.training.source import Source
+from surrogate.training.stages import canonical_stage
+from surrogate.training.visualizations import lighting_of
+
+FOLDER = "ceiling"  # of a scene's records
+KIND, VERSION = "ceiling", 3
+SHOWN = ("member", "split", "appearance", "parameters", "psnr", "ssim", "surrogate")  # in tables
+REPORT_STEPS = 50  # between two looks at the progress
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is fitted alone: one member under one appearance, of `variation` unless it is the base."""
+
+    member: Member
+    appearance: str
+    variation: Variation | None = None
+
+    @property
+    def varied(self) -> dict[str, float | str]:
+        """Its visualization parameters by name; none for the base."""
+        setting = None if self.variation is None else self.variation.setting(self.appearance)
+        return {} if self.variation is None or setting is None else self.variation.asked(setting)
+
+    def cases(self, split: str = "test") -> list[Case]:
+        """Its images at the views of a split."""
+        return [Case(self.member, view, self.appearance, self.varied) for view in self.views(split)]
+
+    def views(self, split: str) -> list[int]:
+        """Numbers of the views of a split."""
+        return [view for view, kept in enumerate(self.member.view_splits) if kept == split]
+
+
+@one_torch_thread()
+def measure_ceiling(
+    settings: TrainingSettings,
+    catalog: Catalog,
+    records: Path,
+    surrogate: Surrogate | None = None,
+    *,
+    progress: Callable[[StudyProgress], None] = lambda _: None,
+) -> list[dict[str, Any]]:
+    """An entry for the base appearance and for the middle unseen setting of every variation, as `load_ceilings` has them.
+
+    Each says which `member` and `appearance` was fitted, the `psnr` (dB) and `ssim` at its test views, and what `surrogate`
+    reaches on exactly these images; without it, what is known of an earlier one, or None.  Each is kept in `records`, the folder
+    of the scene's records, once it is finished; what is there of the same settings, catalog and code is not fitted again.
+
+    Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
+    """
+    source, mark = Source(settings, catalog), fingerprint(settings, catalog)
+    forms = {subject: _settings(source, subject, surrogate) for subject in subjects(source)}
+    keys = {subject: _key(mark, subject, form) for subject, form in forms.items()}
+    found = {subject: _finished(records, key, surrogate) for subject, key in keys.items()}
+    watch, left = StudyWatch(progress), sum(record is None for record in found.values())
+    for subject, record in found.items():
+        if record is None:
+            watch.begin(subject.appearance, left := left - 1)
+            begun = time.process_time()
+            values = _fitted_alone(forms[subject], source, subject, watch)
+            key = {**keys[subject], "settings": settings.to_json()}
+            record = Record(KIND, VERSION, key, values, Provenance.now(time.process_time() - begun, __name__))
+        if surrogate is not None or "surrogate" not in record.values:
+            record = replace(record, values={**record.values, "surrogate": _reached(surrogate, source, subject)})
+            record.save(_path(records, subject.appearance))
+        found[subject] = record
+    return [_entry(record) for record in found.values() if record is not None]
+
+
+def load_ceilings(records: Path) -> list[dict[str, Any]]:
+    """What `measure_ceiling` kept in the folder of a scene's records, the base appearance first."""
+    found = map(_entry, Record.load_all(records / FOLDER, KIND, VERSION).values())
+    whole = [entry for entry in found if set(SHOWN) <= set(entry)]
+    return sorted(whole, key=lambda entry: (len(entry["parameters"]), entry["appearance"]))
+
+
+def _entry(record: Record) -> dict[str, Any]:
+    made = {"machine": dict(record.provenance.machine), "commit": record.provenance.commit}
+    return {**{name: value for name, value in record.key.items() if name != "settings"}, **made, **record.values}
+
+
+def _path(records: Path, appearance: str) -> Path:
+    return records / FOLDER / f"{appearance}.json"
+
+
+def _finished(records: Path, key: Mapping[str, Any], surrogate: Surrogate | None) -> Record | None:
+    """The record of these settings, this catalog and this code; without a surrogate, of whichever colour degree one had."""
+    needed = {name: value for name, value in key.items() if surrogate is not None or name != "color_degree"}
+    found = Record.load(_path(records, key["appearance"]), KIND, VERSION, needed)
+    return None if found is None or found.provenance.code != code(__name__) else found
+
+
+def subjects(source: Source) -> list[Subject]:
+    """The middle test member under the base appearance, and one under the middle unseen setting of each variation that is shown.
+
+    Where no test member has views to learn from, it is the training member with the most test views: what it reaches alone says
+    what views and Gaussians allow, but nothing of unseen parameters.
+    """
+    members = [m for m in source.catalog.members if {"train", "test"} <= set(m.view_splits)]
+    shown = [m for m in members if m.split == "test" and source.appearance in m.appearances]
+    if not shown:
+        seen = [m for m in members if m.split == "train" and source.appearance in m.appearances]
+        most = max((m.view_splits.count("test") for m in seen), default=0)
+        shown = [m for m in seen if m.view_splits.count("test") == most]
+    if not shown:
+        raise ValueError(
+            f"catalog {source.catalog.path} has no member with views to learn from and views that test: there is none that "
+            "could be fitted alone"
+        )
+    found = [Subject(central_member(shown, source.catalog.plan.space), source.appearance)]
+    for variation in source.variations:
+        appearance = _middle_setting(variation)
+        shown = [m for m in members if m.split == "test" and appearance in m.appearances]
+        if shown:
+            found.append(Subject(central_member(shown, source.catalog.plan.space), appearance, variation))
+    return found
+
+
+def line(entry: Mapping[str, Any]) -> str:
+    """An entry in a line."""
+    reached = entry["surrogate"]
+    beside = "" if reached is None else f"   the surrogate {reached['psnr']:.2f} dB   SSIM {reached['ssim']:.4f}"
+    own = f"{entry['psnr']:6.2f} dB   SSIM {entry['ssim']:.4f}"
+    return f"{entry['appearance']} of {entry['member']}, fitted alone: {own}{beside}"
+
+
+def _middle_setting(variation: Variation) -> str:
+    """The name of the appearance in the middle of those that test, by isovalue where that is what varies."""
+    names = variation.named("test")
+    settings = [s for s in variation.settings if s.appearance in names]
+    ordered = sorted(settings, key=lambda s: s.values) if len(variation.space) == 1 else settings
+    return ordered[len(ordered) // 2].appearance if ordered else ""
+
+
+def _settings(source: Source, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
+    """Stage 1 alone, with the Gaussians, the steps and the colour degree that the surrogate has for such a picture."""
+    settings, lit = source.settings, _lighting(source, subject) is not None
+    steps = settings.steps.visualization if subject.variation is not None else 0
+    if not lit:  # which stands on the base's Gaussians
+        steps += settings.steps.canonical + settings.steps.deformation
+    return settings.changed(
+        gaussians=settings.count_on_surfaces if lit else settings.gaussians,
+        canonical_steps=steps,
+        deformation_steps=0,
+        visualization_steps=0,
+        color_degree=0 if lit else _color_degree(settings, subject, surrogate),
+    )
+
+
+def _lighting(source: Source, subject: Subject) -> Lighting | None:
+    """The light on the surfaces that the subject is one of."""
+    return None if subject.variation is None else lighting_of(subject.variation, source)
+
+
+def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> int:
+    """What the surrogate's colours have; without one the settings', and 1 where it is left to be chosen: no less than it may be."""
+    if surrogate is not None:
+        mine = [v for v in surrogate.visualizations if subject.variation and v.variation.kind == subject.variation.kind]
+        return max([surrogate.gaussians.color_degree, *(v.color_degree for v in mine)])
+    asked = [settings.color_degree, *([settings.designs.visualization_color_degree] if subject.variation else [])]
+    return max(1 if degree == "auto" else degree for degree in asked)
+
+
+def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
+    """What an entry must agree in to be taken for finished."""
+    return {
+        "mark": mark,
+        "member": subject.member.name,
+        "split": subject.member.split,
+        "appearance": subject.appearance,
+        "parameters": {**subject.member.parameters, **subject.varied},
+        "gaussians": form.gaussians,
+        "color_degree": form.color_degree,
+        "steps": form.steps.canonical,
+        "seed": form.seed,
+    }
+
+
+def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, watch: StudyWatch) -> dict[str, Any]:
+    """Fit the subject, and judge it at its test views."""
+    started, count = time.perf_counter(), watch.counter("steps")
+    still = fitted_alone(settings, source, subject, lambda done, steps: count("fitting", done, steps))
+    return {
+        "train_views": len(subject.views("train")),
+        "test_views": len(subject.cases()),
+        "seconds": time.perf_counter() - started,
+        **means_of(lambda **_: still, source.catalog, subject.cases()),
+    }
+
+
+def fitted_alone(
+    settings: TrainingSettings, source: Source, subject: Subject, progress: Callable[[int, int], None] = lambda *_: None
+) -> DeformedGaussians:
+    """The subject by stage 1 alone; `progress` is told how many of how many steps are done."""
+    catalog = source.catalog
+    rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
+    data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
+    lighting = _lighting(source, subject)
+    if subject.variation is not None and lighting is not None:
+        first: AnyGaussians = replace(source.gaussians_on_surfaces(subject.variation), lighting=lighting)
+    else:
+        first = source.initial_gaussians(data, settings, own_colors=subject.variation is None)
+    gaussians = first.to(chosen_device(settings.device))
+    run = StageRun(canonical_stage(gaussians, settings), settings, data)
+    while run.step < run.stage.steps:
+        run.advance()
+        if run.step % REPORT_STEPS == 0 or run.step == run.stage.steps:
+            progress(run.step, run.stage.steps)
+    return DeformedGaussians(gaussians.drawn().copy(), {}, source.normalization, Rasterizer.of(settings))
+
+
+def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> dict[str, Any] | None:
+    """What the surrogate makes of the same images; None where it does not follow this appearance."""
+    if surrogate is None or surrogate.training["appearance"] != source.appearance:
+        return None
+    if not set(subject.varied) <= set(surrogate.visualization_names):
+        return None
+    return {
+        "fingerprint": surrogate.training["fingerprint"],
+        "gaussians": len(surrogate.gaussians),
+        **means_of(surrogate.at, source.catalog, subject.cases()),
+    }
+
+
+def means_of(at: Callable[..., DeformedGaussians], catalog: Catalog, cases: Sequence[Case]) -> dict[str, float | None]:
+    """What Gaussians reach on images: "psnr" (dB) and "ssim", None where there are none."""
+    [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, cases)
+    return {metric: mean(found.values(), metric) for metric in ("psnr", "ssim")}

@@ -1,0 +1,257 @@
+"""`surrogate repeat`, `ablate`, `compare`, `ceiling` and `stress`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from catalogs.progress import ProgressLine
+from surrogate.command_line import ENGINE, RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+@click.option("--seeds", default=3, show_default=True, help="How many seeds, the scene's own the first of them.")
+@ENGINE
+def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: str | None) -> None:
+    """Train a SCENE, or anew a RUN, with several seeds, and say how much its figures vary; goes on where it was interrupted.
+
+    The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
+    """
+    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    from research.studies.repeats.records import Scores
+    from research.studies.repeats.run import repeat as run
+    from research.studies.repeats.spread import summarize_repeats
+    from research.studies.repeats.table import terminal_lines, write_page
+
+    def tell(scores: Scores) -> None:
+        line.close()
+        psnr = scores.cells["psnr"]["unseen_views"]["unseen_parameters"]
+        reached = "" if psnr is None else f"{psnr:.2f} dB at unseen views and parameters, "
+        click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
+
+    kept = "what is trained and scored is kept, and the same command goes on"
+    with one_line_errors(RuntimeError, interrupted=kept), line, opened.engine_at(engine, line) as hands:
+        of_scene = opened.settings, opened.catalog, opened.folder
+        found = run(*of_scene, records=opened.records, seeds=seeds, engine=hands, progress=line, tell=tell)
+    opened.keep_record()
+    summary = summarize_repeats(found)
+    if summary is not None:
+        click.echo(f"mean ± standard deviation over {len(found)} seeds")
+        for text in terminal_lines(summary):
+            click.echo(f"  {text}")
+    click.echo(write_page(opened.folder, opened.name, str(opened.source), found))
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+@click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
+@click.option("--seeds", default=3, show_default=True, help="Experiment of each variant.")
+@click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
+@click.option(
+    "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"
+)
+@click.option("--again", is_flag=True, help="Repeat fits that took 15 % more or less than --seconds.")
+@click.option("--visualization", is_flag=True, help="Train F_vis alone, on the scene's finished surrogate.")
+@ENGINE
+def ablate(
+    scene: Path,
+    runs: Path,
+    records: Path | None,
+    only: tuple[str, ...],
+    visualization: bool,
+    engine: str | None,
+    **options: Any,
+) -> None:
+    """Train a SCENE, or a RUN, in many ways for the same time each and compare them on validation images; can be interrupted.
+
+    Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
+    With --engine all workers should be of one kind, since each fit is given the same processor time.
+    """
+    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    from research.studies.ablation.experiments import BaseExperiment, Experiment, VisualizationExperiment
+    from research.studies.ablation.records import Result
+    from research.studies.ablation.study import ablate as run
+    from research.studies.ablation.table import PAGE, verdict
+
+    names = [name.strip() for given in only for name in given.split(",")]
+
+    def tell(result: Result) -> None:
+        line.close()
+        done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
+        click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
+
+    kept = "finished fits are kept, and the same command goes on with the others"
+    with one_line_errors(RuntimeError, interrupted=kept):
+        experiment: Experiment = (
+            VisualizationExperiment(opened.settings, opened.catalog, load_surrogate(opened.model))
+            if visualization
+            else BaseExperiment(opened.settings, opened.catalog)
+        )
+        folder, options["records"] = opened.folder / experiment.folder, opened.records / experiment.folder
+        with line, opened.engine_at(engine, line) as options["engine"]:
+            rows = run(opened.name, experiment, folder, only=names, progress=line, tell=tell, **options)
+    click.echo(verdict(rows))
+    click.echo(folder / PAGE)
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+@click.option(
+    "--methods",
+    multiple=True,
+    metavar="NAME[,NAME...]",
+    help="Who is compared.  [default: the usual ones]",
+)
+@click.option("--minutes", default="5", show_default=True, metavar="M[,M...]", help="Processor time of each training.")
+@click.option("--seeds", default=1, show_default=True, help="Trainings of each method in each time.")
+@click.option(
+    "--published",
+    is_flag=True,
+    help="Sizes and numbers of steps as published, in place of --minutes and of sizes that a processor can train in these.",
+)
+@click.option(
+    "--device",
+    type=click.Choice(["cpu", "cuda"]),
+    default="cpu",
+    show_default=True,
+    help="Where all compute.  On a GPU minutes are those of the wall.",
+)
+@click.option(
+    "--stop-after",
+    type=float,
+    default=math.inf,
+    metavar="MINUTES",
+    help="End after so long; the same command goes on where it stopped.",
+)
+@click.option(
+    "--threads",
+    default=1,
+    show_default=True,
+    help="Of torch, in the training of published methods; what draws Gaussians takes all cores that the process may use.",
+)
+@click.option("--tune", is_flag=True, help="Instead choose each method's rates on this scene, for all scenes.")
+@ENGINE
+def compare(
+    scene: Path,
+    runs: Path,
+    records: Path | None,
+    methods: tuple[str, ...],
+    minutes: str,
+    seeds: int,
+    tune: bool,
+    engine: str | None,
+    **form: Any,
+) -> None:
+    """Train published methods and ours on a SCENE's or a RUN's pictures, for the same time each, and compare them on test images.
+
+    Started several times it shares the trainings out: with `taskset` one for each core.  What is finished is kept, and training
+    of a published method goes on from its last checkpoint after an interruption.  With --engine all workers should be of one
+    kind, since each training is given the same processor time.
+    """
+    if engine is not None and form["stop_after"] < math.inf:
+        raise click.ClickException(
+            "--stop-after is for this machine: with --engine, Ctrl-C takes back what has not begun"
+        )
+    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    from research.studies.comparison import run as comparing
+    from research.studies.comparison.fitting import OutOfTime
+    from research.studies.comparison.result import Result
+
+    def tell(result: Result) -> None:
+        line.close()
+        click.echo(comparing.line(result))
+
+    def tell_rate(method: str, rate: float, psnr: float | None) -> None:
+        line.close()
+        click.echo(f"{method}, {rate:g} times its rates: {'diverged' if psnr is None else f'{psnr:.2f} dB'}")
+
+    kept = "what was done is kept, and the same command goes on"
+    names = [name.strip() for given in methods for name in given.split(",")]
+    with one_line_errors(RuntimeError, interrupted=kept), line, opened.engine_at(engine, line) as hands:
+        asked = comparing.Asked(names, comparing.times_of(minutes), seeds, **form)
+        study = comparing.study_of(opened.name, opened.catalog, opened.folder, opened.records, asked, line)
+        if tune:
+            comparing.tune_all(opened.name, study, line, tell_rate, hands)
+            return
+        if as_published := study.at_published_rates():
+            line.close()
+            click.echo(
+                f"trained at published rates: {', '.join(as_published)}; {study.all_records} has no others, --tune chooses them"
+            )
+        try:
+            study.run(line, tell, hands)
+        except OutOfTime:
+            raise RuntimeError(f"stopped after {form['stop_after']:g} minutes, before the end: {kept}") from None
+        click.echo(comparing.write_page(opened.name, study))
+
+
+@click.command()
+@SCENE
+@RUNS
+@RECORDS
+def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
+    """Fit the Gaussians of a SCENE or a RUN to one unseen member alone: what they could reach, beside what the surrogate does."""
+    opened = OpenRun.open(scene, runs, records or runs)
+    from research.studies.ceiling import FOLDER, line, measure_ceiling
+    from surrogate.model import Surrogate
+
+    surrogate = load_surrogate(opened.model) if Surrogate.exists(opened.model) else None
+    with one_line_errors(), ProgressLine() as shown:
+        entries = measure_ceiling(opened.settings, opened.catalog, opened.records, surrogate, progress=shown)
+    for entry in entries:
+        click.echo(line(entry))
+    click.echo(opened.records / FOLDER)
+
+
+@click.command()
+@click.option("--backend", default="cpu", show_default=True, help="Of surrogate.splatting.render.")
+@click.option(
+    "--drift/--no-drift", default=True, show_default=True, help="Whether training is tried in both precisions."
+)
+@click.option(
+    "-o", "--output", default="stress", show_default=True, help="Folder of the page.", type=click.Path(path_type=Path)
+)
+def stress(backend: str, drift: bool, output: Path) -> None:
+    """Hold the splatting engine to a table of hard cases; writes stress.md and stress.png, and fails where a row does."""
+    from research.studies.stress.check import Outcome, tables
+    from research.studies.stress.drift import measure_drift
+    from research.studies.stress.functions import FunctionOutcome, check_function, function_cases
+    from research.studies.stress.report import PAGE, write
+    from surrogate import kernels
+    from surrogate.splatting import BACKENDS
+    from surrogate.splatting.threads import one_torch_thread
+
+    if backend not in BACKENDS:
+        raise click.ClickException(f"--backend must be one of {sorted(BACKENDS)}, got {backend!r}")
+    sets = kernels.instruction_sets() if backend == "cpu" else [""]
+    options = {
+        f"{backend} {name}".strip(): {"backend": backend} | ({"instruction_set": name} if name else {}) for name in sets
+    }
+
+    def tell(name: str, outcome: Outcome | FunctionOutcome) -> None:
+        said = "holds " if outcome.passed else "MISSED"
+        click.echo(f"{said}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}")
+
+    with one_torch_thread():
+        found = tables(options, tell)
+        functions = [check_function(case) for case in function_cases()]
+        for one in functions:
+            tell("values", one)
+        drifted = measure_drift(backend) if drift else None
+    write(output, found, drifted, functions)
+    missed = [outcome.case.name for rows in found.values() for outcome in rows if not outcome.passed]
+    missed += [outcome.case.name for outcome in functions if not outcome.passed]
+    missed += drifted.complaints if drifted else ()
+    click.echo(f"{output / PAGE}: {'all rows hold' if not missed else f'{len(missed)} rows are missed'}")
+    if missed:
+        raise click.ClickException("; ".join(missed))

@@ -1,0 +1,298 @@
+"""Who is compared: the surrogate as `surrogate train --minutes` trains it, and published methods, each with its own training."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import safetensors.torch
+import torch
+from torch import Tensor
+
+from catalogs.files import durable
+from catalogs.vocabulary.variations import KINDS
+from research.studies.baselines.method import Fit, Method, Plan, Precision
+from research.studies.comparison.fitting import Clock, Fitted, Place, Point, fit_in_time
+from research.studies.comparison.predictor import FitPredictor, measure
+from research.studies.comparison.task import WATCHED, Task
+from surrogate.evaluation.cases import Case
+from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
+from surrogate.evaluation.scoring import mean, score_cases
+from surrogate.evaluation.timing import Milliseconds
+from surrogate.model import Surrogate
+from surrogate.splatting.threads import one_torch_thread, torch_threads
+from surrogate.storage.checkpoints import CHECKPOINT
+from surrogate.storage.tensors import read_tensors, tensors_of
+from surrogate.training.begin import Asked, begin
+from surrogate.training.budget import Budget
+from surrogate.training.run import train
+
+BYTES = 4  # of a stored number
+MOST_OFF = 1.15  # from its time: a training whose steps took longer or shorter than in trial is made again, with as many as fit
+CHANGE_AND_VIEW = tuple[Milliseconds, Milliseconds]
+Report = Callable[[str, int, int], None]  # what, done, of how many
+
+
+@dataclass(frozen=True)
+class Session:
+    """What is around a training.
+
+    Attributes
+    ----------
+    work : a folder of its own, with what an interruption left there.
+    shared : of what several trainings start from.
+    device : "cpu", or "cuda", where time is that of the wall.
+    until : `time.monotonic()` at which a published method stops, to go on another day.
+    report : told where it stands.
+    """
+
+    work: Path
+    shared: Path
+    device: str = "cpu"
+    until: float = math.inf
+    report: Report = lambda *_: None
+
+    @property
+    def clock(self) -> Clock:
+        """Of the processor, or that of the wall once the device has done what it was given."""
+        return time.process_time if self.device == "cpu" else _after_the_device
+
+
+def _after_the_device() -> float:
+    torch.cuda.synchronize()
+    return time.perf_counter()
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """A contestant after its training.
+
+    Attributes
+    ----------
+    predictor : of test images.
+    measured : times of a picture at other parameters, and of another view.
+    plan : the steps, rate, size and precision that it was trained with.
+    megabytes : of what must be kept, 10^6 bytes.
+    seconds : on the clock.
+    curve : seconds and dB at validation images.
+    """
+
+    predictor: Predictor
+    measured: Callable[[], CHANGE_AND_VIEW]
+    plan: Plan
+    megabytes: float
+    seconds: float
+    curve: Sequence[Point] = ()
+
+
+class Contestant(Protocol):
+    """One row of the tables."""
+
+    @property
+    def name(self) -> str:
+        """On the command line and in file names."""
+
+    @property
+    def title(self) -> str:
+        """In tables."""
+
+    @property
+    def source(self) -> str:
+        """The publication, or what else it is."""
+
+    @property
+    def official_steps(self) -> int:
+        """How many were published; 0 where nobody published any."""
+
+    @property
+    def precision(self) -> Precision:
+        """Of its networks, where the machine multiplies in it: see `precision_here`."""
+
+    @property
+    def is_tuned(self) -> bool:
+        """Whether its rates are chosen by trial."""
+
+    @property
+    def steps_of(self) -> str:
+        """The contestant whose number of steps it takes, whatever time that needs; "" for as many as fit."""
+
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+        """Train for about `seconds`, with as many steps as fit; without them with those of `plan`."""
+
+
+def precision_here(preferred: Precision, device: str) -> Precision:
+    """The preferred precision, or float32 on a processor that does not multiply in bfloat16.
+
+    Torch emulates it there, and takes longer than in float32.
+    """
+    known: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
+    multiplies = device != "cpu" or any(known.get(name) for name in ("avx512_bf16", "amx_bf16", "bf16"))
+    return preferred if multiplies else "float32"
+
+
+@dataclass(frozen=True)
+class OurSurrogate:
+    """The surrogate of this project under some settings of its `[training]` table; the pilot and all choices are on the clock.
+
+    With `steps_of`, or without a time, it makes as many steps as the plan says.
+    """
+
+    name: str
+    title: str
+    source: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    official_steps: int = 0
+    precision: Precision = "float32"
+    is_tuned: bool = False
+    steps_of: str = ""
+
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+        """See `Contestant`."""
+        clock = session.clock
+        begun = clock()
+
+        def elapsed() -> float:
+            return clock() - begun
+
+        def at(case: Case) -> Callable[[Case], object]:
+            deformed = surrogate.at(**case.member.parameters, **case.varied)
+            return lambda other: deformed.render(other.camera)
+
+        precision = {"field_precision": plan.precision} if self.precision == "bfloat16" else {}
+        settings = {
+            "seed": plan.seed,
+            "validation_images": WATCHED,
+            "device": session.device,
+            **self.settings,
+            **precision,
+        }
+        budget = Budget(steps=plan.steps) if seconds is None or self.steps_of else Budget(minutes=seconds / 60.0)
+        run = begin(task.catalog.path, emptied(session.work) / "run", Asked(budget, settings=settings), elapsed=elapsed)
+        planned = elapsed()
+        surrogate = train(
+            run.settings, run.catalog, run.model, progress=lambda now: session.report(now.stage, now.step, now.steps)
+        ).to(session.device)
+        taken = elapsed()
+        return Trained(
+            SurrogatePredictor(surrogate.at, task.catalog.plan.background),
+            lambda: measure(at, task.cases),
+            replace(plan, steps=surrogate.training["steps"]),
+            surrogate.megabytes,
+            taken,
+            curve_of(surrogate, task, planned, session.device),
+        )
+
+
+def curve_of(surrogate: Surrogate, task: Task, planned: float, device: str) -> list[tuple[float, float]]:
+    """Seconds on the comparison's clock, of which planning took the first, and dB at images of what is compared."""
+    clock = "processor_seconds" if device == "cpu" else "seconds"
+    compared = None if task.variation is None else task.variation.kind
+    return [
+        (planned + point[clock], point["psnr"])
+        for point in surrogate.training["curve"]
+        if point["psnr"] is not None and (point["stage"] if point["stage"] in KINDS else None) == compared
+    ]
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published method."""
+
+    method: Method
+    precision: Precision = "float32"
+    clock: Clock | None = None  # of the session
+
+    @property
+    def name(self) -> str:
+        """See `Contestant`."""
+        return self.method.name
+
+    @property
+    def title(self) -> str:
+        """See `Contestant`."""
+        return self.method.title
+
+    @property
+    def source(self) -> str:
+        """See `Contestant`."""
+        return self.method.source
+
+    @property
+    def official_steps(self) -> int:
+        """See `Contestant`."""
+        return self.method.official_steps
+
+    is_tuned, steps_of = True, ""
+
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+        """See `Contestant`."""
+        prepared, identity = self._prepared(task, plan.seed, session), f"{task.mark}, {self.name}, {plan}, {seconds}"
+
+        def look(fit: Fit) -> float:
+            return validation(task, FitPredictor(fit, task))
+
+        def fitted(plan: Plan, seconds: float | None) -> Fitted:
+            return fit_in_time(
+                self.method,
+                lambda: task.pictures(session.device),
+                plan,
+                prepared,
+                seconds,
+                look,
+                clock=self.clock or session.clock,
+                report=lambda step, steps: session.report(self.title, step, steps),
+                place=Place(session.work, identity, session.until),
+            )
+
+        with torch_threads(plan.threads):
+            found = fitted(plan, seconds)
+            if seconds is not None and not 1.0 / MOST_OFF <= found.seconds / seconds <= MOST_OFF:
+                steps = max(1, int(found.plan.steps * seconds / found.seconds))
+                (session.work / CHECKPOINT).unlink(missing_ok=True)  # the next one goes on with the new steps
+                found = fitted(replace(plan, steps=steps), None)
+        predictor = FitPredictor(found.fit, task, (self.title,))
+        megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6
+        return Trained(
+            predictor,
+            lambda: measure(predictor.at, task.cases),
+            found.plan,
+            megabytes,
+            found.seconds,
+            list(found.curve),
+        )
+
+    def _prepared(self, task: Task, seed: int, session: Session) -> Mapping[str, Tensor]:
+        """What the method starts from: made once for a seed, and kept."""
+        if self.method.prepare is None:
+            return {}
+        path = session.shared / f"{self.method.prepare.__name__}.seed{seed}.safetensors"
+        durable.make_folder(session.shared)
+        with durable.locked(session.shared / f".{path.name}.lock"):
+            if not path.exists():
+                session.report(f"what {self.title} starts from", 0, 1)
+                with one_torch_thread():
+                    made = self.method.prepare(task.pictures(session.device), seed)
+                durable.replace(path, safetensors.torch.save({name: tensor.cpu() for name, tensor in made.items()}))
+        with path.open("rb") as file:
+            kept = tensors_of(read_tensors(file, path.stat().st_size))
+        return {name: tensor.to(session.device) for name, tensor in kept.items()}
+
+
+@one_torch_thread()
+def validation(task: Task, predictor: Predictor) -> float:
+    """Mean PSNR (dB) of the validation images that all look at; nan without any."""
+    [found] = score_cases(predictor, task.catalog, task.watched)
+    psnr = mean(found.values(), "psnr")
+    return float("nan") if psnr is None else psnr
+
+
+def emptied(folder: Path) -> Path:
+    """The folder, made or without what an earlier process left in it."""
+    shutil.rmtree(folder, ignore_errors=True)
+    durable.make_folder(folder)
+    return folder

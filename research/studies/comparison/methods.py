@@ -1,0 +1,61 @@
+"""All contestants, by name, in the order of the tables, and which of them are compared where nobody names any."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from research.studies.baselines import gs_surrogate, hexplane_gaussians, insitunet, kplanes, visnerf
+from research.studies.baselines.method import PRECISIONS
+from research.studies.comparison.contestants import Contestant, OurSurrogate, Published
+from research.studies.comparison.result import Row
+
+OURS, LIGHT = "ours", "gs-surrogate-light"
+CONTESTANTS: dict[str, Contestant] = {
+    contestant.name: contestant
+    for contestant in (
+        OurSurrogate(OURS, "**this surrogate**", "`surrogate train --minutes`, nothing else said"),
+        Published(gs_surrogate.METHOD, "bfloat16"),
+        OurSurrogate(
+            LIGHT,
+            "GS-Surrogate, light",
+            "its field with fewer and narrower layers, trained as ours is: `deformation=paper`",
+            {"deformation": "paper"},
+            precision="bfloat16",
+        ),
+        Published(hexplane_gaussians.METHOD),
+        Published(hexplane_gaussians.MOVING_ALL),
+        Published(kplanes.METHOD),
+        Published(visnerf.METHOD),
+        Published(insitunet.METHOD, "bfloat16"),
+        OurSurrogate(
+            "ours-in-steps-of-gs-surrogate",
+            "this surrogate, in as many steps as GS-Surrogate",
+            "`surrogate train --steps`, as many as GS-Surrogate made in the time",
+            steps_of=gs_surrogate.METHOD.name,
+        ),
+        Published(kplanes.NAIVE),
+        Published(hexplane_gaussians.NAIVE),
+    )
+}
+
+# The usual start of planes over many parameters, with which nothing is learnt, is shown where it is asked for.
+USUAL = tuple(name for name in CONTESTANTS if name not in (kplanes.NAIVE.name, hexplane_gaussians.NAIVE.name))
+
+
+def ordered(rows: Iterable[Row]) -> list[Row]:
+    """Each once, in the order of the tables."""
+    order = list(CONTESTANTS)
+    return sorted(set(rows), key=lambda row: (order.index(row.method), PRECISIONS.index(row.precision)))
+
+
+def title(row: Row) -> str:
+    """Of a row, in tables and plots."""
+    return CONTESTANTS[row.method].title + (f", in {row.precision}" if row.precision != "float32" else "")
+
+
+def chosen(names: Iterable[str]) -> list[Contestant]:
+    """The contestants of these names, the usual ones for none; raises ValueError for an unknown one."""
+    wanted = set(names) or set(USUAL)
+    if unknown := sorted(wanted - set(CONTESTANTS)):
+        raise ValueError(f"unknown methods {unknown}; known are {list(CONTESTANTS)}")
+    return [contestant for name, contestant in CONTESTANTS.items() if name in wanted]

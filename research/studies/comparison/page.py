@@ -1,0 +1,150 @@
+"""The tables of a comparison, one for each time, in Markdown."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from research.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
+from research.studies.comparison.result import TRIVIAL, Result, Row, Terms, terms
+from research.studies.comparison.trivial import best_of
+from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
+
+DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell, where pictures are large enough to have it
+OUR_ROW, MIXED = Row(OURS), Row(TRIVIAL)
+
+
+def tables(results: Sequence[Result]) -> str:
+    """A table for each of the terms that contestants had, with the mixtures of stored pictures in each."""
+    return document(*(_table(results, each) for each in terms(results))).strip()
+
+
+def cell_names(results: Sequence[Result]) -> list[str]:
+    """Of the cells that methods were judged by."""
+    named = [list(r.cells) for r in results if r.method != TRIVIAL and r.cells]
+    return named[0] if named else []
+
+
+def leaders(results: Sequence[Result], on: Terms) -> dict[str, Row]:
+    """Which row has the highest mean PSNR in each cell on these terms: a contestant's, or the mixtures'."""
+    found = {}
+    for cell in cell_names(results):
+        scores = _means(results, on, cell)
+        trivial = _trivial(results, cell)
+        if trivial is not None:
+            scores[MIXED] = trivial[1]
+        if scores:
+            found[cell] = max(scores, key=lambda row: scores[row])
+    return found
+
+
+SHORT_HEADER = ("scene", "time", "images", "this surrogate", "best published method", "stored pictures, mixed")
+
+
+def in_short(scene: str, results: Sequence[Result]) -> list[list[str]]:
+    """A row of `SHORT_HEADER` for each of the terms and each cell: PSNR (dB) of ours, of the best published method and of mixtures.
+
+    Cells of which one of the former is missing are left out.
+    """
+    rows = []
+    for on in terms(results):
+        for cell in cell_names(results):
+            scores = _means(results, on, cell)
+            published = {row: psnr for row, psnr in scores.items() if CONTESTANTS[row.method].official_steps}
+            if OUR_ROW not in scores or not published:
+                continue
+            best, mixed = max(published, key=lambda row: published[row]), _trivial(results, cell)
+            texts = {
+                OUR_ROW: f"{scores[OUR_ROW]:.2f}",
+                best: f"{published[best]:.2f} ({title(best)})",
+                MIXED: NOTHING if mixed is None else f"{mixed[1]:.2f}",
+            }
+            known = {OUR_ROW: scores[OUR_ROW], best: published[best]} | ({} if mixed is None else {MIXED: mixed[1]})
+            leader = max(known, key=lambda row: known[row])
+            rows.append([f"`{scene}`", str(on), cell, *(_bold(text, row == leader) for row, text in texts.items())])
+    return rows
+
+
+def _table(results: Sequence[Result], on: Terms) -> str:
+    cells, first = cell_names(results), leaders(results, on)
+    whole = [r for r in results if r.terms == on and not r.error]
+    details = [metric for metric in DETAILS if any(r.cells[cells[-1]][metric] is not None for r in whole)]
+    header = (
+        str(on),
+        *(f"{cell}, PSNR (dB)" for cell in cells),
+        *(f"{cells[-1]}, {HEADINGS[metric]}" for metric in details),
+        "steps",
+        "of the published",
+        "size (MB)",
+        "seconds" if on.device != "cpu" else "processor seconds",
+        "a picture (ms)",
+        "at other parameters (ms)",
+        "seeds",
+    )
+    trained = [r for r in results if r.terms == on and r.method != TRIVIAL]
+    rows = [
+        _row(row, [r for r in trained if r.row == row], cells, details, first)
+        for row in ordered(r.row for r in trained)
+    ]
+    return table(header, [*rows, _trivial_row(results, cells, first, len(header))])
+
+
+def _row(
+    row: Row, of: Sequence[Result], cells: Sequence[str], details: Sequence[str], first: Mapping[str, Row]
+) -> list[str]:
+    """Of one contestant's trainings in one time."""
+    whole, official = [r for r in of if not r.error], CONTESTANTS[row.method].official_steps
+    if not whole:
+        return [title(row), of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(details) + 6)]
+    return [
+        title(row),
+        *(_bold(_spread("psnr", [r.cells[cell]["psnr"] for r in whole]), first.get(cell) == row) for cell in cells),
+        *(_spread(metric, [r.cells[cells[-1]][metric] for r in whole]) for metric in details),
+        f"{statistics.fmean(r.steps for r in whole):,.0f}",
+        f"{100.0 * statistics.fmean(r.steps for r in whole) / official:.2g} %" if official else NOTHING,
+        f"{statistics.fmean(r.megabytes for r in whole):.2f}",
+        f"{statistics.fmean(r.seconds for r in whole):,.0f}",
+        _median([r.picture_milliseconds for r in whole]),
+        _median([r.change_milliseconds for r in whole]),
+        str(len(whole)),
+    ]
+
+
+def _trivial_row(results: Sequence[Result], cells: Sequence[str], first: Mapping[str, Row], width: int) -> list[str]:
+    found = [_trivial(results, cell) for cell in cells]
+    texts = [
+        NOTHING if best is None else _bold(f"{best[1]:.2f} ({best[0]})", first.get(cell) == MIXED)
+        for cell, best in zip(cells, found, strict=True)
+    ]
+    return ["stored pictures, mixed", *texts, *[NOTHING] * (width - 1 - len(texts))]
+
+
+def _trivial(results: Sequence[Result], cell: str) -> tuple[str, float] | None:
+    mixtures = [r.cells for r in results if r.method == TRIVIAL]
+    return best_of(mixtures[0], cell) if mixtures else None
+
+
+def _means(results: Sequence[Result], on: Terms, cell: str) -> dict[Row, float]:
+    found = dict[Row, list[float]]()
+    for r in results:
+        if r.terms == on and not r.error and cell in r.cells and r.method != TRIVIAL:
+            found.setdefault(r.row, []).append(r.cells[cell]["psnr"])
+    return {row: statistics.fmean(values) for row, values in found.items()}
+
+
+def _spread(metric: str, values: Sequence[Any]) -> str:
+    known = [float(value) for value in values if value is not None]
+    if not known:
+        return NOTHING
+    mean = metric_number(metric, statistics.fmean(known))
+    return mean if len(known) < 2 else f"{mean} ± {metric_number(metric, statistics.stdev(known))}"
+
+
+def _median(values: Sequence[float | None]) -> str:
+    known = [value for value in values if value is not None]
+    return f"{statistics.median(known):,.3g}" if known else NOTHING
+
+
+def _bold(text: str, bold: bool) -> str:
+    return f"**{text}**" if bold else text

@@ -1,0 +1,230 @@
+"""The hard cases: what is drawn, how wrong it may be, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from catalogs.vocabulary.cameras import Camera
+from research.studies.stress.scenes import (
+    NEAR,
+    at_depths,
+    axes,
+    cloud,
+    layers,
+    off_center,
+    one_pixel,
+    radius,
+    view,
+    with_every_third,
+    with_lengths,
+)
+from surrogate.splatting import Constants, Primitives
+
+IMAGE, GRADIENT = 1e-5, 5e-5  # where nothing asks for others: some 100 and 500 roundings of float32
+FLOOR = 1.0 / 255.0
+FAR = torch.tensor([1e6, -2e6, 5e5], dtype=torch.float64)  # where numbers of float32 are 0.06 to 0.13 apart
+WHY_STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so that the rounding of a place (4e-6 px) is seen"
+STEEP: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": WHY_STEEP}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table.
+
+    Attributes
+    ----------
+    name : what is hard about it.
+    scene : makes the Gaussians, float64.
+    camera : makes the camera.
+    image : bound of the largest error of colour (relative to the largest colour, at least 1), alpha, and depth (to the largest).
+    gradient : bound of the largest error of any gradient, relative to the largest of its kind.
+    why : what the bounds rest on, where they are not the usual ones.
+    dilation, alpha_floor : of the rasterizer.
+    expected_alpha : what alpha must be in the middle of the picture, where a formula says so.
+    """
+
+    name: str
+    scene: Callable[[], Primitives]
+    camera: Callable[[], Camera] = view
+    image: float = IMAGE
+    gradient: float = GRADIENT
+    why: str = ""
+    dilation: float = Constants.dilation
+    alpha_floor: float = Constants.alpha_floor
+    expected_alpha: float | None = None
+
+    @property
+    def constants(self) -> Constants:
+        """Those of the rasterizer."""
+        return Constants(NEAR, self.dilation, self.alpha_floor)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """A row that must be drawn bit for bit as without `options`, or as from the tensors that `changed` makes.
+
+    `options` are of `surrogate.splatting.render`; `changed` gives the same numbers in tensors of another kind.
+    """
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    changed: Callable[[Tensor], Tensor] = lambda tensor: tensor
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A row whose Gaussians can't be drawn: the error must name `attribute` and the Gaussian."""
+
+    name: str
+    attribute: str
+    value: float
+    row: int = 7
+
+
+def cases() -> list[Case]:
+    """All that must be drawn."""
+    return [*_shapes(), *_places(), *_opacities(), *_numbers(), *_frames()]
+
+
+def refusals() -> list[Refusal]:
+    """All that must be refused: a number in each attribute that is not finite."""
+    values = {"NaN": float("nan"), "infinity": float("inf")}
+    return [Refusal(f"{said} in {name}", name, value) for said, value in values.items() for name in Primitives._fields]
+
+
+def agreements() -> list[Agreement]:
+    """All that must not change a bit."""
+    return [
+        Agreement("again"),
+        *(Agreement(f"{threads} threads", {"threads": threads}) for threads in (1, 2, 3, 7)),
+        Agreement("tensors that are not contiguous", changed=_not_contiguous),
+        Agreement("tensors in float64", changed=lambda tensor: tensor.double()),
+    ]
+
+
+def _shapes() -> list[Case]:
+    kinds = (("needles", 2), ("pancakes", 1))
+    return [
+        *(_thin(number, kind, power) for kind, number in kinds for power in (2, 4, 6, 8)),
+        Case("needles, condition number 1e4, not dilated", lambda: axes(1e2, 2), dilation=0.0, **STEEP),
+        Case("needles, condition number 1e16, not dilated", lambda: axes(1e8, 2), dilation=0.0, **STEEP),
+        *(
+            Case(f"radius {size:g} px", partial(radius, size), **(STEEP if size < 1.0 else {}))
+            for size in (1e-6, 1e-3, 0.1, 1.0, 47.0)
+        ),
+        Case("radius 100 x the image", lambda: radius(4700.0)),
+        Case("scales 0", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 0.0, 0.0)), **STEEP),
+        Case("scales 0, not dilated", lambda: cloud()._replace(scales=torch.zeros(60, 3).double()), dilation=0.0),
+        Case("scales denormal (1e-42)", lambda: cloud()._replace(scales=torch.full((60, 3), 1e-42).double()), **STEEP),
+        Case("scales up to 1e30", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 1e9, 1e30))),
+    ]
+
+
+def _thin(thin: int, kind: str, power: int) -> Case:
+    """Axes as 10^(power / 2) to 1; the thinnest needles are seen only by what they are dilated to."""
+    bounds = STEEP if thin == 2 and power > 2 else {}
+    return Case(f"{kind}, condition number 1e{power}", partial(axes, 10.0 ** (power / 2), thin), **bounds)
+
+
+def _places() -> list[Case]:
+    steps, flat = torch.linspace(0.9999, 1.0001, 60, dtype=torch.float64), torch.tensor([0.0, 1.0, 1.0])
+    return [
+        Case("on the near plane, and 0.01 % to either side", lambda: at_depths(NEAR * steps)),
+        Case("behind the camera", lambda: at_depths(torch.linspace(-5.0, 0.04, 60, dtype=torch.float64))),
+        Case("before and behind the near plane", lambda: at_depths(torch.linspace(0.01, 3.0, 60, dtype=torch.float64))),
+        Case("far off the axis, to 80 degrees", _far_off_axis),
+        Case(
+            "10,000 in one pixel, faint",
+            partial(one_pixel, 10_000, (2e-4, 1e-3)),
+            partial(view, 13, 9),
+            alpha_floor=1e-7,
+        ),
+        Case("10,000 in one pixel, opaque", partial(one_pixel, 10_000, (0.98, 1.0)), partial(view, 13, 9)),
+        Case("identical places", lambda: _moved(lambda means: means[:1].expand(60, 3))),
+        # All in one plane across the axis of a camera that looks along x.
+        Case("identical depths", lambda: _moved(lambda means: means * flat), partial(view, eye=(3.0, 0.0, 0.0))),
+        Case("around 1e6, its origin subtracted in float64", lambda: _moved(lambda means: (means + FAR) - FAR)),
+        Case(
+            "around 1e6, not subtracted: held to the twin of the rounded places",
+            lambda: _moved(lambda means: means + FAR),
+            _far_view,
+        ),
+        Case("a million units away", lambda: _moved(lambda means: means * 1e6)),
+    ]
+
+
+def _opacities() -> list[Case]:
+    def with_opacities(first: float, second: float) -> Callable[[], Primitives]:
+        return lambda: cloud()._replace(opacities=with_every_third(cloud().opacities, first, second))
+
+    behind = "all that is left of a gradient behind layers that let 1e-4 through is a difference of numbers 10^4 times as large"
+    return [
+        Case("opacity 0 and denormal (1e-42)", with_opacities(0.0, 1e-42)),
+        Case("opacity 1e-8 and 1 - 1e-7", with_opacities(1e-8, 1.0 - 1e-7)),
+        Case("opacity 1/255, the floor itself, and next to it", with_opacities(FLOOR, FLOOR * (1 + 1e-5))),
+        Case("opacity 1", with_opacities(1.0, 1.0)),
+        *(
+            Case(
+                f"{count:,} layers of opacity {opacity:g}",
+                partial(layers, count, opacity),
+                partial(view, 9, 7),
+                alpha_floor=1e-7,
+                expected_alpha=1.0 - (1.0 - opacity) ** count,
+                gradient=gradient,
+                why=behind if gradient > GRADIENT else "",
+            )
+            for count, opacity, gradient in ((10_000, 1e-4, GRADIENT), (10_000, 9e-4, 3e-2), (100, 0.08, 1e-2))
+        ),
+    ]
+
+
+def _numbers() -> list[Case]:
+    def with_quats(*lengths: float) -> Callable[[], Primitives]:
+        return lambda: cloud()._replace(quats=with_lengths(cloud().quats, *lengths))
+
+    return [
+        Case("quaternions of length 0 and 1", with_quats(0.0, 1.0)),
+        Case("quaternions denormal (1e-39) and 1e-9", with_quats(1e-39, 1e-9)),
+        Case("quaternions of length 1e-20 and 1e18", with_quats(1e-20, 1e18)),
+        Case("colours from -1 to 2", lambda: cloud()._replace(colors=3.0 * cloud().colors - 1.0)),
+        Case("a colour of 1e30", lambda: cloud()._replace(colors=with_every_third(cloud().colors, 1e30, 0.0))),
+    ]
+
+
+def _frames() -> list[Case]:
+    return [
+        Case("no Gaussian", lambda: cloud(0)),
+        Case("one Gaussian", lambda: cloud(1)),
+        Case("1 x 1 image", cloud, lambda: view(1, 1)),
+        Case("1 x 130 image", cloud, lambda: view(1, 130)),
+        Case("130 x 1 image", cloud, lambda: view(130, 1)),
+        Case("not square, fx != fy, principal point off the middle", cloud, lambda: off_center(83, 29)),
+        Case("a large image of few Gaussians", lambda: cloud(4, scales=(0.1, 0.3)), lambda: view(512, 384)),
+    ]
+
+
+def _not_contiguous(tensor: Tensor) -> Tensor:
+    return torch.stack([tensor, torch.full_like(tensor, -7.0)], dim=-1)[..., 0]
+
+
+def _far_off_axis() -> Primitives:
+    angles = torch.linspace(-1.4, 1.4, 60, dtype=torch.float64)
+    camera = view()
+    forward, right = torch.tensor(camera.forward), torch.tensor(camera.rotation[0])
+    places = angles.cos()[:, None] * forward + angles.sin()[:, None] * right  # [N, 3]
+    return cloud()._replace(means=torch.tensor(camera.position) + 3.0 * places, scales=cloud().scales * 5.0)
+
+
+def _moved(change: Callable[[Tensor], Tensor]) -> Primitives:
+    return cloud()._replace(means=change(cloud().means))
+
+
+def _far_view() -> Camera:
+    near, far = view(), FAR.numpy()
+    return Camera.look_at(near.position + far, far, vertical_fov_degrees=35.0, width=near.width, height=near.height)

@@ -1,0 +1,221 @@
+"""Draw the hard cases by backends and by the float64 twin, and compare."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from catalogs.vocabulary.cameras import Camera
+from research.studies.stress.cases import Agreement, Case, Refusal, agreements, cases, refusals
+from research.studies.stress.scenes import NEAR, cloud, tied, view
+from surrogate.splatting import BACKENDS, Constants, Primitives, draw, reference
+
+MARGIN = 2e-4  # relative: nearer to a threshold, float32 may rightly fall to its other side
+PIXELS_AT_ONCE = 512
+CROWD = 3000  # Gaussians: enough for every thread to have several portions
+
+Backend = Mapping[str, Any]  # options of `surrogate.splatting.render`
+
+
+class Drawn(NamedTuple):
+    """A picture, and the gradient of a fixed random functional of it by each attribute."""
+
+    picture: Tensor  # [H, W, 5]: colour, alpha, depth
+    gradients: Primitives
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One row of the table, filled.
+
+    Attributes
+    ----------
+    image : largest error where a pixel is certain.
+    gradients : largest error by attribute, relative to the largest of its kind.
+    finite : whether no number anywhere was NaN or infinite.
+    uncertain : share of pixels where some contribution lies within `MARGIN` of a threshold.
+    jump : largest difference of colour or alpha there.
+    complaints : in words, what misses its bound; none where the row passes.
+    """
+
+    case: Case | Agreement | Refusal
+    image: float = 0.0
+    gradients: Mapping[str, float] = field(default_factory=dict)
+    finite: bool = True
+    uncertain: float = 0.0
+    jump: float = 0.0
+    complaints: tuple[str, ...] = ()
+    pictures: tuple[Tensor, Tensor] | None = None  # [H, W, 5] each: the backend's, the twin's
+
+    @property
+    def passed(self) -> bool:
+        return not self.complaints
+
+
+def draw_twin(case: Case) -> tuple[Tensor, Drawn]:
+    """The `certain_pixels` of a case, and the case drawn and differentiated in float64."""
+    scene, camera = snapped(case.scene()), case.camera()
+    certain = certain_pixels(scene, camera, case)
+    return certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"})
+
+
+def check(case: Case, backend: Backend, twin: tuple[Tensor, Drawn] | None = None) -> Outcome:
+    """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one.
+
+    `twin` is what `draw_twin` makes of the case, for who has it already.
+    """
+    scene, camera = snapped(case.scene()), case.camera()
+    certain, true = draw_twin(case) if twin is None else twin
+    got = _drawn(Primitives(*(tensor.float() for tensor in scene)), camera, certain, case.constants, backend)
+    difference = (got.picture.double() - true.picture).abs() / _units(true.picture)  # [H, W, 5]
+    inside, outside = difference[certain], difference[~certain]
+    pairs = zip(Primitives._fields, got.gradients, true.gradients, _gradient_units(scene, true.gradients), strict=True)
+    outcome = Outcome(
+        case,
+        _largest(inside),
+        {name: _relative(own, twins, unit) for name, own, twins, unit in pairs},
+        all(bool(torch.isfinite(t).all()) for t in (got.picture, *got.gradients)),
+        float((~certain).double().mean()),
+        _largest(outside),
+        pictures=(got.picture.double(), true.picture),
+    )
+    return replace(outcome, complaints=tuple(_complaints(outcome, case, got.picture)))
+
+
+def check_agreement(agreement: Agreement, backend: Backend) -> Outcome:
+    """A picture and its gradients, of Gaussians of which many lie at one depth, must not differ by a bit."""
+    scene = Primitives(*(tensor.float() for tensor in tied(CROWD)))
+    camera, certain = view(130, 90), torch.ones(90, 130, dtype=torch.bool)
+    constants = Constants(NEAR)
+    first = _drawn(scene, camera, certain, constants, backend)
+    changed = Primitives(*(agreement.changed(tensor) for tensor in scene))
+    again = _drawn(changed, camera, certain, constants, {**backend, **agreement.options})
+    complaints = [] if torch.equal(first.picture, again.picture) else ["the picture differs"]
+    complaints += [
+        f"the gradient by {name} differs"
+        for name, a, b in zip(Primitives._fields, first.gradients, again.gradients, strict=True)
+        if not torch.equal(a, b.to(a))
+    ]
+    return Outcome(agreement, complaints=tuple(complaints))
+
+
+def check_refusal(refusal: Refusal, backend: Backend) -> Outcome:
+    """A number that is not finite must be named, and nothing drawn."""
+    scene = Primitives(*(tensor.float() for tensor in cloud()))
+    getattr(scene, refusal.attribute)[refusal.row] = refusal.value
+    try:
+        draw(scene, view(), Constants(NEAR), **backend)
+    except ValueError as error:
+        named = f"{refusal.attribute} of Gaussian {refusal.row}" in str(error)
+        return Outcome(refusal, complaints=() if named else (f"the error does not name it: {error}",))
+    return Outcome(refusal, complaints=("it was drawn",))
+
+
+def snapped(primitives: Primitives) -> Primitives:
+    """The same, in float64, rounded to what float32 holds: only the arithmetic on it differs then."""
+    return Primitives(*(tensor.float().double() for tensor in primitives))
+
+
+def certain_pixels(scene: Primitives, camera: Camera, case: Case) -> Tensor:
+    """Pixels (H, W) in which nothing that is reached lies within `MARGIN` of the alpha floor or of the least transmittance."""
+    constants = case.constants
+    splats = reference.project(scene, camera, replace(constants, alpha_floor=case.alpha_floor * (1 - MARGIN)))
+    found = []
+    for pixels in reference.pixel_centers(camera).double().split(PIXELS_AT_ONCE):
+        densities = reference.densities_at(pixels, splats)  # [P, M]
+        drawn = torch.where(densities >= case.alpha_floor, densities.clamp(max=constants.alpha_cap), 0.0)
+        reached = reference.transmittances(drawn)  # [P, M]
+        on_floor = ((densities / case.alpha_floor - 1).abs() < MARGIN) & (
+            reached >= constants.min_transmittance * (1 - MARGIN)
+        )
+        last = (reached / constants.min_transmittance - 1).abs() < MARGIN
+        found.append(~(on_floor | last).any(dim=1))
+    return torch.cat(found).view(camera.height, camera.width)
+
+
+def _drawn(
+    scene: Primitives, camera: Camera, certain: Tensor, constants: Constants, options: Mapping[str, Any]
+) -> Drawn:
+    device = "cuda" if options.get("backend") == "cuda" else "cpu"
+    leaves = Primitives(*(tensor.detach().clone().to(device).requires_grad_() for tensor in scene))
+    drawn = draw(leaves, camera, constants, depth=True, **options)
+    assert drawn.depth is not None
+    picture = torch.cat([drawn.color, drawn.alpha[..., None], drawn.depth[..., None]], dim=2).cpu()  # [H, W, 5]
+    random = torch.Generator().manual_seed(9)
+    weights = torch.randn(picture.shape, generator=random, dtype=torch.float64) * certain[..., None]
+    scale = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])  # depth is a second picture: its gradients are those of a colour
+    value = (picture * (weights * scale).to(picture)).sum()
+    return Drawn(picture.detach(), Primitives(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves))))
+
+
+def _units(picture: Tensor) -> Tensor:
+    """What errors of each channel are relative to, (5,)."""
+    largest = picture.abs().amax(dim=(0, 1))  # [5]
+    return torch.stack([*largest[:3].clamp(min=1.0), largest.new_tensor(1.0), largest[4].clamp(min=1e-30)])
+
+
+def _gradient_units(scene: Primitives, gradients: Primitives) -> list[float]:
+    """The largest gradient of each kind, which errors are relative to.
+
+    A round Gaussian looks the same however it is turned: its gradient by the quaternion is the zero that is left when terms as
+    large as those by the logarithms of its scales cancel, so these count too.
+    """
+    largest = dict(zip(Primitives._fields, map(_largest, gradients), strict=True))
+    lengths = scene.quats.norm(dim=1, keepdim=True)  # [N, 1]
+    turning = gradients.scales * scene.scales / lengths  # [N, 3]
+    seen = torch.where(lengths > Constants.shortest_quaternion, turning, 0.0)
+    return list((largest | {"quats": max(largest["quats"], _largest(seen))}).values())
+
+
+def _relative(got: Tensor, true: Tensor, unit: float) -> float:
+    error = _largest(got.double() - true)
+    return error / unit if error != 0.0 and unit > 0.0 else error
+
+
+def _largest(tensor: Tensor) -> float:
+    """The largest absolute value, 0 without any."""
+    return float(tensor.abs().max()) if tensor.numel() else 0.0
+
+
+def _complaints(outcome: Outcome, case: Case, picture: Tensor) -> Iterator[str]:
+    if not outcome.finite:
+        yield "not finite"
+    if not outcome.image <= case.image:
+        yield f"image error {outcome.image:.1e} above {case.image:.0e}"
+    for name, error in outcome.gradients.items():
+        if not error <= case.gradient:
+            yield f"gradient by {name} wrong by {error:.1e}, above {case.gradient:.0e}"
+    # What a contribution at a threshold may change: some floors' worth, one for each that lies on it.
+    largest = 4.0 * case.alpha_floor + 2.0 * Constants.min_transmittance
+    if not outcome.jump <= largest:
+        yield f"jump of {outcome.jump:.1e} at a threshold, above {largest:.1e}"
+    if case.expected_alpha is not None:
+        middle = float(picture[picture.shape[0] // 2, picture.shape[1] // 2, 3])
+        if not abs(middle - case.expected_alpha) <= case.image:
+            yield f"alpha {middle:.7f} where the formula says {case.expected_alpha:.7f}"
+
+
+def tables(
+    backends: Mapping[str, Backend], tell: Callable[[str, Outcome], None] = lambda *_: None
+) -> dict[str, list[Outcome]]:
+    """Hold backends to every row, each by its name; `tell` hears of each outcome.  The twin draws a case once for all."""
+    compiled = [getattr(BACKENDS.get(b.get("backend", "cpu")), "COMPILED", None) for b in backends.values()]
+    floors = {constants["alpha_floor"] for constants in compiled if constants}  # gsplat has but one alpha floor
+    found: dict[str, list[Outcome]] = {name: [] for name in backends}
+    drawn = (case for case in cases() if floors <= {case.constants.alpha_floor})
+    checks: Iterator[Callable[[Backend], Outcome]] = itertools.chain(
+        (partial(check, case, twin=draw_twin(case)) for case in drawn),
+        (partial(check_agreement, row) for row in agreements()),
+        (partial(check_refusal, row) for row in refusals()),
+    )
+    for checked in checks:
+        for name, backend in backends.items():
+            found[name].append(checked(backend))
+            tell(name, found[name][-1])
+    return found

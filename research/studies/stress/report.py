@@ -1,0 +1,194 @@
+"""The table of hard cases as a page and a picture that people can look at."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.files import durable
+from research.studies.stress.cases import Agreement, Case, Refusal
+from research.studies.stress.check import MARGIN, Outcome
+from research.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
+from research.studies.stress.functions import FunctionCase, FunctionOutcome
+from surrogate.appearance.averages import LEAST_SPREAD, NEGLIGIBLE, TOLERANCE
+from surrogate.evaluation.tables import document, table_of
+from surrogate.provenance import commit, in_words, machine
+
+PAGE, PICTURE = "stress.md", "stress.png"
+COLUMNS = 9
+INTRODUCTION = """# Hard cases
+
+May the splatting engine be trusted where scenes are not ordinary? Each row below is drawn and differentiated in float32 by
+{backends}, and by the float64 twin (`surrogate/splatting/reference.py`) that defines what is right. Every row has bounds of
+its own; `surrogate stress` ends with an error if one is missed. Nothing is repaired before it is compared: a NaN anywhere is
+a miss.
+
+**{verdict}** `surrogate stress`, commit {commit}, {where}, {system}. Scenes are drawn by fixed seeds."""
+DRAWN = """![The hard cases as they are drawn]({picture})
+
+## What is drawn
+
+*Image* is the largest error of colour (relative to the largest colour where that is above 1), alpha and depth (relative to
+the largest), over all pixels and backends; *gradient* the largest error by any attribute, relative to the largest gradient
+of its kind, for a random functional of the picture. What is drawn has two thresholds, the alpha floor and the least
+transmittance: where a contribution lies within {margin:g} of one (relative), float32 may rightly fall to its other side. Such
+pixels are *uncertain*: their share is given, and the largest *jump* in them, but the bounds hold in all others."""
+AGREEMENTS = """## What must not change a bit
+
+Picture and gradients of 3,000 Gaussians, of which every other lies exactly where the one before it does (ties are drawn in
+the order of their index):"""
+REFUSALS = """## What must be refused
+
+The error names the attribute and the Gaussian, and nothing is drawn:"""
+FUNCTIONS = """## Transfer functions and values of the field
+
+Gaussians that carry values of the field, with spreads, look under a transfer function as its extinction and emission say, averaged
+over these values. *Average*: the largest error of the averages by the averaged extinction (at least {least:g} of the largest),
+against quadrature in float64; held to {tolerance:.0e}. *Shown*: that of opacity and opacity times colour in float32, against the
+float64 twin (`surrogate/appearance/transferred.py`); *gradient*: of a random functional of both by thickness, value and spread, of
+all Gaussians that are drawn; the kernel interpolates a table of averages, whose slopes err more than its values. A constant
+field has no spread; spreads below {spread:g} of the function's range count as that."""
+DRIFT = """## Does training drift?
+
+The same small ensemble (60 Gaussians with their bilinear deformation, 32 x 32 pixels) is trained three times on the same images
+in the same order: in float64 by the definitions in plain torch; in float32 by the kernels; and in float64 from a start that is
+rounded otherwise in the last place of float32. Training amplifies any difference, so the third run says how far apart runs end
+that nobody would call wrong. Float32 must end within {decibels:g} dB and within {times:g} times that distance."""
+LIMITS = """## What it can not do
+
+- Thresholds make a picture a discontinuous function of the Gaussians: a contribution that crosses the alpha floor (1/255)
+  changes a pixel by as much. Gradients don't know of it.
+- Gaussians are sorted by their centres and don't interpenetrate ([what that costs](volume_fidelity.md)).
+- Without dilation, a Gaussian thinner than a pixel may fall between all pixel centres: it is not drawn then, and has no gradient.
+- World coordinates around 10⁶ can't be held in float32 to better than 0.06. `Surrogate` and training subtract the scene's origin
+  in float64 first; who calls `surrogate.splatting.render` must do so too.
+- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, and so is what memory
+  can't hold."""
+
+
+def write(
+    folder: Path,
+    tables: Mapping[str, Sequence[Outcome]],
+    drift: Drift | None,
+    functions: Sequence[FunctionOutcome] = (),
+) -> None:
+    """Write `stress.md` and `stress.png` into `folder`; `tables` holds the rows of each backend by its name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    first = next(iter(tables.values()))
+    durable.replace(folder / PICTURE, _picture([o for o in first if o.pictures is not None]))
+    durable.replace(folder / PAGE, _page(tables, drift, functions).encode())
+
+
+def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None, functions: Sequence[FunctionOutcome]) -> str:
+    rows = list(zip(*tables.values(), strict=True))  # a row holds an outcome of each backend
+    drawn = [row for row in rows if isinstance(row[0].case, Case)]
+    every: list[tuple[str, Outcome | FunctionOutcome]] = [(name, o) for name, of in tables.items() for o in of]
+    every += [("values", o) for o in functions]
+    missed, on = [(name, o) for name, o in every if not o.passed], machine()
+    verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
+    return document(
+        INTRODUCTION.format(
+            backends=", ".join(tables), verdict=verdict, commit=commit(), where=in_words(on), system=on["system"]
+        ),
+        "\n".join(f"- missed: {o.case.name} ({name}): {'; '.join(o.complaints)}" for name, o in missed),
+        DRAWN.format(picture=PICTURE, margin=MARGIN),
+        table_of(
+            drawn,
+            ("", lambda row: row[0].case.name),
+            ("image, bound", lambda row: f"{row[0].case.image:.0e}"),
+            ("image, found", lambda row: _error(o.image for o in row)),
+            ("gradient, bound", lambda row: f"{row[0].case.gradient:.0e}"),
+            ("gradient, found", lambda row: _error(error for o in row for error in o.gradients.values())),
+            ("finite", lambda row: "yes" if all(o.finite for o in row) else "**no**"),
+            ("uncertain", lambda row: f"{100 * max(o.uncertain for o in row):.2g} %"),
+            ("jump", lambda row: _error(o.jump for o in row)),
+        ),
+        "Where bounds differ from the usual ones:",
+        _reasons([row[0].case for row in drawn]),
+        AGREEMENTS,
+        _verdicts("bit for bit the same", [row for row in rows if isinstance(row[0].case, Agreement)]),
+        REFUSALS,
+        _verdicts("refused by name", [row for row in rows if isinstance(row[0].case, Refusal)]),
+        *_function_blocks(functions),
+        *([] if drift is None else _drift_blocks(drift)),
+        LIMITS,
+    )
+
+
+def _function_blocks(functions: Sequence[FunctionOutcome]) -> list[str]:
+    if not functions:
+        return []
+    shown = table_of(
+        functions,
+        ("", lambda o: o.case.name),
+        ("average, found", lambda o: _error([o.average])),
+        ("shown, bound", lambda o: f"{o.case.shown:.0e}"),
+        ("shown, found", lambda o: _error([o.shown])),
+        ("gradient, bound", lambda o: f"{o.case.gradient:.0e}"),
+        ("gradient, found", lambda o: _error([o.gradient])),
+        ("finite", lambda o: "yes" if o.finite else "**no**"),
+    )
+    said = FUNCTIONS.format(least=NEGLIGIBLE, tolerance=TOLERANCE, spread=LEAST_SPREAD)
+    return [said, shown, "Where bounds differ from the usual ones:", _reasons([o.case for o in functions])]
+
+
+def _reasons(cases: Sequence[Case | FunctionCase]) -> str:
+    reasons = dict.fromkeys(case.why for case in cases if case.why)
+    return "\n".join(f"- {why}: {'; '.join(case.name for case in cases if case.why == why)}." for why in reasons)
+
+
+def _verdicts(heading: str, rows: Sequence[Sequence[Outcome]]) -> str:
+    def verdict(row: Sequence[Outcome]) -> str:
+        complaints = [complaint for outcome in row for complaint in outcome.complaints]
+        return f"**no**: {'; '.join(complaints)}" if complaints else "yes"
+
+    return table_of(rows, ("", lambda row: row[0].case.name), (heading, verdict))
+
+
+def _error(values: Iterable[float]) -> str:
+    largest = max(values, default=0.0)
+    return f"{largest:.1e}" if largest else "0"
+
+
+def _drift_blocks(drift: Drift) -> list[str]:
+    shown = table_of(
+        list(zip(drift.distances(), drift.exact, drift.rounded, drift.nudged, strict=True)),
+        ("step", lambda at: str(at[0][0])),
+        ("distance of centres, float32", lambda at: f"{at[0][1]:.1e}"),
+        ("distance, nudged float64", lambda at: f"{at[0][2]:.1e}"),
+        ("loss, float64", lambda at: f"{at[1].loss:.5f}"),
+        ("loss, float32", lambda at: f"{at[2].loss:.5f}"),
+        ("PSNR of held-out images, float64", lambda at: f"{at[1].psnr:.2f} dB"),
+        ("float32", lambda at: f"{at[2].psnr:.2f} dB"),
+        ("nudged", lambda at: f"{at[3].psnr:.2f} dB"),
+    )
+    verdict = f"**It does**: {'; '.join(drift.complaints)}." if drift.complaints else "It does not."
+    return [DRIFT.format(decibels=MOST_DECIBELS, times=MOST_TIMES), shown, verdict]
+
+
+def _picture(outcomes: Sequence[Outcome]) -> bytes:
+    """A small picture of every case over white, its name above, framed in red where it is missed."""
+    from matplotlib.figure import Figure
+
+    rows = -(-len(outcomes) // COLUMNS)
+    figure = Figure(figsize=(1.55 * COLUMNS, 1.6 * rows), layout="constrained")
+    for k, outcome in enumerate(outcomes):
+        assert outcome.pictures is not None
+        picture = outcome.pictures[0]
+        shown = np.nan_to_num((picture[..., :3] + 1.0 - picture[..., 3:4]).numpy()).clip(
+            0.0, 1.0
+        )  # [H, W, 3] over white
+        squarish = 0.2 < len(shown) / shown.shape[1] < 5.0
+        axes = figure.add_subplot(rows, COLUMNS, k + 1)
+        axes.imshow(shown, interpolation="nearest", aspect="equal" if squarish else "auto")
+        title = textwrap.fill(outcome.case.name, 30)
+        axes.set_title(title, fontsize=5.5, color="black" if outcome.passed else "red")
+        axes.set_xticks([])
+        axes.set_yticks([])
+    content = BytesIO()
+    figure.savefig(content, format="png", dpi=110, facecolor="white")
+    return content.getvalue()

@@ -1,0 +1,102 @@
+"""Members whose fields lie in blocks on four ranks of MPI, against the same in one block and in one process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalogs.store.catalog import Catalog
+from render.quality import psnr
+from tests.support.mpi import under_mpi
+
+RANKS = 4
+pytestmark = pytest.mark.slow
+
+
+def told_by_ranks(folder: Path, what: str) -> list[dict[str, Any]]:
+    """What each rank has to say of a part of the program."""
+    done = under_mpi("tests.support.ranks_program", RANKS, str(folder), what)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return [json.loads((folder / f"rank-{n}.json").read_text()) for n in range(RANKS)]
+
+
+def worst(one: Catalog, other: Catalog, appearance: str, member: str = "p-0.5", like: str | None = None) -> float:
+    """Of all views the smallest PSNR of a member's pictures, dB."""
+    pairs = zip(images(one, member, appearance), images(other, like or member, appearance), strict=True)
+    return min(psnr(a, b) for a, b in pairs)
+
+
+def images(catalog: Catalog, member: str, appearance: str):
+    for view in range(len(catalog.plan.cameras)):
+        yield catalog.image(member, appearance, view, dtype="float32")
+
+
+def test_pictures_of_four_ranks_are_those_of_one(tmp_path: Path) -> None:
+    told = told_by_ranks(tmp_path, "pictures")
+    assert all(one == told[0] for one in told)
+    for form in ("png", "exr"):
+        assert (told[0][f"has {form} before"], told[0][f"rendered {form}"]) == (False, "rendered")
+        assert (told[0][f"has {form}"], told[0][f"again {form}"]) == (True, "skipped")
+        blocks, one, alone = (Catalog.open(tmp_path / f"{name}-{form}.cdb") for name in ("blocks", "one", "alone"))
+        least = 90.0 if form == "exr" else 80.0
+        for appearance in ("plain", "shaded"):
+            assert worst(blocks, one, appearance) >= least
+            assert worst(blocks, alone, appearance) >= least
+        assert worst(blocks, one, "surface") >= 60.0
+        assert worst(blocks, alone, "surface") >= 60.0
+        assert blocks.plan.provenance["sample_distances"] == alone.plan.provenance["sample_distances"]
+        for field in ("a", "b"):
+            found, expected = (c.member("p-0.5").summaries()[field] for c in (blocks, alone))
+            np.testing.assert_array_equal(found.histogram, expected.histogram)
+            np.testing.assert_array_equal(found.even_points, expected.even_points)
+            assert (found.minimum, found.maximum) == (expected.minimum, expected.maximum)
+
+
+def test_however_the_blocks_come_the_pictures_are_the_same(tmp_path: Path) -> None:
+    told = told_by_ranks(tmp_path, "partitions")
+    for name in ("blocks", "ghosts", "shared", "levels", "blueprint"):
+        assert [one[name] for one in told] == ["rendered"] * RANKS
+    catalog = Catalog.open(tmp_path / "partitions.cdb")
+    assert worst(catalog, catalog, "plain", "p-0.2", "p-0.0") >= 80.0
+    assert worst(catalog, catalog, "plain", "p-0.4", "p-0.0") >= 80.0
+    assert worst(catalog, catalog, "plain", "p-0.8", "p-0.0") >= 80.0
+    assert worst(catalog, catalog, "plain", "p-0.6", "p-0.0") >= 30.0  # half of it at half the resolution
+    assert [len(one["heard"]) for one in told] == [1, 0, 0, 0], told[0]["heard"]
+    assert "the blocks fill no grid as they are (rank 0 has the spacing" in told[0]["heard"][0]
+    assert "resampled to 35 x 26 x 30 samples (trilinear)" in told[0]["heard"][0]
+
+
+def test_a_mistake_on_one_rank_is_an_error_on_all(tmp_path: Path) -> None:
+    told = told_by_ranks(tmp_path, "mistakes")
+    for name, message in {
+        "nan": "ValueError: rank 2 of 4: 1 of ",
+        "warned": "ValueError: rank 2 of 4: 1 of ",
+        "type": "TypeError: rank 3 of 4: ",
+        "origins": "ValueError: the blocks of ranks 0 and 1 lie at the same place",
+        "none": "ValueError: no rank has a block of the field",
+        "parameters": "ValueError: ",
+        "transparent": "rendered",
+        "right": "rendered",
+        "twice": "CatalogError: member p-0.0 ",
+        "background": "ValueError: background= and comm= can't be had together",
+        "other plan": "ValueError: catalog ",
+    }.items():
+        assert len({one[name] for one in told}) == 1, name
+        assert told[0][name].startswith(message), name
+    assert [one["failures"] for one in told] == [{}] * RANKS
+    assert [m.name for m in Catalog.open(tmp_path / "mistakes.cdb").members] == ["p-0.0", "p-0.3"]
+
+
+def test_a_rank_that_dies_leaves_no_half_member_and_the_next_run_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "kill").touch()
+    died = under_mpi("tests.support.ranks_program", RANKS, str(tmp_path), "killed")
+    assert died.returncode != 0
+    assert "signal 9" in died.stdout + died.stderr
+    assert [m.name for m in Catalog.open(tmp_path / "killed.cdb").members] == ["p-0.0"]
+    (tmp_path / "kill").unlink()
+    told_by_ranks(tmp_path, "killed")
+    assert sorted(m.name for m in Catalog.open(tmp_path / "killed.cdb").members) == ["p-0.0", "p-1.0"]

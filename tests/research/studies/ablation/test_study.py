@@ -1,0 +1,425 @@
+"""Studies on an ensemble of blobs, with budgets of a fraction of a second."""
+
+import contextlib
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.store.catalog import Catalog
+from research.studies.ablation import experiments
+from research.studies.ablation import study as module
+from research.studies.ablation.experiments import BaseExperiment, base_settings
+from research.studies.ablation.records import Result
+from research.studies.ablation.study import LOCK, Study, ablate
+from research.studies.ablation.timing import StepTimes, clock
+from research.studies.ablation.variants import VARIANTS, Variant
+from research.studies.progress import StudyProgress
+from surrogate.settings import TrainingSettings
+from surrogate.storage.checkpoints import locked
+from surrogate.training.run import train
+from tests.support.blobs import Blobs
+
+SCENE = TrainingSettings(gaussians=40, canonical_steps=20, deformation_steps=60)
+MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.5), ("test", 0.25))
+VIEW_SPLITS = ("train", "train", "train", "validation", "test")
+SMALL = Blobs(count=4, size=16)
+BUDGET = 0.15
+
+
+@pytest.fixture
+def catalog(make_catalog) -> Catalog:
+    return make_catalog(SMALL, members=MEMBERS, view_splits=VIEW_SPLITS)
+
+
+@pytest.fixture
+def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
+    """Runs a study in `tmp_path`; returns what was fitted now."""
+
+    def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[Result]:
+        fitted: list[Result] = []
+        ablate(
+            "blobs",
+            BaseExperiment(settings, data),
+            tmp_path,
+            tell=fitted.append,
+            **{"seconds": BUDGET, "seeds": 1} | options,
+        )
+        return fitted
+
+    return run
+
+
+@pytest.fixture(autouse=True)
+def given_step_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measured ones would be those of a busy machine, on which loading the images may take longer than so small a budget."""
+    times = StepTimes(start=0.0, canonical=0.5e-3, deformation=0.5e-3)
+    monkeypatch.setattr(experiments, "measure_step_times", lambda *_: times)
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Experiment take no time: for what is about which of them are done."""
+    monkeypatch.setattr(module.Study, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1})
+    monkeypatch.setattr("research.studies.ablation.table.plot", lambda _: None)
+
+
+def names(results: list[Result]) -> list[tuple[str, int]]:
+    return [(result.variant, result.seed) for result in results]
+
+
+@pytest.mark.slow
+def test_every_variant_is_fitted_once_per_seed_and_kept(conduct, tmp_path: Path) -> None:
+    fitted = conduct(seeds=2, only=["joint"])
+    assert names(fitted) == [("default", 0), ("joint", 0), ("default", 1), ("joint", 1)]
+    for result in fitted:
+        assert result.error == ""
+        assert result.steps > 0
+        assert result.images == 1  # the validation view of the validation member
+        assert result.gaussians == 40
+        assert 5.0 < result.psnr < 60.0
+        assert result.provenance.machine
+        assert result.provenance.commit
+        assert result.provenance.processor_seconds > result.seconds
+        assert result.scene == SCENE.to_json()
+    assert {r.settings["seed"] for r in fitted} == {0, 1}
+    assert (tmp_path / "ablation.png").read_bytes().startswith(b"\x89PNG")
+    assert "| **default** |" in (tmp_path / "ablation.md").read_text()
+    assert not list(tmp_path.glob("fits/*/surrogate"))
+
+
+def test_scores_are_those_of_the_model_on_validation_images(conduct, catalog: Catalog, tmp_path: Path) -> None:
+    (fitted,) = conduct(only=["default"])
+    settings = base_settings(SCENE, catalog).changed(
+        canonical_steps=fitted.canonical_steps,
+        deformation_steps=fitted.deformation_steps,
+    )
+    surrogate = train(settings, catalog, tmp_path / "again")
+    member, view = catalog.member("member-2"), 3
+    truth = catalog.image(member, "drawn", view).astype(np.float64)
+    picture = surrogate.at(p=0.5).render(member.cameras[view]).astype(np.float64)
+    truth = truth / 255.0 if truth.max() > 1.0 else truth
+    difference = (truth[..., :3] + 1 - truth[..., 3:]) - (picture[..., :3] + 1 - picture[..., 3:]).clip(0, 1)
+    assert fitted.psnr == pytest.approx(-10.0 * np.log10(np.mean(difference**2)), abs=1e-3)
+
+
+def test_a_finished_study_has_nothing_to_do_and_a_wider_one_only_what_is_missing(conduct, at_once) -> None:
+    conduct(only=["joint"])
+    assert conduct(only=["joint"]) == []
+    assert names(conduct(seeds=2, only=["joint", "no-decay"])) == [
+        ("no-decay", 0),
+        ("default", 1),
+        ("no-decay", 1),
+        ("joint", 1),
+    ]
+
+
+def test_records_answer_on_another_machine_unless_other_code_made_them(
+    catalog: Catalog, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fitted_in(folder: str) -> list[tuple[str, int]]:
+        told: list[Result] = []
+        options = {"records": tmp_path / "kept", "seconds": BUDGET, "seeds": 1, "only": ["joint"]}
+        ablate("blobs", BaseExperiment(SCENE, catalog), tmp_path / folder, tell=told.append, **options)
+        return names(told)
+
+    assert fitted_in("here") == [("default", 0), ("joint", 0)]
+    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["default.seed0.json", "joint.seed0.json"]
+    assert fitted_in("elsewhere") == []
+    assert "| joint |" in (tmp_path / "elsewhere" / "ablation.md").read_text()
+    monkeypatch.setattr(module, "code", lambda *_: "later")
+    monkeypatch.setattr("surrogate.storage.records.code", lambda *_: "later")
+    assert fitted_in("here") == [("default", 0), ("joint", 0)]
+    assert fitted_in("elsewhere") == []
+
+
+def test_results_of_other_settings_budgets_or_data_are_not_taken(conduct, make_catalog, at_once) -> None:
+    conduct(only=["default"])
+    assert names(conduct(SCENE.changed(gaussians=41), only=["default"])) == [("default", 0)]
+    assert names(conduct(SCENE.changed(gaussians=41), only=["default"], seconds=0.3)) == [("default", 0)]
+    other = make_catalog(SMALL, members=(("train", 0.1), *MEMBERS[1:]), view_splits=VIEW_SPLITS, name="other.cdb")
+    assert names(conduct(SCENE.changed(gaussians=41), data=other, only=["default"], seconds=0.3)) == [("default", 0)]
+    assert conduct(SCENE.changed(gaussians=41), data=other, only=["default"], seconds=0.3) == []
+
+
+def test_what_took_another_time_is_repeated_only_when_that_is_asked_for(conduct, at_once, tmp_path: Path) -> None:
+    conduct(only=["joint"])
+    path = tmp_path / "joint.seed0.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"values": record["values"] | {"seconds": BUDGET}}))
+    assert conduct(only=["joint"]) == []
+    assert names(conduct(only=["joint"], again=True)) == [("default", 0)]
+
+
+def test_what_took_the_steps_of_a_repeated_fit_is_repeated_in_the_same_run(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = {"default": 10, "paper": 1, "default-in-paper-steps": 1}
+    monkeypatch.setattr(
+        module.Study,
+        "_fit",
+        lambda _, variant, *__: {"deformation_steps": steps[variant.name], "psnr": 20.0, "seconds": BUDGET},
+    )
+    conduct(only=["default-in-paper-steps"])
+    (tmp_path / "paper.seed0.json").unlink()
+    steps |= {"paper": 2, "default-in-paper-steps": 2}
+    assert names(conduct(only=["default-in-paper-steps"])) == [("paper", 0), ("default-in-paper-steps", 0)]
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"variant": "default"}', "null"])
+def test_a_damaged_result_is_made_again(conduct, at_once, tmp_path: Path, content: str) -> None:
+    (tmp_path / "default.seed0.json").write_text(content)
+    assert names(conduct(only=["default"])) == [("default", 0)]
+    assert json.loads((tmp_path / "default.seed0.json").read_text())["values"]["psnr"] == 20.0
+
+
+def test_what_is_not_asked_for_now_stays_in_the_table(conduct, at_once, tmp_path: Path) -> None:
+    conduct(only=["joint"])
+    conduct(only=["no-decay"])
+    page = (tmp_path / "ablation.md").read_text()
+    assert all(f"| {name} |" in page for name in ("joint", "no-decay"))
+
+
+def test_a_failing_variant_says_why_stops_no_other_and_is_tried_again(conduct, tmp_path: Path) -> None:
+    fitted = conduct(only=["start-in-situ", "start-random", "no-decay"])
+    errors = {result.variant: result.error for result in fitted}
+    assert errors["default"] == errors["no-decay"] == ""
+    assert "no training member of this catalog has sampled points" in errors["start-in-situ"]
+    assert errors["start-random"] == "the scene's settings say the same, so this is the default"
+    page = (tmp_path / "ablation.md").read_text()
+    assert "| start-in-situ | 0 | training.initialization is" in page
+    assert names(conduct(only=["start-in-situ", "no-decay"])) == [("start-in-situ", 0)]
+
+
+def test_any_exception_is_a_row(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise MemoryError("no\n room")
+
+    monkeypatch.setattr(experiments, "train", fail)
+    assert conduct(only=["default"])[0].error == "MemoryError: no room"
+
+
+def test_a_model_that_shows_no_numbers_is_a_failure(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "mean", lambda *_: float("nan"))
+    assert "training diverged" in conduct(only=["default"])[0].error
+
+
+@pytest.mark.slow
+def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> None:
+    fitted = {r.variant: r for r in conduct(only=["default-in-paper-steps", "paper-in-default-steps"], longest=1e-3)}
+    assert fitted["default-in-paper-steps"].error.endswith("--longest allows more")
+    again = {r.variant: r for r in conduct(only=["default-in-paper-steps"], longest=60.0)}
+    assert again["default-in-paper-steps"].steps == fitted["paper"].steps
+    path = tmp_path / "paper.seed0.json"
+    record = json.loads(path.read_text())
+    path.write_text(
+        json.dumps(record | {"values": record["values"] | {"deformation_steps": fitted["paper"].steps + 7}})
+    )
+    assert names(conduct(only=["default-in-paper-steps"], longest=60.0)) == [("default-in-paper-steps", 0)]
+
+
+@pytest.mark.slow
+def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog, tmp_path: Path) -> None:
+    pressed = []
+
+    def press(progress: StudyProgress) -> None:
+        if progress.name == "no-decay, seed 0" and "speed" not in progress.work and not pressed:
+            pressed.append(str(progress))
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        conduct(only=["joint", "no-decay"], progress=press)
+    assert pressed[0].startswith("no-decay, seed 0 (2 / 3)  ")
+    assert " left  " in pressed[0]
+    assert pressed[0].endswith(" in all")
+    assert sorted(path.name for path in tmp_path.glob("*.json")) == ["default.seed0.json"]
+    assert not list(tmp_path.glob("fits/*/surrogate"))
+    assert names(conduct(only=["joint", "no-decay"])) == [("no-decay", 0), ("joint", 0)]
+
+
+def test_what_another_process_is_fitting_is_left_to_it(conduct, at_once, tmp_path: Path) -> None:
+    taken = tmp_path / "fits" / "joint.seed0"
+    taken.mkdir(parents=True)
+    with locked(taken):
+        assert names(conduct(only=["joint", "no-decay"])) == [("default", 0), ("no-decay", 0)]
+    assert names(conduct(only=["joint", "no-decay"])) == [("joint", 0)]
+
+
+def test_what_another_process_finished_meanwhile_is_not_fitted_again(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    conduct(only=["default"])
+    whole = (tmp_path / "default.seed0.json").read_bytes()
+    (tmp_path / "default.seed0.json").unlink()
+    monkeypatch.setattr(
+        module, "locked", lambda folder: ((tmp_path / "default.seed0.json").write_bytes(whole), locked(folder))[1]
+    )
+    assert conduct(only=["default"]) == []
+
+
+def fitted_after(event: Callable[[str], None]) -> Callable[..., dict]:
+    """In place of `Study._fit`: `event` is told which variant is being fitted."""
+
+    def fit(study: Study, variant: Variant, *_: object) -> dict:
+        event(variant.name)
+        return {"deformation_steps": 10, "psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": BUDGET}
+
+    return fit
+
+
+def test_what_a_killed_process_was_fitting_is_taken_over_in_the_end(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = tmp_path / "fits" / "no-decay.seed0"
+    (taken / "surrogate").mkdir(parents=True)  # what it leaves
+    with contextlib.ExitStack() as other:
+        other.enter_context(locked(taken))
+        killed = fitted_after(lambda name: other.close() if name == "joint" else None)
+        monkeypatch.setattr(module.Study, "_fit", killed)
+        assert names(conduct(only=["joint", "no-decay"])) == [("default", 0), ("joint", 0), ("no-decay", 0)]
+    assert not (taken / "surrogate").exists()
+
+
+@pytest.mark.parametrize("finishes", [True, False])
+def test_what_takes_the_steps_of_a_fit_under_way_waits_for_it_or_is_left_too(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finishes: bool
+) -> None:
+    monkeypatch.setattr(module.Study, "_fit", fitted_after(lambda _: None))
+    conduct(only=["paper"])
+    whole = (tmp_path / "paper.seed0.json").read_bytes()
+    (tmp_path / "paper.seed0.json").unlink()
+    with contextlib.ExitStack() as other:
+        other.enter_context(locked(tmp_path / "fits" / "paper.seed0"))
+
+        def event(name: str) -> None:
+            if finishes and name == "no-decay":
+                (tmp_path / "paper.seed0.json").write_bytes(whole)
+                other.close()
+
+        monkeypatch.setattr(module.Study, "_fit", fitted_after(event))
+        now = [("no-decay", 0), ("default-in-paper-steps", 0)]
+        assert names(conduct(only=["no-decay", "default-in-paper-steps"])) == (now if finishes else now[:1])
+    assert "no result" not in (tmp_path / "ablation.md").read_text()
+
+
+def test_what_fails_is_tried_again_by_one_process_of_several_that_began_together(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: list[str] = []
+
+    def fails(name: str) -> None:
+        tries.append(name)
+        if name == "no-decay" and tries.count("no-decay") == 2:
+            conduct(only=["joint"])  # another process, whose list has come to what follows
+        if name == "joint":
+            raise ValueError("it never works")
+
+    monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
+    conduct(only=["no-decay", "joint"])
+    (tmp_path / "no-decay.seed0.json").unlink()
+    conduct(only=["no-decay", "joint"])
+    assert tries == ["default", "no-decay", "joint", "no-decay", "joint"]
+
+
+def test_a_late_result_stays_where_its_repetition_fails(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    conduct(only=["default"])
+    before = (tmp_path / "default.seed0.json").read_bytes()
+
+    def fails(_: str) -> None:
+        raise MemoryError("no room")
+
+    monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
+    (failed,) = conduct(only=["default"], again=True)
+    assert failed.error == "MemoryError: no room"
+    assert (tmp_path / "default.seed0.json").read_bytes() == before
+
+
+def test_pages_are_written_one_after_the_other_and_leftovers_go(
+    conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dead = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import pathlib, sys; from catalogs import durable; "
+            "path = durable.partial_name(pathlib.Path(sys.argv[1])); path.write_text('half'); print(path)",
+            str(tmp_path / "default.seed0.json"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
+    assert Path(dead).exists()
+    held: list[bool] = []
+
+    def write(*_: object) -> None:
+        try:
+            with (tmp_path / LOCK).open("w") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held.append(False)
+        except BlockingIOError:
+            held.append(True)
+
+    monkeypatch.setattr("research.studies.ablation.table.write", write)
+    conduct(only=["default"])
+    assert held == [True, True]
+    assert not Path(dead).exists()
+
+
+def test_the_time_of_a_fit_is_its_own() -> None:
+    now = clock(SCENE)
+    before, began = now(), time.perf_counter()
+    time.sleep(0.3)
+    assert now() - before < 0.2  # others had the processor
+    while now() - before < 0.2:
+        assert time.perf_counter() - began < 30.0
+
+
+def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
+    base = base_settings(SCENE, catalog)
+    assert (base.start.initialization, base.color_degree, base.compression.enabled) == ("random", 0, False)
+    assert (base.validation.images, base.steps.visualization) == (0, 0)
+    assert base_settings(SCENE.changed(color_degree=1), catalog).color_degree == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"seconds": 0.0}, "seconds must be positive, got 0.0"),
+        ({"seeds": 0}, "seeds must be positive"),
+        ({"longest": 0.0}, "longest must be positive, got 0.0"),
+        ({"only": ["nonsense"]}, "unknown variants"),
+    ],
+)
+def test_impossible_studies_are_refused(catalog: Catalog, tmp_path: Path, options: dict, complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        Study(BaseExperiment(SCENE, catalog), tmp_path, **options)
+
+
+def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: Path) -> None:
+    bare = make_catalog(members=(("train", 0.0), ("test", 1.0)), view_splits=("train", "test"))
+    with pytest.raises(ValueError, match="has no validation images"):
+        BaseExperiment(SCENE, bare)
+
+
+@pytest.mark.slow
+def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("research.studies.ablation.table.plot", lambda _: None)
+    longer = Variant("longer", "time", budgets=3.0, changes={"ssim_weight": 0.1})
+    monkeypatch.setattr(module, "selected", lambda *_: [VARIANTS[0], longer])
+    default, more = conduct()
+    assert more.steps == pytest.approx(3.0 * default.steps, abs=1)
+    assert more.budgets == 3.0
+    assert replace(more, seconds=3.0 * BUDGET).is_timely
+    assert not replace(more, seconds=BUDGET).is_timely
