@@ -19,8 +19,8 @@ from catalogs.store.catalog import Catalog
 from catalogs.tools.check import check
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.scene import ViewPlan
+from insitu.background import process as background
 from insitu.background.process import RendererWarning
-from insitu.background.process import process as background
 from insitu.fields.field import Field
 from insitu.hook.session import Session
 from tests.support.hooked import SPACING, blob

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insitu.background.process import segments
+from insitu.background import segments
 from insitu.background.segments import new_memory, pack, unpack
 
 BIG = np.arange(24**3, dtype=np.float64).reshape(24, 24, 24)

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
-from insitu.fields.member_fields import summarize as module
+from insitu.fields import summarize as module
 from insitu.fields.summarize import summarize, value_range
 from render import to_grid
 

@@ -23,7 +23,7 @@ from surrogate.explore.run import Run
 from tests.support.blobs import Blobs
 from tests.support.field_blobs import BLOBS, FUNCTION, STEPS, field_catalog
 from tests.support.models import following, plain
-from tests.surrogate.conftest import MakeCatalog
+from tests.support.stored_ensembles import MakeCatalog
 
 HOSTILE = '</script><img src=x onerror="alert(1)">"\'&\u2028\ud800'
 
