@@ -5,7 +5,6 @@ from __future__ import annotations
 import click
 
 from catalogs.version import version_option
-from research.studies.commands import ablate, ceiling, compare, repeat, stress
 from surrogate.explore.commands import explore
 from surrogate.explore.exporting.commands import export, sweep
 from surrogate.report.commands import evaluate
@@ -18,5 +17,5 @@ def main() -> None:
     """Fit Gaussians to a Cinema catalog and see the ensemble at any view and parameter."""
 
 
-for command in (export, sweep, train, evaluate, show, explore, repeat, ablate, compare, ceiling, stress):
+for command in (export, sweep, train, evaluate, show, explore):
     main.add_command(command)

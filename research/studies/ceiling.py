@@ -25,6 +25,7 @@ from surrogate.lighting import Lighting
 from surrogate.model import DeformedGaussians, Surrogate
 from surrogate.provenance import code
 from surrogate.rasterizer import Rasterizer
+from surrogate.report.ceilings import FOLDER, KIND, VERSION, entry_of
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
@@ -36,9 +37,6 @@ from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 from surrogate.training.visualizations import lighting_of
 
-FOLDER = "ceiling"  # of a scene's records
-KIND, VERSION = "ceiling", 3
-SHOWN = ("member", "split", "appearance", "parameters", "psnr", "ssim", "surrogate")  # in tables
 REPORT_STEPS = 50  # between two looks at the progress
 
 
@@ -98,19 +96,7 @@ def measure_ceiling(
             record = replace(record, values={**record.values, "surrogate": _reached(surrogate, source, subject)})
             record.save(_path(records, subject.appearance))
         found[subject] = record
-    return [_entry(record) for record in found.values() if record is not None]
-
-
-def load_ceilings(records: Path) -> list[dict[str, Any]]:
-    """What `measure_ceiling` kept in the folder of a scene's records, the base appearance first."""
-    found = map(_entry, Record.load_all(records / FOLDER, KIND, VERSION).values())
-    whole = [entry for entry in found if set(SHOWN) <= set(entry)]
-    return sorted(whole, key=lambda entry: (len(entry["parameters"]), entry["appearance"]))
-
-
-def _entry(record: Record) -> dict[str, Any]:
-    made = {"machine": dict(record.provenance.machine), "commit": record.provenance.commit}
-    return {**{name: value for name, value in record.key.items() if name != "settings"}, **made, **record.values}
+    return [entry_of(record) for record in found.values() if record is not None]
 
 
 def _path(records: Path, appearance: str) -> Path:

@@ -1,4 +1,4 @@
-"""`surrogate repeat`, `ablate`, `compare`, `ceiling` and `stress`."""
+"""`repeat`, `ablate`, `compare`, `ceiling` and `stress` of `python -m research.studies`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
     The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
     """
     opened, line = OpenRun.open(scene, runs, records), ProgressLine()
-    from research.studies.repeats.records import Scores
     from research.studies.repeats.run import repeat as run
-    from research.studies.repeats.spread import summarize_repeats
     from research.studies.repeats.table import terminal_lines, write_page
+    from surrogate.report.seeds import Scores, summarize_repeats
 
     def tell(scores: Scores) -> None:
         line.close()

@@ -49,7 +49,6 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
             page.parent,
             opened.name,
             *judged,
-            source=str(opened.source),
             dataset_seconds=seconds,
             records=opened.records,
         )

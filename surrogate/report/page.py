@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from research.studies.repeats.table import repeats_section
 from surrogate.evaluation.cases import VALIDATION
 from surrogate.evaluation.tables import (
     NOTHING,
@@ -23,6 +22,7 @@ from surrogate.evaluation.tables import (
     validation_line,
 )
 from surrogate.provenance import in_words
+from surrogate.report.seeds import seeds_section
 from surrogate.report.variations import variation_section
 
 
@@ -40,7 +40,7 @@ def page(record: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
         "## Beside trivial predictors",
         *_baselines(record),
         *_ceilings(record),
-        *repeats_section(record["repeats"], record["source"]),
+        *seeds_section(record["repeats"]),
         "## How fast, how large",
         _costs(record),
         *(block for varied in record["variations"] for block in variation_section(varied, record["unavailable"])),

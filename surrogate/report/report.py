@@ -9,14 +9,14 @@ from typing import Any
 
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog
-from research.studies.ceiling import load_ceilings
-from research.studies.repeats.records import Scores, load_scores
 from surrogate.evaluation.evaluate import Evaluation
 from surrogate.evaluation.perceptual import PerceptualMetrics
 from surrogate.model import Surrogate
 from surrogate.report import figures
+from surrogate.report.ceilings import load_ceilings
 from surrogate.report.decided import decided_on
 from surrogate.report.page import page
+from surrogate.report.seeds import Scores, load_scores
 from surrogate.report.summary import fingerprint, summarize
 from surrogate.storage.records import read_json
 from surrogate.training.telling import learnt_line, members_line
@@ -47,13 +47,10 @@ def write_report(
     catalog: Catalog,
     evaluation: Evaluation,
     *,
-    source: str = "",
     dataset_seconds: float | None = None,
     records: Path | None = None,
 ) -> dict[str, Any]:
     """Write the report into `directory`, which appears whole, replacing an earlier one; returns `report.json`'s contents.
-
-    `source` is what names the scene or run on a command line.
 
     Ceilings and seeds of the same settings and data are taken from the folder around `directory`, and from `records`.
     """
@@ -63,7 +60,6 @@ def write_report(
     )
     variations = [v.variation for v in surrogate.visualizations]
     learnt = learnt_line(catalog.plan, str(surrogate.training["appearance"]), variations)
-    record["source"] = source or f"scenes/{scene}.toml"
     record["ensemble"] = {"learnt": learnt, "members": members_line(catalog)}
     for part, varied in zip((record, *record["variations"]), (None, *variations), strict=True):
         part["decided_on"] = decided_on(surrogate, catalog, varied)

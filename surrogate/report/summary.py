@@ -8,8 +8,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 from catalogs.vocabulary.variations import Setting
-from research.studies.repeats.records import Scores
-from research.studies.repeats.spread import summarize_repeats
 from surrogate.evaluation import evaluate, metrics, perceptual, scoring
 from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS, each_cell
 from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
@@ -18,6 +16,7 @@ from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, le
 from surrogate.evaluation.trivial.settings import Trained
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
+from surrogate.report.seeds import Scores, summarize_repeats
 
 CONTENTS = 1  # what else stands in a report; the scores, and what is kept of seeds, change with VERSION alone
 

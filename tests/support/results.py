@@ -13,12 +13,12 @@ from research.studies import ceiling
 from research.studies.ablation.experiments import BaseExperiment
 from research.studies.ablation.records import DECIDING, Records
 from research.studies.ablation.variants import VARIANTS
-from research.studies.repeats.records import save
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION
 from surrogate.evaluation.scoring import METRICS, PERCEPTUAL_METRICS
 from surrogate.provenance import code
 from surrogate.report.records import report_path
+from surrogate.report.seeds import save
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.storage.records import Provenance, Record

@@ -15,11 +15,10 @@ from research.benchmarks.splatting.instruction_sets import load as load_instruct
 from research.benchmarks.training.curves.measured import Point
 from research.benchmarks.training.curves.measured import load as load_curve
 from research.benchmarks.training.functions.measured import Shown, load
-from research.studies.ceiling import load_ceilings
-from research.studies.repeats.records import Scores, load_scores
-from research.studies.repeats.spread import summarize_repeats
 from surrogate.provenance import code
+from surrogate.report.ceilings import load_ceilings
 from surrogate.report.records import load_report
+from surrogate.report.seeds import Scores, load_scores, summarize_repeats
 from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Record
 

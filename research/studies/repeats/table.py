@@ -1,4 +1,4 @@
-"""Means and standard deviations over seeds as tables: in a report, on a page of their own, and on a terminal."""
+"""Means and standard deviations over seeds: on a page of their own, and on a terminal."""
 
 from __future__ import annotations
 
@@ -8,47 +8,11 @@ from typing import Any
 
 from catalogs.files import durable
 from catalogs.vocabulary.variations import KINDS
-from research.studies.repeats.records import FOLDER, Scores
-from research.studies.repeats.spread import summarize_repeats
 from surrogate.evaluation.scoring import METRICS
-from surrogate.evaluation.tables import (
-    HEADINGS,
-    cell_table,
-    document,
-    metric_number,
-    number,
-    plain_spread,
-    spread_number,
-    table_of,
-)
-from surrogate.provenance import in_words
+from surrogate.evaluation.tables import HEADINGS, document, metric_number, number, spread_number, table_of
+from surrogate.report.seeds import FOLDER, Scores, seeds_section, summarize_repeats
 
 PAGE = "seeds.md"
-
-
-def repeats_section(record: Mapping[str, Any] | None, source: str) -> list[str]:
-    """Blocks of Markdown from a `summarize_repeats` record of a scene or a run; none without one."""
-    if record is None:
-        return []
-    blocks = [
-        f"## Mean ± standard deviation over {len(record['seeds'])} seeds",
-        _introduction(record),
-        cell_table(record, ("views", "parameters"), METRICS, spread_number),
-    ]
-    for varied in record["variations"]:
-        names = KINDS[varied["kind"]].plural
-        blocks += [
-            f"The {names} beside the appearance `{varied['base']}`, at unseen views:",
-            cell_table(varied, (names, "parameters"), METRICS, spread_number),
-        ]
-    return [*blocks, f"<sub>{made_by(record, source)}</sub>"]
-
-
-def made_by(record: Mapping[str, Any], source: str) -> str:
-    """What made the numbers, where, and from which code."""
-    machines = [in_words(machine) for machine in record["machines"]]
-    count = len(record["seeds"])
-    return f"`surrogate repeat {source} --seeds {count}`; {'; '.join(machines)}; commit {', '.join(record['commits'])}"
 
 
 def write_page(run: Path, name: str, source: str, scores: Sequence[Scores]) -> Path | None:
@@ -56,10 +20,10 @@ def write_page(run: Path, name: str, source: str, scores: Sequence[Scores]) -> P
     record = summarize_repeats(scores)
     if record is None:
         return None
+    command = f"<sub>`python -m research.studies repeat {source} --seeds {len(scores)}`</sub>"
+    page = document(f"# {name}", *seeds_section(record), *_seeds(scores), command)
     durable.make_folder(run / FOLDER)
-    durable.replace(
-        run / FOLDER / PAGE, document(f"# {name}", *repeats_section(record, source), *_seeds(scores)).encode()
-    )
+    durable.replace(run / FOLDER / PAGE, page.encode())
     return run / FOLDER / PAGE
 
 
@@ -78,15 +42,6 @@ def _terminal_rows(record: Mapping[str, Any], prefix: str) -> Iterable[str]:
                 label = f"{prefix}{first}, {second}".replace("_", " ")
                 psnr, ssim = (spread_number(metric, record[metric][first][second]) for metric in ("psnr", "ssim"))
                 yield f"{label:<58} {psnr:>15} dB   SSIM {ssim}"
-
-
-def _introduction(record: Mapping[str, Any]) -> str:
-    gaussians, megabytes, seconds = (record[name] for name in ("gaussians", "megabytes", "seconds"))
-    return (
-        f"The same training with the seeds {', '.join(map(str, record['seeds']))}, on the same test images; sample standard "
-        f"deviations (n - 1).  "
-        f"Training took {plain_spread(seconds, 0)} s; {plain_spread(gaussians, 0)} Gaussians, {plain_spread(megabytes, 2)} MB."
-    )
 
 
 def _seeds(scores: Sequence[Scores]) -> list[str]:

@@ -7,10 +7,11 @@ import pytest
 
 from catalogs.store.catalog import Catalog
 from research.studies import ceiling as module
-from research.studies.ceiling import Subject, line, load_ceilings, measure_ceiling, subjects
+from research.studies.ceiling import Subject, line, measure_ceiling, subjects
 from research.studies.progress import StudyProgress
 from surrogate.initialization.pictures import central_member
 from surrogate.model import Surrogate
+from surrogate.report.ceilings import load_ceilings
 from surrogate.settings import TrainingSettings
 from surrogate.training.source import Source
 from tests.support.blobs import Blobs

@@ -25,9 +25,9 @@ from research.studies.comparison.study import Study as Comparison
 from research.studies.comparison.task import Task as Pictures
 from research.studies.progress import StudyProgress
 from research.studies.remote import OnOneCore, train_on
-from research.studies.repeats.records import Scores
 from research.studies.repeats.run import repeat
 from surrogate.cli import main
+from surrogate.report.seeds import Scores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import cores
 from surrogate.storage.checkpoints import CHECKPOINT

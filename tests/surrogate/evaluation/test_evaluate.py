@@ -14,7 +14,6 @@ from catalogs.store.catalog import Catalog, CatalogPlan
 from catalogs.vocabulary.appearance import ImportedImages
 from catalogs.vocabulary.cameras import orbit, view_splits
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from research.studies.repeats.records import save
 from surrogate.cli import main
 from surrogate.evaluation.cases import PARAMETERS, VIEWS, cases_of
 from surrogate.evaluation.evaluate import evaluate
@@ -22,6 +21,7 @@ from surrogate.evaluation.metrics import score
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.report.report import is_current, write_report
+from surrogate.report.seeds import save
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
 from tests.support.results import ceiling_entry, save_ceiling

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from research.studies.repeats.records import save
 from surrogate.cli import main
 from surrogate.model import Surrogate
 from surrogate.report import records
+from surrogate.report.seeds import save
 from tests.support.results import ceiling_entry, make_catalog, make_scene, save_ceiling
 from tests.support.scores import scores_of
 

@@ -30,7 +30,7 @@ class Point:
     gaussians, steps : how many there are in the model, and were made in all stages.
     megabytes : size of the model, 10^6 bytes.
     seconds, processor_seconds : that training took, and those of all cores together.
-    cells, variations : means by metric over the test images, as `research.studies.repeats.records.Scores` has them.
+    cells, variations : means by metric over the test images, as `surrogate.report.seeds.Scores` has them.
     evaluation : version of the evaluation that scored it.
     """
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from research.benchmarks.results.parts import parts_of
 from research.benchmarks.results.quality import quality_tables
 from research.benchmarks.results.scenes import SceneResults
-from research.studies.repeats.spread import summarize_repeats
 from surrogate.evaluation.cases import SETTINGS
+from surrogate.report.seeds import summarize_repeats
 from tests.support.results import ceiling_entry, report_of
 from tests.support.scores import cells_of, scores_of
 

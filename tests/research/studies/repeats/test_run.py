@@ -11,13 +11,13 @@ from click.testing import CliRunner
 from catalogs.store.catalog import Catalog
 from research.studies.progress import StudyProgress
 from research.studies.repeats import run as module
-from research.studies.repeats.records import Scores, load, scores_path
 from research.studies.repeats.run import STAGE, repeat, score_model
 from surrogate.cli import main
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
 from surrogate.provenance import code
+from surrogate.report.seeds import Scores, load, scores_path
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
 from tests.support import prepared

@@ -1,25 +1,13 @@
 from pathlib import Path
 
-from research.studies.repeats.records import save
-from research.studies.repeats.spread import summarize_repeats
-from research.studies.repeats.table import repeats_section, terminal_lines, write_page
+from research.studies.repeats.table import terminal_lines, write_page
+from surrogate.report.seeds import save, summarize_repeats
 from tests.support.scores import scores_of
 
 SCORES = [scores_of(0, 30.0, varied=20.0), scores_of(1, 32.0, varied=24.0)]
 
 
-def test_the_section_shows_means_and_deviations_with_what_made_them() -> None:
-    text = "\n".join(repeats_section(summarize_repeats(SCORES), "scenes/vortex.toml"))
-    assert "## Mean ± standard deviation over 2 seeds" in text
-    assert "| unseen | unseen | 31.00 ± 1.41 | 31.00 ± 1.41 | 31.00 ± 1.41 | 31.0000 ± 1.4142 | 7 |" in text
-    assert "| isovalues | parameters |" in text
-    assert "| unseen | seen | 22.00 ± 2.83 | 22.00 ± 2.83 |" in text
-    assert "1,005 ± 7 Gaussians, 1.00 ± 0.71 MB" in text
-    assert "`surrogate repeat scenes/vortex.toml --seeds 2`; abacus, 2 cores; commit abc" in text
-
-
 def test_nothing_is_said_without_two_seeds(tmp_path: Path) -> None:
-    assert repeats_section(None, "vortex") == []
     assert write_page(tmp_path, "vortex", "scenes/vortex.toml", SCORES[:1]) is None
     assert list(tmp_path.iterdir()) == []
 
@@ -32,6 +20,7 @@ def test_the_page_lists_every_seed(tmp_path: Path) -> None:
     text = path.read_text()
     assert "| 0 | 30.00 | 30.00 | 30.00 | 30.0000 | 1,000 | 0.50 | 100 | – | abc |" in text
     assert "| 1 | 32.00 |" in text
+    assert "`python -m research.studies repeat scenes/vortex.toml --seeds 2`" in text
 
 
 def test_a_terminal_shows_only_cells_with_images() -> None:

@@ -1,21 +1,26 @@
-"""The scores of one seed, each in a record of its own."""
+"""Scores of several seeds, each in a record of its own: means, standard deviations, and the section of a report."""
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from catalogs.vocabulary.variations import KINDS
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS, VIEWS
 from surrogate.evaluation.evaluate import VERSION as EVALUATION
 from surrogate.evaluation.scoring import METRICS
+from surrogate.evaluation.tables import cell_table, plain_spread, spread_number
+from surrogate.provenance import in_words
 from surrogate.storage.records import Provenance, Record
 
 KIND, VERSION = "seed", 2
 FOLDER = "seeds"  # of a scene's records, and of the models of its other seeds
 KEY = ("seed", "fingerprint", "base", "settings", "evaluation")
+SIZES = ("gaussians", "megabytes", "seconds", "processor_seconds")
 
 
 @dataclass(frozen=True)
@@ -93,3 +98,66 @@ def _counts(cells: Mapping[str, Any], rows: Iterable[str]) -> list[Any]:
     if not all(math.isfinite(mean) for mean in means if mean is not None):
         raise ValueError("means must be finite")
     return [cells["images"][row][column] for row, column in at]
+
+
+def spread(values: Sequence[Any]) -> dict[str, Any] | None:
+    """Mean and sample standard deviation (n - 1 in the denominator) of the numbers that are not None; None without any.
+
+    The deviation of a single number is None.  Of mappings, nested or not, it is the spread under every name.
+    """
+    if isinstance(values[0], Mapping):
+        return {name: spread([value[name] for value in values]) for name in values[0]}
+    known = [value for value in values if value is not None]
+    deviation = statistics.stdev(known) if len(known) > 1 else None
+    return {"mean": statistics.fmean(known), "deviation": deviation} if known else None
+
+
+def summarize_repeats(scores: Sequence[Scores]) -> dict[str, Any] | None:
+    """What `report.json` says about seeds; None for fewer than two.
+
+    Where a report has a number, this has its "mean" and "deviation"; None where the data set has no such images.
+    """
+    if len(scores) < 2:
+        return None
+    return {
+        "seeds": [one.seed for one in scores],
+        "machines": _distinct([dict(one.provenance.machine) for one in scores]),
+        "commits": _distinct([one.provenance.commit for one in scores]),
+        **{name: spread([getattr(one, name) for one in scores]) for name in SIZES},
+        **_cells([one.cells for one in scores]),
+        "variations": [
+            {"kind": same[0]["kind"], "base": same[0]["base"], **_cells(same)}
+            for same in zip(*(one.variations for one in scores), strict=True)
+        ],
+    }
+
+
+def _cells(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The spread of every metric in every cell, and the number of images, which is the same for all seeds."""
+    return {metric: spread([one[metric] for one in found]) for metric in METRICS} | {"images": found[0]["images"]}
+
+
+def _distinct(values: Sequence[Any]) -> list[Any]:
+    return [value for i, value in enumerate(values) if value not in values[:i]]
+
+
+def seeds_section(record: Mapping[str, Any] | None) -> list[str]:
+    """Blocks of Markdown from a `summarize_repeats` record of a scene or a run; none without one."""
+    if record is None:
+        return []
+    gaussians, megabytes, seconds = (record[name] for name in ("gaussians", "megabytes", "seconds"))
+    blocks = [
+        f"## Mean ± standard deviation over {len(record['seeds'])} seeds",
+        f"The same training with the seeds {', '.join(map(str, record['seeds']))}, on the same test images; sample standard "
+        f"deviations (n - 1).  Training took {plain_spread(seconds, 0)} s; {plain_spread(gaussians, 0)} Gaussians, "
+        f"{plain_spread(megabytes, 2)} MB.",
+        cell_table(record, ("views", "parameters"), METRICS, spread_number),
+    ]
+    for varied in record["variations"]:
+        names = KINDS[varied["kind"]].plural
+        blocks += [
+            f"The {names} beside the appearance `{varied['base']}`, at unseen views:",
+            cell_table(varied, (names, "parameters"), METRICS, spread_number),
+        ]
+    machines = "; ".join(map(in_words, record["machines"]))
+    return [*blocks, f"<sub>{machines}; commit {', '.join(record['commits'])}</sub>"]

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from catalogs.files import durable
-from research.studies.repeats import records
-from research.studies.repeats.records import load, load_scores, save, scores_path
+from surrogate.report import seeds
+from surrogate.report.seeds import load, load_scores, save, scores_path
 from tests.support.scores import scores_of
 
 
@@ -36,7 +36,7 @@ def test_what_another_version_wrote_counts_as_nothing(
 ) -> None:
     save(tmp_path, scores_of(0, 30.0))
     assert load_scores(tmp_path)
-    monkeypatch.setattr(records, name, getattr(records, name) + 1)
+    monkeypatch.setattr(seeds, name, getattr(seeds, name) + 1)
     assert load(tmp_path, 0) is None
     assert load_scores(tmp_path) == []
 

@@ -1,7 +1,7 @@
 import pytest
 
-from research.studies.repeats.spread import spread, summarize_repeats
 from surrogate.evaluation.scoring import METRICS
+from surrogate.report.seeds import seeds_section, spread, summarize_repeats
 from tests.support.scores import scores_of
 
 
@@ -46,3 +46,15 @@ def test_cells_without_images_have_none() -> None:
     found = summarize_repeats([scores_of(0, None), scores_of(1, None)])
     assert found is not None
     assert found["psnr"]["seen_views"]["unseen_parameters"] is None
+
+
+def test_the_section_shows_means_and_deviations_with_what_made_them() -> None:
+    scores = [scores_of(0, 30.0, varied=20.0), scores_of(1, 32.0, varied=24.0)]
+    text = "\n".join(seeds_section(summarize_repeats(scores)))
+    assert "## Mean ± standard deviation over 2 seeds" in text
+    assert "| unseen | unseen | 31.00 ± 1.41 | 31.00 ± 1.41 | 31.00 ± 1.41 | 31.0000 ± 1.4142 | 7 |" in text
+    assert "| isovalues | parameters |" in text
+    assert "| unseen | seen | 22.00 ± 2.83 | 22.00 ± 2.83 |" in text
+    assert "1,005 ± 7 Gaussians, 1.00 ± 0.71 MB" in text
+    assert "<sub>abacus, 2 cores; commit abc</sub>" in text
+    assert seeds_section(None) == []
