@@ -81,10 +81,10 @@ def in_python(source: str, docstrings_only: bool) -> Iterator[Found]:
             yield from sentences(ast.get_docstring(node) or "", line)
     if docstrings_only:
         return
-    strings = [node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-    for node in strings:
-        if " " in node.value.strip() and docstrings.get(node.lineno) != node.value:
-            yield from ((node.lineno, message) for _, message in phrases(node.value, 0))
+    constants = [(node.lineno, node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    for line, value in constants:
+        if isinstance(value, str) and " " in value.strip() and docstrings.get(line) != value:
+            yield from ((line, message) for _, message in phrases(value, 0))
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             yield from phrases(token.string, token.start[0])
