@@ -30,7 +30,6 @@ ALLOWED = (
     "tests",
     "examples",
     "docs",
-    "README.md",
     "CONTRIBUTING.md",
 )
 
