@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "RenderedMember": "insitu.members.rendered",
+    "RenderedMember": "insitu.members.result",
     "Session": "insitu.hook.session",
     "render_member": "insitu.hook.session",
     "Field": "insitu.fields.field",

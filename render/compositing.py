@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class PictureLayer:
     """What one piece adds to a picture.
 
     Attributes
@@ -26,7 +26,7 @@ class Layer:
     depths: NDArray[np.float32] | None = None
 
 
-def packed(layer: Layer) -> NDArray[np.uint8]:
+def packed(layer: PictureLayer) -> NDArray[np.uint8]:
     """The bytes of a layer: which of its pixels are covered at all, and these alone."""
     covered = layer.image[..., 3] > 0  # [h, w]
     parts = [np.packbits(covered), layer.image[covered], *([] if layer.depths is None else [layer.depths[covered]])]
@@ -35,7 +35,7 @@ def packed(layer: Layer) -> NDArray[np.uint8]:
 
 def unpacked(
     data: NDArray[np.uint8], rows: slice, columns: slice, dtype: str, *, surfaces: bool
-) -> tuple[Layer, NDArray[np.uint8]]:
+) -> tuple[PictureLayer, NDArray[np.uint8]]:
     """The layer at the beginning of `data`, pictures of a `dtype`, and what follows it; `surfaces` have depths."""
     shape = (rows.stop - rows.start, columns.stop - columns.start)
     count = shape[0] * shape[1]
@@ -45,14 +45,14 @@ def unpacked(
     pixels, data = np.split(data, [4 * int(covered.sum()) * image.itemsize])
     image[covered] = pixels.copy().view(dtype).reshape(-1, 4)
     if not surfaces:
-        return Layer(rows, columns, image), data
+        return PictureLayer(rows, columns, image), data
     depths = np.ones(shape, dtype=np.float32)
     found, data = np.split(data, [4 * int(covered.sum())])
     depths[covered] = found.copy().view(np.float32)
-    return Layer(rows, columns, image, depths), data
+    return PictureLayer(rows, columns, image, depths), data
 
 
-def over(layers: Iterable[Layer], height: int, width: int) -> NDArray[np.float32]:
+def over(layers: Iterable[PictureLayer], height: int, width: int) -> NDArray[np.float32]:
     """Volumes one behind the other, front to back: premultiplied RGBA [height, width, 4] float32 (Porter & Duff 1984, "over")."""
     image = np.zeros((height, width, 4), dtype=np.float32)
     for layer in layers:
@@ -61,7 +61,9 @@ def over(layers: Iterable[Layer], height: int, width: int) -> NDArray[np.float32
     return np.minimum(image, np.float32(1.0), out=image)
 
 
-def nearest(layers: Iterable[Layer], height: int, width: int, dtype: str) -> NDArray[np.uint8] | NDArray[np.float32]:
+def nearest(
+    layers: Iterable[PictureLayer], height: int, width: int, dtype: str
+) -> NDArray[np.uint8] | NDArray[np.float32]:
     """Opaque surfaces: of each pixel the layer that lies nearest; [height, width, 4] of a `dtype`, "uint8" or "float32"."""
     image = np.zeros((height, width, 4), dtype=dtype)
     depths = np.ones((height, width), dtype=np.float32)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from render.arrays import plain_array
 from render.cells import HIDDEN_CELLS, HIDDEN_POINTS, blocks, ghosts, joined, lattice, reconstructed
 from render.grids import Grid, checked_grid
-from render.labelled import axis_order, chosen, is_labelled, is_labelled_set, placed
+from render.xarray_fields import axis_order, chosen, is_labelled, is_labelled_set, placed
 
 MOST_SAMPLES = 256  # per axis, when data are resampled
 UNIFORM = 1e-5  # relative deviation below which rectilinear coordinates count as evenly spaced

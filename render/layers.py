@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from render.blocks import Block, Lattice, region
-from render.compositing import Layer
+from render.compositing import PictureLayer
 from render.isosurface import SUPERSAMPLING, surface_scene
 from render.partition import Piece
 from render.placement import Placement
@@ -52,7 +52,9 @@ class BlockRenderer:
         if self._scene is not None:
             self._window.add(self._scene)
 
-    def layer(self, camera: Camera, piece: Piece, rows: slice, columns: slice, *, float_output: bool = False) -> Layer:
+    def layer(
+        self, camera: Camera, piece: Piece, rows: slice, columns: slice, *, float_output: bool = False
+    ) -> PictureLayer:
         """What `piece` of the block adds to the `rows` and `columns` of the picture that `camera` takes of the whole.
 
         Volumes are float32.  Surfaces are those of the whole block, uint8 or with `float_output` float32, with their depths, drawn
@@ -69,11 +71,11 @@ class BlockRenderer:
             image, depths = self._window.draw_with_depths(
                 self._scene, local.width, local.height, float_output=float_output
             )
-            return Layer(rows, columns, image[rows, columns], depths[rows, columns])
+            return PictureLayer(rows, columns, image[rows, columns], depths[rows, columns])
         low, high = owned_space(self._block.whole, piece, self._placement)
         tell_rays(self._shader, local, low, high)
         image = self._window.draw(self._scene, local.width, local.height, float_output=True, once=True)
-        return Layer(rows, columns, image[rows, columns])
+        return PictureLayer(rows, columns, image[rows, columns])
 
     def close(self) -> None:
         """Free the volume or surface, here and in graphics memory."""
@@ -108,7 +110,7 @@ def _not_owned(block: Block) -> NDArray[np.bool_]:
     return others
 
 
-def _nothing(rows: slice, columns: slice, volume: bool, float_output: bool) -> Layer:
+def _nothing(rows: slice, columns: slice, volume: bool, float_output: bool) -> PictureLayer:
     shape = (rows.stop - rows.start, columns.stop - columns.start)
     image: NDArray[Any] = np.zeros((*shape, 4), dtype=np.float32 if volume or float_output else np.uint8)
-    return Layer(rows, columns, image, None if volume else np.ones(shape, dtype=np.float32))
+    return PictureLayer(rows, columns, image, None if volume else np.ones(shape, dtype=np.float32))

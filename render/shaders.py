@@ -28,7 +28,7 @@ OPAQUE = 1.0 - 1.0 / 8192.0  # where a ray ends early: what is left changes no 8
 
 
 @dataclass(frozen=True)
-class Steps:
+class RaySteps:
     """How a ray is cut into steps, as GLSL.
 
     Attributes
@@ -95,12 +95,12 @@ BLOCK_SAMPLE = """
 OWNED = "all(greaterThanEqual(at, ownLow)) && all(lessThan(at, ownHigh))"
 
 
-def equal_steps() -> Steps:
+def equal_steps() -> RaySteps:
     """Equal steps from entry to exit of the box that is drawn."""
-    return Steps(EQUAL_STEPS)
+    return RaySteps(EQUAL_STEPS)
 
 
-def steps_of_whole(shape: tuple[int, int, int], placement: Placement, distance: float) -> Steps:
+def steps_of_whole(shape: tuple[int, int, int], placement: Placement, distance: float) -> RaySteps:
     """The equal steps, no longer than `distance` (local units), of the box of a whole; drawn of them are those in a block's space.
 
     `shape` is that of the block's samples (z, y, x), which begin at the placement's origin.
@@ -108,7 +108,7 @@ def steps_of_whole(shape: tuple[int, int, int], placement: Placement, distance: 
     counts = np.array(shape[::-1])
     scale = 1.0 / (placement.spacing * counts)  # [3]: of textures, sample i lies at (i + 1/2) / n
     shift = 0.5 / counts - placement.origin * scale
-    return Steps(
+    return RaySteps(
         BLOCK_STEPS.format(low=_vector(placement.low), high=_vector(placement.high), distance=_number(distance)),
         BLOCK_DECLARATIONS,
         BLOCK_SAMPLE.format(scale=_vector(scale), shift=_vector(shift)),
@@ -136,7 +136,7 @@ def replacements(
     *,
     shaded: bool,
     holes: bool,
-    steps: Steps,
+    steps: RaySteps,
 ) -> dict[str, str]:
     """VTK tag -> GLSL that takes its place, for a texture that holds `render.volume.texture_values`.
 
@@ -166,7 +166,7 @@ def replacements(
     }
 
 
-def _sample(exponent: float, shaded: bool, holes: bool, steps: Steps) -> str:
+def _sample(exponent: float, shaded: bool, holes: bool, steps: RaySteps) -> str:
     """`exponent` is the number of unit distances in one unit of the scene, which has a radius of 1."""
     deep = exponent > DEEP
     visible = f"opacity > {'0.0' if deep else '1e-6'}" + (" && !hidden()" if holes else "")

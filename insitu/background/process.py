@@ -31,7 +31,7 @@ from socket import socketpair
 from typing import Any
 
 from insitu.background.segments import new_memory, pack
-from insitu.members.rendered import RenderedMember
+from insitu.members.result import RenderedMember
 
 WAITING = 2  # members that may be held: one being rendered and one waiting
 RESTARTS = 5  # in a session
@@ -50,7 +50,7 @@ class RendererWarning(UserWarning):
 
 
 @dataclass(eq=False)
-class Task:
+class QueuedMember:
     """A member that waits or is being rendered; `memory` is the number of its piece."""
 
     name: str
@@ -62,7 +62,7 @@ class Task:
 
 
 @dataclass(eq=False)
-class _Renderer:
+class _RendererProcess:
     """A running interpreter and the way to it."""
 
     process: subprocess.Popen[bytes]
@@ -94,8 +94,8 @@ class Background:
         self._free = list(range(waiting))
         self._pulse = new_memory()
         os.pwrite(self._pulse, PULSE.pack(clock.monotonic(), 0), 0)
-        self._tasks: deque[Task] = deque()
-        self._renderer: _Renderer | None = None
+        self._tasks: deque[QueuedMember] = deque()
+        self._renderer: _RendererProcess | None = None
         self._deaths, self._unable = 0, ""
         self._settled_some = self._told_of_waiting = False
         self._lock = threading.RLock()
@@ -104,7 +104,7 @@ class Background:
         atexit.register(self._at_exit)
         self._start()  # it loads what it needs while the simulation makes its first step
 
-    def holds(self, name: str, parameters: Mapping[str, float]) -> Task | None:
+    def holds(self, name: str, parameters: Mapping[str, float]) -> QueuedMember | None:
         """The member that is not stored yet and has this name or these parameters."""
         self.take_results()
         with self._lock:
@@ -132,7 +132,7 @@ class Background:
             except BaseException:
                 self._free.append(memory)
                 raise
-            self._tasks.append(Task(name, dict(parameters), memory, packed))
+            self._tasks.append(QueuedMember(name, dict(parameters), memory, packed))
             self._send()
 
     def take_results(self) -> None:
@@ -182,10 +182,10 @@ class Background:
                 renderer.way.send((task.memory, task.packed))
                 task.sent = True
             except OSError:
-                self._bury()
+                self._handle_crash()
                 renderer = self._renderer
 
-    def _unsent(self) -> Task | None:
+    def _unsent(self) -> QueuedMember | None:
         return next((task for task in self._tasks if not task.sent), None)
 
     def _start(self) -> None:
@@ -213,7 +213,7 @@ class Background:
             return
         finally:
             there.close()
-        self._renderer = _Renderer(process, Connection(here.detach()))
+        self._renderer = _RendererProcess(process, Connection(here.detach()))
         os.pwrite(self._pulse, PULSE.pack(clock.monotonic(), 0), 0)
         with contextlib.suppress(OSError):  # noticed when the first member is sent
             self._renderer.way.send((self.catalog, self._options))
@@ -227,7 +227,7 @@ class Background:
                     self._settle(*self._renderer.way.recv())
                     continue
             except (OSError, EOFError):
-                self._bury()
+                self._handle_crash()
                 continue
             beat, images = PULSE.unpack(os.pread(self._pulse, PULSE.size, 0))
             self._progress(images)
@@ -249,7 +249,7 @@ class Background:
         while self._tasks:
             self._settle(reason)
 
-    def _bury(self) -> None:
+    def _handle_crash(self) -> None:
         """The renderer is dead: try its member again with a new one, or give it up."""
         renderer, self._renderer = self._renderer, None
         if renderer is None:

@@ -11,9 +11,9 @@ from catalogs.vocabulary.appearance import Appearance
 from insitu.background.handover import prepared
 from insitu.background.process import Background
 from insitu.members.agreement import notes_on_member
-from insitu.members.existing import Existing, under_stored_name
-from insitu.members.rendered import RenderedMember
+from insitu.members.conflicts import Existing, under_stored_name
 from insitu.members.request import MemberRequest
+from insitu.members.result import RenderedMember
 
 
 def queue_member(

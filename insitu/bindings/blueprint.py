@@ -25,14 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.hook.session import Session
-from insitu.members.rendered import RenderedMember
+from insitu.members.result import RenderedMember
 
 AXES = (("x", "i"), ("y", "j"), ("z", "k"))
 ASSOCIATIONS = ("vertex", "element")
 
 
 @dataclass(frozen=True)
-class Pictures:
+class BlueprintSession:
     """A catalog that meshes are rendered into, made by `initialize`."""
 
     session: Session
@@ -55,9 +55,9 @@ class Pictures:
         self.session.close()
 
 
-def initialize(catalog: str | os.PathLike[str], **options: Any) -> Pictures:
+def initialize(catalog: str | os.PathLike[str], **options: Any) -> BlueprintSession:
     """Begin a catalog, or go on with it; arguments and errors are those of `Session`."""
-    return Pictures(Session(catalog, **options))
+    return BlueprintSession(Session(catalog, **options))
 
 
 def data_set(mesh: Any) -> Any:

@@ -18,7 +18,7 @@ DONE, FAILED, UNKNOWN = 0, 1, -1
 LARGEST = 1 << 40  # samples: more is a mistake in a shape
 
 
-class Calls:
+class LibraryCalls:
     """The state between the calls of one simulation: its session, and what it has said of the next member."""
 
     def __init__(self) -> None:

@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Moment:
+class LoopState:
     """Where a loop is.  Raises ValueError where a trigger asks for what the loop did not give.
 
     Attributes
@@ -66,14 +66,14 @@ class Moment:
 class Trigger:
     """Whether it is time to render; made by `every_steps`, `every_interval`, `at_times`, `when_field`."""
 
-    due: Callable[[Moment], bool]
+    due: Callable[[LoopState], bool]
     text: str
 
     def __call__(
         self, *, step: int | None = None, time: float | None = None, previous: float | None = None, field: Any = None
     ) -> bool:
-        """Whether to render now; see `Moment`.  Raises ValueError naming what is missing or no number."""
-        return self.due(Moment(step, time, previous, field))
+        """Whether to render now; see `LoopState`.  Raises ValueError naming what is missing or no number."""
+        return self.due(LoopState(step, time, previous, field))
 
     def __and__(self, other: Trigger) -> Trigger:
         """Both hold; the second is not asked where the first does not, so a costly predicate stands last."""
@@ -95,7 +95,7 @@ def every_steps(count: int, *, start: int = 0) -> Trigger:
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise ValueError(f"every_steps needs a whole number of steps, at least 1, got {count!r}")
 
-    def due(moment: Moment) -> bool:
+    def due(moment: LoopState) -> bool:
         since = moment.needed("step") - start
         return bool(since >= 0 and since % count == 0)
 
@@ -111,7 +111,7 @@ def every_interval(interval: float, *, start: float = 0.0) -> Trigger:
     def passed(time: float) -> int:
         return max(-1, math.floor((time - start) / interval))
 
-    def due(moment: Moment) -> bool:
+    def due(moment: LoopState) -> bool:
         def slack(time: float) -> float:
             return ROUNDING * max(abs(time), interval)
 
@@ -128,7 +128,7 @@ def at_times(times: Iterable[float]) -> Trigger:
     if not marks:
         raise ValueError("at_times needs at least one time")
 
-    def due(moment: Moment) -> bool:
+    def due(moment: LoopState) -> bool:
         now, before = moment.times()
         passed = bisect_right(marks, now + ROUNDING * abs(now))
         if before is None:
@@ -141,7 +141,7 @@ def at_times(times: Iterable[float]) -> Trigger:
 def when_field(predicate: Callable[[Any], Any]) -> Trigger:
     """Where `predicate(field)` is true; ValueError where it answers with more than one value."""
 
-    def due(moment: Moment) -> bool:
+    def due(moment: LoopState) -> bool:
         answer = predicate(moment.needed("field"))
         if getattr(answer, "size", 1) != 1:
             raise ValueError(f"the predicate answered with {answer.size} values, not one: use .any() or .all()")

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import Reading, appearances_of, pilots, reading_options, suggested
+from insitu.commands.reading import ReadingOptions, appearances_of, pilots, reading_options, suggested
 from insitu.commands.shell import command, engine_at, fail_on, how_to_run
 
 
@@ -66,7 +66,7 @@ def ensemble(
         how = how_to_run(line, workers, shard)
         asked = None if scene is None else Scene.load(scene)
         given, known = appearances_of(catalog, appearance, asked)
-        stored = Reading(**reading).open(sources, given or known)
+        stored = ReadingOptions(**reading).open(sources, given or known)
         members = stored.members(validation, seed)
         click.echo(str(stored))
         if asked is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import Reading, code_options, is_ensemble, pilots, suggested
+from insitu.commands.reading import ReadingOptions, code_options, is_ensemble, pilots, suggested
 from insitu.commands.shell import command
 
 
@@ -42,7 +42,7 @@ def probe(
     per member (.npy, .npz, HDF5, netCDF, Zarr, whatever pyvista reads, or a dump of a code that --reader lists).
     """
     with command():
-        fields = _read(sources, count, Reading(arrays=arrays, spacing=spacing or None, **codes), nan)
+        fields = _read(sources, count, ReadingOptions(arrays=arrays, spacing=spacing or None, **codes), nan)
         for name, (found, suggestion) in suggested(fields, alpha).items():
             if len(fields) > 1:
                 click.echo(f"field {name}")
@@ -63,7 +63,7 @@ def _preview(path: Path, grids: dict[str, Any], appearance: Any, field: str) -> 
     click.echo(f"# {path}: one member per row")
 
 
-def _read(sources: tuple[Path, ...], count: int, reading: Reading, nan: str) -> dict[str, dict[str, Any]]:
+def _read(sources: tuple[Path, ...], count: int, reading: ReadingOptions, nan: str) -> dict[str, dict[str, Any]]:
     """Grids by field and member of what is to be looked at."""
     first, arrays = sources[0], reading.arrays
     if len(sources) == 1 and first.suffix == ".toml":

@@ -11,9 +11,9 @@ import click
 
 if TYPE_CHECKING:
     from insitu.ensembles.files import FileEnsemble
+    from insitu.readers.ensemble_file import StoredEnsemble
     from insitu.readers.reader import Sampling
-    from insitu.readers.stored import StoredEnsemble
-    from insitu.readers.tables import Table
+    from insitu.readers.tables import MemberTable
 
 TABLES = {".csv", ".tsv", ".txt"}
 TRIPLE = (float, float, float)
@@ -68,14 +68,14 @@ def code_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options of `Reading`, as the keyword arguments that it takes."""
+    """Give a command the options of `ReadingOptions`, as the keyword arguments that it takes."""
     for option in reversed((*OPTIONS, *CODES)):
         function = option(function)
     return function
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadingOptions:
     """The options, as click hands them over."""
 
     arrays: tuple[str, ...] = ()
@@ -99,15 +99,15 @@ class Reading:
         """
         from catalogs.vocabulary.appearance import shown_fields
         from insitu.fields.member_fields import check_names
-        from insitu.readers.layout import Mapped
-        from insitu.readers.stored import StoredEnsemble
+        from insitu.readers.ensemble_file import StoredEnsemble
+        from insitu.readers.layout import FileMapping
 
         arrays = self.arrays or tuple(filter(None, shown_fields(shown)))
         if not self._is_one_store(sources):
             return self._files(sources, arrays)
         if ignored := self.sampling.identity:
             raise ValueError(f"{sources[0]} is not resampled: leave {', '.join(f'--{name}' for name in ignored)} out")
-        mapped = Mapped(
+        mapped = FileMapping(
             arrays,
             listed(self.parameters),
             listed(self.names),
@@ -141,7 +141,7 @@ class Reading:
         how: dict[str, Any] = {**self.place, "reader": code, "sampling": self.sampling}
         return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **how)
 
-    def _table(self, sources: Sequence[str], wanted: Sequence[str], told: bool) -> Table:
+    def _table(self, sources: Sequence[str], wanted: Sequence[str], told: bool) -> MemberTable:
         """The files, with the parameters that a table or a pattern names; `told`: the files may say others."""
         from insitu.readers.states import dumps_below, no_ensemble, table_of_files
         from insitu.readers.tables import match_files, read_table
@@ -208,7 +208,7 @@ def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -
     """Grids by field and member of `count` members that lie far apart."""
     from insitu.ensembles.ensemble import pilot_members
     from render.datasets import to_grid
-    from render.labelled import is_labelled_set
+    from render.xarray_fields import is_labelled_set
 
     fields: dict[str, dict[str, Any]] = {}
     for member in pilot_members(members, space or source.space, count):

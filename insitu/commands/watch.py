@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import Reading, appearances_of, code_options, listed
+from insitu.commands.reading import ReadingOptions, appearances_of, code_options, listed
 from insitu.commands.shell import command, fail_on, how_to_run
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def watch(
             raise ValueError(
                 f"a new catalog needs --appearance FILE: `insitu probe` on a dump suggests one; {catalog} is none yet"
             )
-        options = Reading(**reading)
+        options = ReadingOptions(**reading)
         if pattern is None and options.reader != "adios2":
             raise ValueError(
                 "please give --pattern, paths that name the parameters; only --reader adios2 follows one stream"
@@ -128,7 +128,7 @@ def watch(
 
 @dataclass(frozen=True)
 class Place:
-    """What is watched, as the command is told: the first arguments of `insitu.ensembles.watch.Watching`."""
+    """What is watched, as the command is told: the first arguments of `insitu.ensembles.watch.WatchOptions`."""
 
     folder: Path
     pattern: str
@@ -143,7 +143,7 @@ def _watch(
     place: Place,
     catalog: Path,
     plan: PlanOptions,
-    options: Reading,
+    options: ReadingOptions,
     arrays: tuple[str, ...],
     existing: Any,
     nan: str,
@@ -151,14 +151,14 @@ def _watch(
 ) -> None:
     """Watch a folder for files."""
     from insitu.ensembles.files import FileEnsemble
-    from insitu.ensembles.watch import Arrivals, Watching, watch_folder
+    from insitu.ensembles.watch import Arrivals, WatchOptions, watch_folder
     from insitu.readers.states import files_beside, states_of
 
     space = plan.space
     assert space is not None
     reader, sampling = options.reader, options.sampling
     ensemble = FileEnsemble({}, space, arrays, **options.place, reader=reader, sampling=sampling)
-    watching = Watching(
+    watching = WatchOptions(
         **vars(place),
         parameters=space.names,
         members=lambda row: states_of(row, reader, sampling, space.names),
@@ -179,17 +179,17 @@ def _follow(
     path: Path,
     catalog: Path,
     plan: PlanOptions,
-    options: Reading,
+    options: ReadingOptions,
     arrays: tuple[str, ...],
     until_idle: float | None,
     existing: Any,
     nan: str,
 ) -> None:
     """Follow one file that is being written, or a stream."""
-    from insitu.ensembles.stream import Arrived, render_stream
+    from insitu.ensembles.stream import StreamResult, render_stream
     from insitu.readers.adios import follow
 
-    arrived = Arrived()
+    arrived = StreamResult()
     existing = "skip" if existing == "error" else existing
     how: dict[str, Any] = {"arrays": arrays, "place": options.place, "nan": nan, "existing": existing}
     try:

@@ -17,7 +17,7 @@ from catalogs.progress import Count, Rate
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.scene import PlannedMember, Scene
 from insitu.ensembles.ensemble import run_ensemble
-from insitu.ensembles.hooked import HookedSource, Simulate
+from insitu.ensembles.function_source import HookedSource, Simulate
 from insitu.ensembles.sources import ensemble_of
 from insitu.fields.member_fields import check_names
 from insitu.members.agreement import disagreements, misplaced
@@ -56,7 +56,7 @@ def make_dataset(
     scene : the scene, or its TOML file.
     runs : folder of all results.
     simulate : for a scene of kind "hooked", the function that makes its fields (see
-    `insitu.ensembles.hooked.HookedSource`), instead of that
+    `insitu.ensembles.function_source.HookedSource`), instead of that
         of the scene's script.  Worker processes import it, so it is one of a module, or of a script that calls `make_dataset`
         under `if __name__ == "__main__":`.
 

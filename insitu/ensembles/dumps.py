@@ -10,12 +10,12 @@ from typing import Any, Protocol, runtime_checkable
 
 from catalogs.engines.stopping import StopRequested
 from catalogs.vocabulary.scene import PlannedMember
-from insitu.ensembles.workers import Report, send
+from insitu.ensembles.workers import WorkerReport, send
 from insitu.fields.cache import load_field
 
 TIME = "time"  # the parameter by which members are dumps of one run
 
-Run = Sequence[PlannedMember]
+MemberRun = Sequence[PlannedMember]
 """Members whose fields come from one run, in the order in which they come; often just one."""
 
 
@@ -41,11 +41,11 @@ class FieldSource(Protocol):
 class RunSource(FieldSource, Protocol):
     """A source of which several members may come from one run."""
 
-    def runs(self, members: Sequence[PlannedMember]) -> Sequence[Run]:
+    def runs(self, members: Sequence[PlannedMember]) -> Sequence[MemberRun]:
         """All the members, grouped by run."""
         ...
 
-    def dumps(self, run: Run, progress: Callable[[float], None]) -> Iterator[Any]:
+    def dumps(self, run: MemberRun, progress: Callable[[float], None]) -> Iterator[Any]:
         """What `field` gives of each member of a run, or of some of them, one after the other.
 
         A member's field does not depend on which others are asked for; `progress` is told the fraction of the way to the next.
@@ -71,7 +71,7 @@ def record_of(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
     return dict(source.record(member) if isinstance(source, FileSource) else source.identity)
 
 
-def runs_of(source: FieldSource, members: Sequence[PlannedMember]) -> list[Run]:
+def runs_of(source: FieldSource, members: Sequence[PlannedMember]) -> list[MemberRun]:
     """The members grouped by run: each alone where the source knows of no runs."""
     return list(source.runs(members)) if isinstance(source, RunSource) else [(member,) for member in members]
 
@@ -99,7 +99,7 @@ class Dump:
     error: Exception | None = None
 
 
-def dumps_of(source: FieldSource, run: Run, cache: Path | None) -> Iterator[Dump]:
+def dumps_of(source: FieldSource, run: MemberRun, cache: Path | None) -> Iterator[Dump]:
     """The fields of a run's members, one in memory at a time; those that `cache` holds are not computed again.
 
     Where the source raises an error, it stands in the place of the rest of the run's fields.
@@ -108,7 +108,7 @@ def dumps_of(source: FieldSource, run: Run, cache: Path | None) -> Iterator[Dump
     awaited = ""
 
     def progress(fraction: float) -> None:
-        send(Report(awaited, "simulate", fraction))
+        send(WorkerReport(awaited, "simulate", fraction))
 
     computed = _computed(source, [m for m in run if m.name not in stored], progress)
     error: Exception | None = None
@@ -117,7 +117,7 @@ def dumps_of(source: FieldSource, run: Run, cache: Path | None) -> Iterator[Dump
             yield Dump(member, load_field(cache, member.name, identity_of(source, member)), None)
             continue
         awaited, started, field = member.name, clock.perf_counter(), None
-        send(Report(awaited, "simulate" if source.expensive else "read", 0.0))
+        send(WorkerReport(awaited, "simulate" if source.expensive else "read", 0.0))
         try:
             field = next(computed) if error is None else None
         except StopRequested:
@@ -134,7 +134,7 @@ def identity_of(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
     return {"source": dict(source.identity), "parameters": dict(member.parameters)}
 
 
-def _computed(source: FieldSource, run: Run, progress: Callable[[float], None]) -> Iterator[Any]:
+def _computed(source: FieldSource, run: MemberRun, progress: Callable[[float], None]) -> Iterator[Any]:
     if isinstance(source, RunSource):
         yield from source.dumps(run, progress)
     else:

@@ -20,16 +20,16 @@ from catalogs.vocabulary.farthest import farthest_points
 from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
 from catalogs.vocabulary.words import shortened
-from insitu.ensembles.dumps import FieldSource, FileSource, Run, runs_of
+from insitu.ensembles.dumps import FieldSource, FileSource, MemberRun, runs_of
 from insitu.ensembles.progress import EnsembleProgress, Tracker
-from insitu.ensembles.tasks import DiskError, Outcome, measure_pilots, reason_of, render_run
-from insitu.ensembles.workers import Report, WorkerPool, single_threaded
+from insitu.ensembles.tasks import DiskError, MemberOutcome, measure_pilots, reason_of, render_run
+from insitu.ensembles.workers import WorkerPool, WorkerReport, single_threaded
 from insitu.fields.cache import drop_field
 from insitu.members.agreement import SOURCE, agreeing_catalog, create_catalog, misplaced
 from insitu.members.callers import warn_caller
-from insitu.members.existing import Existing
+from insitu.members.conflicts import Existing
 from insitu.members.planning import Pilot, PlanOptions, check_complete, combine_pilots
-from insitu.members.rendered import RenderedMember
+from insitu.members.result import RenderedMember
 
 PILOTS = 2
 
@@ -136,7 +136,7 @@ def run_ensemble(
     with single_threaded(), nullcontext(engine) if engine else local_engine(count, executor) as hands:
         kept = cache if source.expensive else None
         show, tell = progress or (lambda state: None), warn or warn_caller
-        work = _Work(path, source, nan, kept, hands, show, tell, frozenset(changed))
+        work = _EnsembleRun(path, source, nan, kept, hands, show, tell, frozenset(changed))
         if made is None:
             space, _ = check_complete(options)
             work.plan(runs, pilot_members(members, space), options, sum(map(len, todo)))
@@ -167,7 +167,7 @@ def local_engine(count: int, executor: Executor | None) -> AbstractContextManage
 
 
 @dataclass(frozen=True)
-class _Work:
+class _EnsembleRun:
     """One call of `run_ensemble`: what its tasks share."""
 
     path: Path
@@ -179,7 +179,9 @@ class _Work:
     warn: Callable[[Warning], None]
     replaced: frozenset[str]  # stored members that are rendered anew
 
-    def plan(self, runs: Sequence[Run], pilots: Sequence[PlannedMember], options: PlanOptions, members: int) -> None:
+    def plan(
+        self, runs: Sequence[MemberRun], pilots: Sequence[PlannedMember], options: PlanOptions, members: int
+    ) -> None:
         """Make the catalog from what the pilots show; raises what the first failing pilot raised."""
         tracker = Tracker(members, 0, field_share=1.0)
         names = {m.name for m in pilots}
@@ -202,7 +204,7 @@ class _Work:
             raise next(iter(failures.values()))  # a pilot that fails alone is reported when its turn comes
         create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
 
-    def render(self, runs: Sequence[Run]) -> tuple[list[RenderedMember], list[str], dict[str, str]]:
+    def render(self, runs: Sequence[MemberRun]) -> tuple[list[RenderedMember], list[str], dict[str, str]]:
         """What was rendered; the names of what was found there all the same; and why others were not, by name."""
         catalog = Catalog.open(self.path)
         plan, members = catalog.plan, [m for run in runs for m in run]
@@ -214,7 +216,7 @@ class _Work:
         there: list[str] = []
         failures: dict[str, str] = {}
 
-        def made(outcome: Outcome) -> None:
+        def made(outcome: MemberOutcome) -> None:
             if outcome.rendered is None:
                 failures[outcome.name] = outcome.failure
                 tracker.failed(outcome.name)
@@ -227,7 +229,7 @@ class _Work:
             if self.cache is not None:
                 drop_field(self.cache, outcome.name)
 
-        def settle(task: str, outcomes: Sequence[Outcome], reason: str = "") -> None:
+        def settle(task: str, outcomes: Sequence[MemberOutcome], reason: str = "") -> None:
             known = {outcome.name: outcome for outcome in outcomes}
             for member in by_task[task]:
                 if member.name in known:
@@ -238,7 +240,7 @@ class _Work:
                     there.append(member.name)
                     tracker.done(member.name, images)
                 else:
-                    made(Outcome(member.name, failure=reason))
+                    made(MemberOutcome(member.name, failure=reason))
 
         def failed(task: str, error: BaseException) -> None:
             settle(task, getattr(error, "outcomes", ()), reason_of(error))
@@ -250,7 +252,7 @@ class _Work:
         self.engine.run(tasks, settle, failed, partial(self._tick, tracker), lambda error: isinstance(error, DiskError))
         return rendered, there, failures
 
-    def _tick(self, tracker: Tracker, reports: Iterable[Report]) -> None:
+    def _tick(self, tracker: Tracker, reports: Iterable[WorkerReport]) -> None:
         for report in reports:
             tracker.report(report)
         self.show(tracker.snapshot())
@@ -290,7 +292,7 @@ def _refuse_changed(path: Path, changed: Sequence[str]) -> None:
         )
 
 
-def _shard(runs: Sequence[Run], shard: tuple[int, int] | None) -> list[Run]:
+def _shard(runs: Sequence[MemberRun], shard: tuple[int, int] | None) -> list[MemberRun]:
     if shard is None:
         return list(runs)
     index, count = shard

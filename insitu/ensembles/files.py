@@ -17,7 +17,7 @@ from insitu.readers.files import read_data
 from insitu.readers.identity import contents, is_changed, stamp
 from insitu.readers.reader import Sampling
 from insitu.readers.states import files_beside
-from insitu.readers.tables import Row, Table
+from insitu.readers.tables import MemberTable, TableRow
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -34,7 +34,7 @@ class FileEnsemble:
     spacing, origin, dims, reader, sampling : as in `insitu.readers.files.read_data`.
     """
 
-    rows: Mapping[str, Row] = field(repr=False)
+    rows: Mapping[str, TableRow] = field(repr=False)
     space: ParameterSpace
     arrays: tuple[str, ...] = ()
     spacing: tuple[float, ...] | None = None
@@ -45,7 +45,9 @@ class FileEnsemble:
     expensive: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, table: Table, *, bounds: Bounds | None = None, units: Sequence[str] = (), **how: Any) -> FileEnsemble:
+    def of(
+        cls, table: MemberTable, *, bounds: Bounds | None = None, units: Sequence[str] = (), **how: Any
+    ) -> FileEnsemble:
         """The ensemble of a table.
 
         Parameters
@@ -85,7 +87,7 @@ class FileEnsemble:
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
         """All members; `validation` of the training ones, drawn by `seed`, are set aside."""
-        from insitu.readers.stored import with_validation
+        from insitu.readers.ensemble_file import with_validation
 
         planned = [PlannedMember(name, dict(row.parameters), row.split or "train") for name, row in self.rows.items()]
         return with_validation(planned, validation, seed)
@@ -122,7 +124,7 @@ class FileEnsemble:
         return files_beside(path, self.reader, self.sampling)
 
 
-def space_of(table: Table, bounds: Bounds, units: Sequence[str] = ()) -> ParameterSpace:
+def space_of(table: MemberTable, bounds: Bounds, units: Sequence[str] = ()) -> ParameterSpace:
     """The parameters of a table, their bounds as given, else from the smallest to the largest value."""
     names = table.names
     unknown = sorted(set(bounds) - set(names))

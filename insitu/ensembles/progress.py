@@ -6,7 +6,7 @@ import time as clock
 from dataclasses import dataclass
 
 from catalogs.progress import Rate, joined, per_second, time_left
-from insitu.ensembles.workers import Report
+from insitu.ensembles.workers import WorkerReport
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Tracker:
         self._field_share = field_share  # of a member's time, before the first is measured
         self._field_seconds = self._render_seconds = 0.0
 
-    def report(self, report: Report) -> None:
+    def report(self, report: WorkerReport) -> None:
         if report.stage == "done":
             self.done(report.member, report.images)
             return

@@ -11,12 +11,12 @@ from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember, Scene
 from insitu.ensembles.dumps import TIME, FieldSource, but_time, runs_in_time
 from insitu.ensembles.files import FileEnsemble
-from insitu.ensembles.hooked import HookedSource, Simulate, scripted
+from insitu.ensembles.function_source import HookedSource, Simulate, scripted
 from insitu.fields.field import Field
-from insitu.readers.layout import Mapped
+from insitu.readers.ensemble_file import StoredEnsemble
+from insitu.readers.layout import FileMapping
 from insitu.readers.reader import Sampling
 from insitu.readers.states import members_of
-from insitu.readers.stored import StoredEnsemble
 from insitu.readers.tables import read_table
 from insitu.simulations import Simulation, simulation
 
@@ -117,7 +117,7 @@ def _ensemble(scene: Scene, table: dict[str, Any]) -> Ensemble:
     if kind == "hdf5":
         if "dataset" in table and fields:
             raise ValueError("fields name the data sets of the file, several or one: leave dataset out")
-        stored = StoredEnsemble.open(scene.data_path(), Mapped(tuple(fields or (table.get("dataset", "field"),))))
+        stored = StoredEnsemble.open(scene.data_path(), FileMapping(tuple(fields or (table.get("dataset", "field"),))))
         return Ensemble(stored.space, stored.members(scene.validation_members, scene.seed), stored, stored.fields)
     if kind == "files":
         return _files(scene, table, tuple(fields))

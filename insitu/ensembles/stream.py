@@ -9,18 +9,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from insitu.hook.session import Session
-from insitu.members.existing import Existing
+from insitu.members.conflicts import Existing
 from insitu.members.planning import PlanOptions
 from insitu.members.request import member_name
 from insitu.readers.files import volume
-from insitu.readers.placing import placed_field
+from insitu.readers.placement import placed_field
 
 if TYPE_CHECKING:
-    from insitu.readers.adios import Step
+    from insitu.readers.adios import StreamStep
 
 
 @dataclass
-class Arrived:
+class StreamResult:
     """What became of the steps of a stream: names of members that were rendered or there already, and why others are missing."""
 
     rendered: list[str] = field(default_factory=list)
@@ -30,17 +30,17 @@ class Arrived:
 
 def render_stream(
     catalog: str | os.PathLike[str],
-    steps: Iterable[Step],
+    steps: Iterable[StreamStep],
     options: PlanOptions,
     *,
     arrays: tuple[str, ...] = (),
     place: Mapping[str, Any] | None = None,
     nan: str = "refuse",
     existing: Existing = "skip",
-    arrived: Arrived | None = None,
+    arrived: StreamResult | None = None,
     say: Callable[[str], None] = lambda text: None,
     warn: Callable[[Warning], None] | None = None,
-) -> Arrived:
+) -> StreamResult:
     """Render every step of a stream that the catalog lacks.
 
     Parameters
@@ -55,7 +55,7 @@ def render_stream(
 
     A step that can't be rendered is reported, and the next one is awaited.  Raises ValueError as `Session` does.
     """
-    arrived = arrived or Arrived()
+    arrived = arrived or StreamResult()
     if options.space is None:
         raise ValueError("the options must name the parameters")
     asked = {f.name: getattr(options, f.name) for f in dataclasses.fields(options)}
@@ -79,7 +79,7 @@ def render_stream(
     return arrived
 
 
-def _field(step: Step, arrays: tuple[str, ...], place: Mapping[str, Any]) -> Any:
+def _field(step: StreamStep, arrays: tuple[str, ...], place: Mapping[str, Any]) -> Any:
     """The field of a step, or its fields by name."""
     if not arrays:
         return placed_field(step.arrays, volume(step.arrays, None), **place)

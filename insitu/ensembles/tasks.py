@@ -11,21 +11,21 @@ from pathlib import Path
 from catalogs.engines.stopping import StopRequested
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.scene import PlannedMember
-from insitu.ensembles.dumps import Dump, FieldSource, Run, dumps_of, identity_of, record_of
-from insitu.ensembles.workers import Report, send
+from insitu.ensembles.dumps import Dump, FieldSource, MemberRun, dumps_of, identity_of, record_of
+from insitu.ensembles.workers import WorkerReport, send
 from insitu.fields.cache import save_field
 from insitu.fields.member_fields import as_fields, time_of
 from insitu.hook.session import Session
-from insitu.members.existing import Existing
+from insitu.members.conflicts import Existing
 from insitu.members.planning import Pilot, PlanOptions, measure_pilot
-from insitu.members.rendered import RenderedMember
 from insitu.members.request import TIMES
+from insitu.members.result import RenderedMember
 
 STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MemberOutcome:
     """What became of one member: rendered after so many seconds for its field (None where it was stored), or failed and why."""
 
     name: str
@@ -37,13 +37,13 @@ class Outcome:
 class DiskError(Exception):
     """An error of the disk that the next member would meet too, and what became of the run's members until then."""
 
-    def __init__(self, reason: str, outcomes: Sequence[Outcome]) -> None:
+    def __init__(self, reason: str, outcomes: Sequence[MemberOutcome]) -> None:
         super().__init__(reason, outcomes)
         self.reason, self.outcomes = reason, outcomes
 
 
 def measure_pilots(
-    source: FieldSource, run: Run, pilots: set[str], nan: str, cache: Path | None, options: PlanOptions
+    source: FieldSource, run: MemberRun, pilots: set[str], nan: str, cache: Path | None, options: PlanOptions
 ) -> dict[str, Pilot]:
     """In a worker: what the plan needs of the pilots in a run, by name; all fields of an expensive run are stored.
 
@@ -59,11 +59,11 @@ def measure_pilots(
                 raise dump.error
             if name not in pilots:
                 _keep(source, dump, cache)
-                send(Report(name, "stored", 1.0))
+                send(WorkerReport(name, "stored", 1.0))
                 continue
             fields = as_fields(dump.field, options.appearances or (), nan=nan)
             _keep(source, dump, cache)
-            send(Report(name, "pilot", 0.0))
+            send(WorkerReport(name, "pilot", 0.0))
             pilot = measure_pilot(fields, options)
             found[name] = replace(pilot, notes=(*fields.notes, *pilot.notes))
             del fields
@@ -84,8 +84,13 @@ def _keep(source: FieldSource, dump: Dump, cache: Path | None) -> None:
 
 
 def render_run(
-    path: Path, source: FieldSource, run: Run, nan: str, cache: Path | None, replaced: frozenset[str] = frozenset()
-) -> list[Outcome]:
+    path: Path,
+    source: FieldSource,
+    run: MemberRun,
+    nan: str,
+    cache: Path | None,
+    replaced: frozenset[str] = frozenset(),
+) -> list[MemberOutcome]:
     """In a worker: render the members of a run into the catalog, but those that a worker who died has rendered already.
 
     `replaced` names stored ones that are rendered all the same.
@@ -93,7 +98,7 @@ def render_run(
     Raises DiskError where the disk takes no more.
     """
     catalog = Catalog.open(path)
-    outcomes: list[Outcome] = []
+    outcomes: list[MemberOutcome] = []
     for dump in dumps_of(source, [m for m in run if m.name not in catalog or m.name in replaced], cache):
         name = dump.member.name
         try:
@@ -104,17 +109,17 @@ def render_run(
             raise
         except Exception as error:
             if name not in replaced and _is_stored(path, dump.member):  # meanwhile, by a worker that was thought dead
-                send(Report(name, "stored", 1.0))
+                send(WorkerReport(name, "stored", 1.0))
                 continue
             hopeless = isinstance(error, OSError) and error.errno in STOPPING
             reason = _disk_reason(error, path) if hopeless else reason_of(error)
-            outcomes.append(Outcome(name, failure=reason))
-            send(Report(name, "failed", 1.0))
+            outcomes.append(MemberOutcome(name, failure=reason))
+            send(WorkerReport(name, "failed", 1.0))
             if hopeless:
                 raise DiskError(reason, outcomes) from None
         else:
-            outcomes.append(Outcome(name, rendered, dump.seconds))
-            send(Report(name, "done", 1.0, rendered.images))
+            outcomes.append(MemberOutcome(name, rendered, dump.seconds))
+            send(WorkerReport(name, "done", 1.0, rendered.images))
         del dump  # its field, before the next is made
     return outcomes
 
@@ -123,7 +128,7 @@ def _rendered(path: Path, source: FieldSource, dump: Dump, nan: str, existing: E
     member = dump.member
 
     def progress(images: int) -> None:
-        send(Report(member.name, "render", 0.0, images))
+        send(WorkerReport(member.name, "render", 0.0, images))
 
     progress(0)
     stated = any(name in member.parameters for name in TIMES)  # then a file need not know it

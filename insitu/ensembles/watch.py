@@ -16,17 +16,17 @@ from catalogs.vocabulary.words import shortened
 from insitu.ensembles.ensemble import EnsembleResult, available_cores, local_engine, run_ensemble
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.workers import single_threaded
-from insitu.members.existing import Existing
+from insitu.members.conflicts import Existing
 from insitu.members.planning import PlanOptions, is_catalog
 from insitu.members.request import member_name
 from insitu.readers.identity import stamp
-from insitu.readers.tables import Row, matching, pattern_names
+from insitu.readers.tables import TableRow, matching, pattern_names
 
 INTERVAL = 1.0  # seconds between two looks at the folder
 
 
 @dataclass(frozen=True)
-class Watching:
+class WatchOptions:
     """What is watched, and when a file counts as whole.
 
     Attributes
@@ -49,7 +49,7 @@ class Watching:
     patience: float = 60.0
     until_idle: float | None = None
     parameters: tuple[str, ...] = ()
-    members: Callable[[Row], Sequence[Row]] = lambda row: (row,)
+    members: Callable[[TableRow], Sequence[TableRow]] = lambda row: (row,)
     beside: Callable[[Path], Sequence[Path]] = lambda path: ()
 
 
@@ -57,7 +57,7 @@ class Watching:
 class Arrivals:
     """The files of a watch: which are whole, waited for, done or given up.  `look` and `tried` are told the time, in seconds."""
 
-    watching: Watching
+    watching: WatchOptions
     done: set[str] = field(default_factory=set)  # names of members that are stored
     failures: dict[str, str] = field(default_factory=dict)  # why the others are not, by name
     _seen: dict[Path, tuple[dict[str, int], float]] = field(
@@ -66,14 +66,14 @@ class Arrivals:
     _failed: dict[str, tuple[dict[str, int], float, float]] = field(
         default_factory=dict
     )  # stamp, first and last failure
-    _held: dict[Path, tuple[dict[str, int], list[Row]]] = field(
+    _held: dict[Path, tuple[dict[str, int], list[TableRow]]] = field(
         default_factory=dict
     )  # stamp, and the members of a file
     pending: int = 0  # files that may become whole, or be tried again
 
-    def look(self, now: float, wall: float) -> list[Row]:
+    def look(self, now: float, wall: float) -> list[TableRow]:
         """The members to render now; `wall` is the time of day, as in files' times of change."""
-        ready: dict[str, Row] = {}
+        ready: dict[str, TableRow] = {}
         self.pending = 0
         for row in matching(self.watching.pattern, self.watching.folder, told=True):
             if (name := self._name(row)) in self.done or name in ready:
@@ -96,7 +96,7 @@ class Arrivals:
                 self.pending += 1
         return list(ready.values())
 
-    def _take(self, row: Row, found: dict[str, int], now: float, ready: dict[str, Row]) -> None:
+    def _take(self, row: TableRow, found: dict[str, int], now: float, ready: dict[str, TableRow]) -> None:
         """Add the members of a whole file that are neither done nor given up to those that are `ready`."""
         before, members = self._held.get(row.path, ({}, []))
         if before != found:
@@ -118,12 +118,12 @@ class Arrivals:
             if self._may_try(name, found, now):
                 ready[name] = member
 
-    def _name(self, row: Row) -> str:
+    def _name(self, row: TableRow) -> str:
         """The member's name; of a file of which not all parameters are known yet, its path."""
         known = set(row.parameters) >= set(self.watching.parameters)
         return row.name or (member_name(row.parameters) if known else str(row.path))
 
-    def tried(self, rendered: Iterable[str], failures: dict[str, str], rows: dict[str, Row], now: float) -> None:
+    def tried(self, rendered: Iterable[str], failures: dict[str, str], rows: dict[str, TableRow], now: float) -> None:
         """Take note of what became of the files that `look` gave."""
         for name in rendered:
             self.done.add(name)
@@ -156,7 +156,7 @@ class Arrivals:
 
 def watch_folder(
     catalog: str | os.PathLike[str],
-    watching: Watching,
+    watching: WatchOptions,
     ensemble: FileEnsemble,
     options: PlanOptions,
     *,
@@ -212,7 +212,7 @@ def watch_folder(
                 clock.sleep(min(INTERVAL, max(0.05, watching.settle / 4)))
 
 
-def _new(path: Path, arrivals: Arrivals, now: float) -> dict[str, Row]:
+def _new(path: Path, arrivals: Arrivals, now: float) -> dict[str, TableRow]:
     """The files to render now, by the names of their members; those stored under another name are done."""
     rows = {member_name(row.parameters): row for row in arrivals.look(now, clock.time())}
     if rows and is_catalog(path):
@@ -233,7 +233,7 @@ def _rendered(path: Path, lot: FileEnsemble, options: PlanOptions, how: dict[str
         return EnsembleResult((), (), {name: f"{type(error).__name__}: {error}" for name in lot.rows}, 0.0)
 
 
-def _take(arrivals: Arrivals, rows: dict[str, Row], result: EnsembleResult, say: Callable[[str], None]) -> None:
+def _take(arrivals: Arrivals, rows: dict[str, TableRow], result: EnsembleResult, say: Callable[[str], None]) -> None:
     rendered = [member.name for member in result.rendered]
     arrivals.tried([*rendered, *result.skipped], dict(result.failures), rows, clock.monotonic())
     if rendered:

@@ -24,7 +24,7 @@ GRACE_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
-class Report:
+class WorkerReport:
     """What a worker did for a member: a `stage` ("simulate", "pilot", "render") entered and its fraction done, or the member left.
 
     It leaves one that is "done", has "failed" or is "stored" for later.
@@ -42,7 +42,7 @@ _idle = threading.Event()  # ... and one task at a time
 _idle.set()
 
 
-def send(report: Report) -> None:
+def send(report: WorkerReport) -> None:
     """Pass `report` to the process that runs the ensemble; raises StopRequested where that was interrupted.
 
     In the workers of another engine nobody is told.
@@ -82,7 +82,7 @@ class WorkerPool:
         tasks: Mapping[str, Callable[[], Any]],
         done: Callable[[str, Any], None],
         failed: Callable[[str, BaseException], None],
-        tick: Callable[[Iterable[Report]], None],
+        tick: Callable[[Iterable[WorkerReport]], None],
         give_up: Callable[[BaseException], bool] = lambda error: False,
     ) -> None:
         """Run picklable `tasks` by name, in order, until each is `done` (with its result) or `failed` (with its error).
@@ -128,7 +128,7 @@ class WorkerPool:
             name, task, alone = waiting.popleft()
             running[self._executor.submit(_guarded, task)] = (name, task, alone)
 
-    def _reports(self) -> Iterator[Report]:
+    def _reports(self) -> Iterator[WorkerReport]:
         while self._queue is not None:
             try:
                 yield self._queue.get_nowait()

@@ -14,10 +14,10 @@ from catalogs.vocabulary.appearance import Appearance, check_fields, field_of, s
 from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.boxes import Box, box_of, same_box
-from insitu.fields.summarize import Part, summarize_shown
+from insitu.fields.summarize import FieldPart, summarize_shown
 from render.datasets import to_grid
-from render.labelled import chosen as one_of_set
-from render.labelled import is_labelled, is_labelled_set
+from render.xarray_fields import chosen as one_of_set
+from render.xarray_fields import is_labelled, is_labelled_set
 
 if TYPE_CHECKING:
     from render.grids import Grid
@@ -90,7 +90,7 @@ class Fields:
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """See `MemberFields`."""
-        return summarize_shown({name: Part.all_of(self.grids[name]) for name in names}, plan)
+        return summarize_shown({name: FieldPart.all_of(self.grids[name]) for name in names}, plan)
 
 
 def as_fields(

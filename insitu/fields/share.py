@@ -14,8 +14,8 @@ from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.field import Field
 from insitu.fields.member_fields import as_fields
-from insitu.mpi.layout import Extent
-from insitu.mpi.neighbours import Samples
+from insitu.mpi.layout import BlockExtent
+from insitu.mpi.neighbours import BlockSamples
 from render.grids import Grid
 from render.partition import Index
 
@@ -34,17 +34,17 @@ class Share:
     quantities : the names and units that the data state, by name.
     """
 
-    fields: Mapping[str, Samples]
-    held: Extent
-    own: Extent
+    fields: Mapping[str, BlockSamples]
+    held: BlockExtent
+    own: BlockExtent
     quantities: Mapping[str, Quantity]
 
-    def owned(self, name: str) -> Samples:
+    def owned(self, name: str) -> BlockSamples:
         """A field without its ghost layers."""
         first = np.rint((np.array(self.own.origin) - self.held.origin) / self.held.spacing).astype(int)[::-1]
         window = tuple(slice(a, a + n) for a, n in zip(first.tolist(), self.own.shape, strict=True))
         samples = self.fields[name]
-        return Samples(samples.values[window], None if samples.holes is None else samples.holes[window])
+        return BlockSamples(samples.values[window], None if samples.holes is None else samples.holes[window])
 
 
 def share_of(
@@ -88,7 +88,7 @@ def share_of(
         )
     grid = next(iter(fields.grids.values()))
     shape = _shape(data, grid.shape, dims)
-    held = Extent(shape, grid.spacing, grid.origin)
+    held = BlockExtent(shape, grid.spacing, grid.origin)
     share = Share(
         {name: _samples(g, shape, _taken(data, name)) for name, g in fields.grids.items()},
         held,
@@ -114,14 +114,14 @@ def ghost_layers(ghosts: Ghosts) -> Layers:
     return x, y, z
 
 
-def _without(held: Extent, layers: Layers) -> Extent:
+def _without(held: BlockExtent, layers: Layers) -> BlockExtent:
     """Where a block lies but for its ghost layers."""
     shape = [n - before - after for n, (before, after) in zip(held.shape, reversed(layers), strict=True)]
     if min(shape) < 1:
         x, y, z = held.shape[::-1]
         raise ValueError(f"the block has {x} x {y} x {z} samples, none but its ghost layers {layers}")
     origin = [o + before * s for o, s, (before, _) in zip(held.origin, held.spacing, layers, strict=True)]
-    return Extent((shape[0], shape[1], shape[2]), held.spacing, (origin[0], origin[1], origin[2]))
+    return BlockExtent((shape[0], shape[1], shape[2]), held.spacing, (origin[0], origin[1], origin[2]))
 
 
 def _each(data: Any, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
@@ -162,11 +162,11 @@ def _shape(data: Any, found: Index, dims: Sequence[str] | None) -> Index:
     return z, y, x
 
 
-def _samples(grid: Grid, shape: Index, taken: Any) -> Samples:
+def _samples(grid: Grid, shape: Index, taken: Any) -> BlockSamples:
     window = tuple(map(slice, shape))
     if _is_empty(taken):
-        return Samples(grid.values[window], np.ones(shape, dtype=bool))
-    return Samples(grid.values[window], None if grid.holes is None else grid.holes[window])
+        return BlockSamples(grid.values[window], np.ones(shape, dtype=bool))
+    return BlockSamples(grid.values[window], None if grid.holes is None else grid.holes[window])
 
 
 def _check_no_holes(share: Share) -> None:

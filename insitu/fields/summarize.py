@@ -18,7 +18,7 @@ from catalogs.store.plan import CatalogPlan
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering, field_of
 from catalogs.vocabulary.parameters import SPLITS
-from insitu.mpi.ranks import ALONE, Ranks
+from insitu.mpi.ranks import SINGLE, RankGroup
 
 if TYPE_CHECKING:
     from render.blocks import Block, Lattice
@@ -33,11 +33,11 @@ SLAB_VOXELS = 1 << 20
 ROUNDING = 1e-3
 SEED = 0  # the same field always leaves the same summary
 
-Weights = Callable[[int, int], NDArray[np.float64]]
+SlabWeights = Callable[[int, int], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class FieldPart:
     """What one rank looks at of a field.
 
     Attributes
@@ -56,14 +56,14 @@ class Part:
     whole: Lattice
 
     @classmethod
-    def of(cls, block: Block) -> Part:
+    def of(cls, block: Block) -> FieldPart:
         """Of a block."""
         grid, owned = block.grid, block.owned
         first, start, stop = np.array(block.first), np.array(owned.start), np.array(owned.stop)
         return cls(grid.values, grid.holes, first, start, stop, block.whole)
 
     @classmethod
-    def all_of(cls, grid: Grid) -> Part:
+    def all_of(cls, grid: Grid) -> FieldPart:
         """The whole of a field."""
         from render.blocks import Lattice
 
@@ -71,7 +71,7 @@ class Part:
         return cls(grid.values, grid.holes, none, none, np.array(grid.shape), whole)
 
     @classmethod
-    def none_of(cls, whole: Lattice) -> Part:
+    def none_of(cls, whole: Lattice) -> FieldPart:
         """Of a rank without a block."""
         none = np.zeros(3, dtype=np.int64)
         return cls(np.empty((0, 0, 0)), None, none, none, none, whole)
@@ -116,7 +116,9 @@ def value_range_of(plan: CatalogPlan, field: str) -> tuple[float, float]:
     return low, high
 
 
-def summarize_shown(parts: Mapping[str, Part], plan: CatalogPlan, ranks: Ranks = ALONE) -> dict[str, FieldSummary]:
+def summarize_shown(
+    parts: Mapping[str, FieldPart], plan: CatalogPlan, ranks: RankGroup = SINGLE
+) -> dict[str, FieldSummary]:
     """The summary of each field of a member, by name, under all of the catalog's appearances of it.
 
     Of the settings of a transfer function's variation only the base counts: they all show the same places.
@@ -144,14 +146,14 @@ def summarize(
     and jittered within half a voxel (volume rendering), or crossings of the isovalue on grid edges (isosurface).
     `even_points` more, whatever the appearances, fill the box evenly; there are fewer where it is nearly all holes.
     """
-    return summarize_part(Part.all_of(grid), appearances, bounds, points=points, even_points=even_points)
+    return summarize_part(FieldPart.all_of(grid), appearances, bounds, points=points, even_points=even_points)
 
 
 def summarize_part(
-    part: Part,
+    part: FieldPart,
     appearances: Sequence[Appearance],
     bounds: tuple[float, float],
-    ranks: Ranks = ALONE,
+    ranks: RankGroup = SINGLE,
     *,
     points: int = POINTS,
     even_points: int = EVEN_POINTS,
@@ -179,7 +181,9 @@ def summarize_part(
     )
 
 
-def _statistics(part: Part, edges: NDArray[np.float64], ranks: Ranks) -> tuple[float, float, int, NDArray[np.int64]]:
+def _statistics(
+    part: FieldPart, edges: NDArray[np.float64], ranks: RankGroup
+) -> tuple[float, float, int, NDArray[np.int64]]:
     """Smallest and largest value of all parts, how many there are, and how many in each bin (256,)."""
     histogram = np.zeros(BINS, dtype=np.int64)
     known, low, high = 0, np.inf, -np.inf
@@ -202,11 +206,11 @@ def sample_evenly(
     They are the first ones of a low-discrepancy sequence, the multiples of the generalized golden ratio (Roberts 2018, "The
     Unreasonable Effectiveness of Quasirandom Sequences"), moved by `shift` (3,) around the box (Cranley and Patterson 1976).
     """
-    return _sample_evenly(Part.all_of(grid), count, shift, ALONE)
+    return _sample_evenly(FieldPart.all_of(grid), count, shift, SINGLE)
 
 
 def _sample_evenly(
-    part: Part, count: int, shift: NDArray[np.float64], ranks: Ranks
+    part: FieldPart, count: int, shift: NDArray[np.float64], ranks: RankGroup
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     steps = GOLDEN ** -np.arange(1.0, 4.0)  # [3]
     last = np.array(part.whole.shape) - 1  # [3]
@@ -231,7 +235,7 @@ def _shift(low: float, high: float, histogram: NDArray[np.int64]) -> NDArray[np.
     return np.random.default_rng(key).random(3)
 
 
-def _in_whole_cells(part: Part, index: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _in_whole_cells(part: FieldPart, index: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether no corner of the cell around each fractional index (M, 3) that the part owns is a hole, (M,)."""
     whole = np.ones(len(index), dtype=bool)
     if part.holes is not None:
@@ -254,7 +258,7 @@ def _narrowed(numbers: NDArray[np.float64], unit: float) -> NDArray[np.floating]
 
 
 def _sample(
-    part: Part, appearance: VolumeRendering | Isosurface, count: int, rng: np.random.Generator, ranks: Ranks
+    part: FieldPart, appearance: VolumeRendering | Isosurface, count: int, rng: np.random.Generator, ranks: RankGroup
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """World points (M, 3), values (M,) and opacities (M,) where `appearance` shows something; M is `count` or 0."""
     if isinstance(appearance, Isosurface):
@@ -268,7 +272,7 @@ def _sample(
 
 
 def _opaque_voxels(
-    part: Part, transfer_function: TransferFunction, count: int, rng: np.random.Generator, ranks: Ranks
+    part: FieldPart, transfer_function: TransferFunction, count: int, rng: np.random.Generator, ranks: RankGroup
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fractional indices (M, 3) of voxels drawn in proportion to their opacity, jittered within their cells, and values (M,)."""
 
@@ -286,7 +290,7 @@ def _opaque_voxels(
 
 
 def _edge_crossings(
-    part: Part, isovalue: float, count: int, rng: np.random.Generator, ranks: Ranks
+    part: FieldPart, isovalue: float, count: int, rng: np.random.Generator, ranks: RankGroup
 ) -> NDArray[np.float64]:
     """Fractional indices (M, 3) of points where the isosurface cuts grid edges, edges drawn evenly."""
     own = [sum(int(_cut(part, isovalue, *s, axis).sum()) for s in _slabs(part.shape)) for axis in range(3)]
@@ -309,7 +313,7 @@ def _edge_crossings(
     return np.concatenate(points)
 
 
-def _cut(part: Part, isovalue: float, start: int, stop: int, axis: int) -> NDArray[np.bool_]:
+def _cut(part: FieldPart, isovalue: float, start: int, stop: int, axis: int) -> NDArray[np.bool_]:
     """Whether the surface cuts the edge from each owned sample of a slab (K, ny, nx) to the next one along `axis`."""
     here, following = part.window(start, stop), part.window(start, stop, axis)
     above, beyond = part.values[here] > isovalue, part.values[following] > isovalue
@@ -321,7 +325,9 @@ def _cut(part: Part, isovalue: float, start: int, stop: int, axis: int) -> NDArr
     return cut
 
 
-def _draw(part: Part, weights: Weights, count: int, rng: np.random.Generator, ranks: Ranks) -> NDArray[np.int64]:
+def _draw(
+    part: FieldPart, weights: SlabWeights, count: int, rng: np.random.Generator, ranks: RankGroup
+) -> NDArray[np.int64]:
     """Samples (count, 3) of the whole, drawn with replacement in proportion to `weights(start, stop)` of each owned slab."""
     slabs = list(_slabs(part.shape))
     totals = ranks.gather(np.array([weights(*slab).sum() for slab in slabs]))  # of each rank [S]
@@ -339,7 +345,9 @@ def _draw(part: Part, weights: Weights, count: int, rng: np.random.Generator, ra
     return np.concatenate(ranks.gather(np.concatenate(drawn)))
 
 
-def _picked(part: Part, start: int, stop: int, weights: Weights, uniform: NDArray[np.float64]) -> NDArray[np.int64]:
+def _picked(
+    part: FieldPart, start: int, stop: int, weights: SlabWeights, uniform: NDArray[np.float64]
+) -> NDArray[np.int64]:
     """Samples (M, 3) of the whole in a slab, in proportion to `weights`, for numbers (M,) in [0, 1)."""
     cumulative = np.cumsum(weights(start, stop))  # [K]
     picks = np.searchsorted(cumulative, uniform * cumulative[-1], side="right")
@@ -348,13 +356,15 @@ def _picked(part: Part, start: int, stop: int, weights: Weights, uniform: NDArra
     return np.stack(places, axis=1) + part.start + np.array([start, 0, 0])
 
 
-def _valued(part: Part, index: NDArray[np.float64], owned: NDArray[np.int64], ranks: Ranks) -> NDArray[np.float64]:
+def _valued(
+    part: FieldPart, index: NDArray[np.float64], owned: NDArray[np.int64], ranks: RankGroup
+) -> NDArray[np.float64]:
     """Values (M,) at fractional indices (M, 3), by the ranks that own the samples `owned` (M, 3) next to them."""
     mine = part.owns(owned)
     return _combined(_interpolate(part.values, index[mine] - part.first), mine, ranks)
 
 
-def _combined(own: NDArray[Any], mine: NDArray[np.bool_], ranks: Ranks) -> NDArray[Any]:
+def _combined(own: NDArray[Any], mine: NDArray[np.bool_], ranks: RankGroup) -> NDArray[Any]:
     """(M, ...) from what each rank has of them, `own`, at the places that are `mine` (M,), on every rank."""
     result = np.zeros((len(mine), *own.shape[1:]), dtype=own.dtype)
     for places, values in ranks.gather((mine, own)):

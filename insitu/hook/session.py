@@ -20,15 +20,15 @@ from catalogs.vocabulary.scene import NAN, ViewPlan
 from catalogs.vocabulary.variations import Variation
 from insitu.background.process import Background, members_held
 from insitu.background.queue import queue_member
+from insitu.fields.blocks import Blocks
 from insitu.fields.boxes import Box
-from insitu.fields.decomposed import Blocks
 from insitu.fields.distances import member_distances
 from insitu.fields.member_fields import MemberFields, as_fields, time_of
 from insitu.fields.share import Ghosts
 from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_member
 from insitu.members.callers import warn_caller
+from insitu.members.conflicts import EXISTING, Existing, stored_name, under_stored_name
 from insitu.members.drawing import write_member
-from insitu.members.existing import EXISTING, Existing, stored_name, under_stored_name
 from insitu.members.failures import ON_ERROR, Failures, OnError, named_disk_errors, tell
 from insitu.members.planning import (
     PlanOptions,
@@ -39,9 +39,9 @@ from insitu.members.planning import (
     space_from,
     variations_from,
 )
-from insitu.members.rendered import PeakMemory, RenderedMember
 from insitu.members.request import MemberRequest, member_request, with_time
-from insitu.mpi.ranks import ALONE, lead, ranks_of, together
+from insitu.members.result import PeakMemory, RenderedMember
+from insitu.mpi.ranks import SINGLE, all_or_none, ranks_of, run_on_root
 from render.datasets import ResamplingWarning
 
 # What `render_member` hands on to the method of its name; the rest goes to `Session`.
@@ -109,7 +109,7 @@ class Session:
         comm: Any = None,
     ) -> None:
         self.path, self._ranks = Path(catalog), ranks_of(comm)
-        self._options = together(
+        self._options = all_or_none(
             self._ranks,
             lambda: PlanOptions(
                 space=space_from(space),
@@ -130,7 +130,7 @@ class Session:
         self._failures = Failures(self.path)
         self._said: set[tuple[str, str]] = set()
         self._catalog: Catalog | None = None
-        lead(self._ranks, self._find_catalog)
+        run_on_root(self._ranks, self._find_catalog)
         self._results: list[RenderedMember] = []
         self._background = self._started(members_held(background))
 
@@ -162,7 +162,7 @@ class Session:
             catalog = self._known_catalog()
             return catalog is not None and catalog.find(with_time(parameters, time, catalog.plan.space)[0]) is not None
 
-        known: bool = lead(self._ranks, found)
+        known: bool = run_on_root(self._ranks, found)
         return known
 
     @property
@@ -214,7 +214,7 @@ class Session:
         asked = {"name": name, "split": split, "provenance": provenance, "appearances": appearances}
         place: dict[str, Any] = {"spacing": spacing, "origin": origin, "array": array, "dims": dims}
         at = time_of(field) if time is None else time
-        if self._ranks is ALONE:
+        if self._ranks is SINGLE:
             if ghosts:
                 raise ValueError(
                     f"ghosts={ghosts!r} are layers of a block: pass comm= to the session, or cut them away"
@@ -223,7 +223,7 @@ class Session:
                 field, parameters, at, existing, on_error, asked, {**place, "nan": nan or self._nan}
             )
         with Blocks(self._ranks, field, ghosts=ghosts, **place) as blocks:
-            rendered: RenderedMember = lead(
+            rendered: RenderedMember = run_on_root(
                 self._ranks,
                 lambda: self._render_member(
                     blocks, parameters, at, existing, on_error, asked, {"nan": nan or self._nan}
@@ -328,7 +328,7 @@ class Session:
         """The renderer of a session that does not wait, unless no member is held."""
         if not held:
             return None
-        if self._ranks is not ALONE:
+        if self._ranks is not SINGLE:
             raise ValueError("background= and comm= can't be had together: every rank renders its own block")
         options = {option.name: getattr(self._options, option.name) for option in dataclasses.fields(self._options)}
         warn = partial(tell, warn=self._warn)

@@ -10,8 +10,8 @@ from catalogs.store.catalog import CatalogPlan, MemberWriter
 from catalogs.vocabulary.appearance import VolumeRendering, field_of, shown_fields
 from insitu.fields.member_fields import MemberFields
 from insitu.members.blank import PictureNote, note_on_pictures
-from insitu.members.rendered import PeakMemory
 from insitu.members.request import MemberRequest
+from insitu.members.result import PeakMemory
 
 
 def write_member(

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from catalogs.store.missing import no_longer_missing, report_missing
-from insitu.members.rendered import RenderedMember
 from insitu.members.request import member_name
+from insitu.members.result import RenderedMember
 
 OnError = Literal["raise", "warn"]
 ON_ERROR = ("raise", "warn")

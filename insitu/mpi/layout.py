@@ -18,7 +18,7 @@ OFF = 0.02  # samples by which a block may lie beside the lattice
 
 
 @dataclass(frozen=True)
-class Extent:
+class BlockExtent:
     """Where a rank's samples lie: how many along (z, y, x), how far apart and where the first is, world units in (x, y, z)."""
 
     shape: Index
@@ -27,7 +27,7 @@ class Extent:
 
 
 @dataclass(frozen=True)
-class Layout:
+class BlockLayout:
     """The grid that blocks fill together, and each rank's box of samples in it, None where it has none."""
 
     whole: Lattice
@@ -43,7 +43,7 @@ class UnevenBlocks(ValueError):
     """Blocks that fill no grid as they are; the text says why."""
 
 
-def layout(extents: Sequence[Extent | None]) -> Layout:
+def layout(extents: Sequence[BlockExtent | None]) -> BlockLayout:
     """The layout of the blocks of all ranks, None of one without.
 
     Neighbours may both have the samples between them, along some axes or all; these belong to the one that begins with them.
@@ -63,11 +63,11 @@ def layout(extents: Sequence[Extent | None]) -> Layout:
     owned: list[Piece | None] = [None] * len(extents)
     for rank, start, stop in zip(ranks, starts, stops, strict=True):
         owned[rank] = Piece(rank, _index(start), _index(stop))
-    return Layout(whole, tuple(owned))
+    return BlockLayout(whole, tuple(owned))
 
 
-def _check_places(ranks: Sequence[int], held: Sequence[Extent]) -> None:
-    known: dict[Extent, int] = {}
+def _check_places(ranks: Sequence[int], held: Sequence[BlockExtent]) -> None:
+    known: dict[BlockExtent, int] = {}
     for rank, extent in zip(ranks, held, strict=True):
         if extent in known:
             x, y, z = extent.shape[::-1]
@@ -78,7 +78,7 @@ def _check_places(ranks: Sequence[int], held: Sequence[Extent]) -> None:
         known[extent] = rank
 
 
-def _common_spacing(ranks: Sequence[int], held: Sequence[Extent]) -> NDArray[np.float64]:
+def _common_spacing(ranks: Sequence[int], held: Sequence[BlockExtent]) -> NDArray[np.float64]:
     spacings = np.array([extent.spacing for extent in held])  # [N, 3]
     other = (np.abs(spacings - spacings[0]) > SAME * spacings[0]).any(axis=1)
     if other.any():
@@ -92,7 +92,7 @@ def _common_spacing(ranks: Sequence[int], held: Sequence[Extent]) -> NDArray[np.
 
 def _indices(
     ranks: Sequence[int],
-    held: Sequence[Extent],
+    held: Sequence[BlockExtent],
     origins: NDArray[np.float64],
     origin: NDArray[np.float64],
     spacing: NDArray[np.float64],

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.mpi.layout import Layout
-from insitu.mpi.ranks import Ranks
+from insitu.mpi.layout import BlockLayout
+from insitu.mpi.ranks import RankGroup
 from render.blocks import ABOVE, BELOW, Block
 from render.grids import Grid, continued
 from render.partition import Index, Piece
 
-Box = tuple[NDArray[np.int64], NDArray[np.int64]]  # first sample and the one after the last, (3,) z, y, x
+IndexBox = tuple[NDArray[np.int64], NDArray[np.int64]]  # first sample and the one after the last, (3,) z, y, x
 MARGIN = 1  # samples more on every side: the values of holes come from neighbours
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class BlockSamples:
     """One field on the samples of one rank.
 
     Attributes
@@ -33,7 +33,7 @@ class Samples:
     holes: NDArray[np.bool_] | None = None
 
 
-def block_of(samples: Samples | None, laid: Layout, ranks: Ranks) -> Block | None:
+def block_of(samples: BlockSamples | None, laid: BlockLayout, ranks: RankGroup) -> Block | None:
     """This rank's block, its neighbours' layers around it; None where it has none.  Collective.
 
     `samples` begin where the rank's box does, and may reach beyond its end.
@@ -57,14 +57,14 @@ def block_of(samples: Samples | None, laid: Layout, ranks: Ranks) -> Block | Non
     return Block(Grid(values, laid.whole.spacing, laid.whole.place(first), hidden), first, mine, laid.whole)
 
 
-def reach(piece: Piece, shape: NDArray[np.int64], margin: int) -> Box:
+def reach(piece: Piece, shape: NDArray[np.int64], margin: int) -> IndexBox:
     """The samples that a block needs: what it owns, and the layers around it, as far as there are any."""
     low = np.maximum(np.array(piece.start) - BELOW - margin, 0)
     return low, np.minimum(np.array(piece.stop) + ABOVE + margin, shape)
 
 
 def _spread(
-    values: NDArray[Any] | None, dtype: np.dtype[Any], laid: Layout, margin: int, ranks: Ranks
+    values: NDArray[Any] | None, dtype: np.dtype[Any], laid: BlockLayout, margin: int, ranks: RankGroup
 ) -> NDArray[Any] | None:
     """The samples in the reach of this rank's block, each from the rank that owns it.  Collective."""
     mine, shape = laid.owned[ranks.number], np.array(laid.whole.shape)
@@ -91,12 +91,12 @@ def _spread(
     return result
 
 
-def _common_box(one: Box, other: Box) -> Box | None:
+def _common_box(one: IndexBox, other: IndexBox) -> IndexBox | None:
     low, high = np.maximum(one[0], other[0]), np.minimum(one[1], other[1])
     return (low, high) if (low < high).all() else None
 
 
-def _window(box: Box, first: NDArray[np.int64]) -> tuple[slice, ...]:
+def _window(box: IndexBox, first: NDArray[np.int64]) -> tuple[slice, ...]:
     """Where a box lies in an array whose first sample is `first`."""
     return tuple(map(slice, (box[0] - first).tolist(), (box[1] - first).tolist()))
 
@@ -107,7 +107,7 @@ def _common(kinds: Sequence[np.dtype[Any]]) -> np.dtype[Any]:
     return np.result_type(*(whole or kinds))
 
 
-def _holes_of(samples: Samples | None) -> NDArray[np.bool_] | None:
+def _holes_of(samples: BlockSamples | None) -> NDArray[np.bool_] | None:
     if samples is None:
         return None
     return np.zeros(samples.values.shape, dtype=bool) if samples.holes is None else samples.holes

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 BUILTIN = (ValueError, TypeError, OSError, MemoryError)  # errors of these types keep them on all ranks
-Result = TypeVar("Result")
+T = TypeVar("T")
 LONGEST_PART = 1 << 30  # bytes sent in one call: some MPI libraries count in 32 bits
 
 
@@ -25,7 +25,7 @@ class RankError(RuntimeError):
     """What went wrong on another rank, where that is none of Python's usual errors."""
 
 
-class Told(Exception):
+class CollectiveError(Exception):
     """An error that every rank knows of; `error` is what its caller is to get."""
 
     def __init__(self, error: Exception) -> None:
@@ -33,7 +33,7 @@ class Told(Exception):
         self.error = error
 
 
-class Ranks(Protocol):
+class RankGroup(Protocol):
     """Processes that call the same things in the same order."""
 
     @property
@@ -45,16 +45,16 @@ class Ranks(Protocol):
         """How many there are."""
 
     def gather(self, value: Any) -> list[Any]:
-        """The values of all ranks, on all of them, in their order.  Raises Told where one of them failed."""
+        """The values of all ranks, on all of them, in their order.  Raises CollectiveError where one of them failed."""
 
     def send(self, parts: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
-        """Bytes for each rank, in their order; returns those from each.  Raises Told where one of them failed."""
+        """Bytes for each rank, in their order; returns those from each.  Raises CollectiveError where one of them failed."""
 
     def fail(self, error: Exception) -> None:
         """Take part in the next exchange with an error."""
 
 
-class Alone:
+class SingleProcess:
     """One process that has the whole field."""
 
     number, size = 0, 1
@@ -71,7 +71,7 @@ class Alone:
         """Nobody else is to know."""
 
 
-ALONE = Alone()
+SINGLE = SingleProcess()
 
 
 class Communicator:
@@ -82,18 +82,18 @@ class Communicator:
         self.number, self.size = int(comm.Get_rank()), int(comm.Get_size())
 
     def gather(self, value: Any) -> list[Any]:
-        """See `Ranks`."""
+        """See `RankGroup`."""
         return self._exchange((None, value))
 
     def fail(self, error: Exception) -> None:
-        """See `Ranks`."""
+        """See `RankGroup`."""
         try:
             self._exchange((_portable(error), None))
-        except Told:
+        except CollectiveError:
             return
 
     def send(self, parts: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
-        """See `Ranks`."""
+        """See `RankGroup`."""
         sizes = [part.size for part in parts]
         table = np.array(self.gather(sizes))  # [size, size], from and to
         received = [np.empty(n, dtype=np.uint8) for n in table[:, self.number]]
@@ -116,17 +116,17 @@ class Communicator:
         messages = self._comm.allgather(message)
         failed = [(rank, error) for rank, (error, _) in enumerate(messages) if error is not None]
         if failed:
-            raise Told(_named(failed, self.size))
+            raise CollectiveError(_named(failed, self.size))
         return [value for _, value in messages]
 
 
-def ranks_of(comm: Any) -> Ranks:
+def ranks_of(comm: Any) -> RankGroup:
     """The ranks of an mpi4py communicator, or of none; raises TypeError or ValueError where it is no such thing.
 
     Those that share cores share them for drawing, too, unless LP_NUM_THREADS says otherwise.
     """
     if comm is None:
-        return ALONE
+        return SINGLE
     ranks = Communicator(comm)
     os.environ.setdefault("LP_NUM_THREADS", str(rendering_threads(ranks)))
     return ranks
@@ -144,7 +144,7 @@ def checked(comm: Any) -> Any:
     return comm
 
 
-def together(ranks: Ranks, work: Callable[[], Result]) -> Result:
+def all_or_none(ranks: RankGroup, work: Callable[[], T]) -> T:
     """What `work` returns on this rank; raises what it raised on one of them on all."""
     try:
         result = work()
@@ -153,20 +153,22 @@ def together(ranks: Ranks, work: Callable[[], Result]) -> Result:
         raise
     try:
         ranks.gather(None)
-    except Told as told:
+    except CollectiveError as told:
         raise told.error from None
     return result
 
 
-def lead(ranks: Ranks, work: Callable[[], Any], commands: Mapping[str, Callable[..., Any]] | None = None) -> Any:
+def run_on_root(
+    ranks: RankGroup, work: Callable[[], Any], commands: Mapping[str, Callable[..., Any]] | None = None
+) -> Any:
     """What `work` returns or raises on rank 0, on every rank; the others meanwhile do the `commands` that it calls.
 
-    `call` sends them.
+    `call_all` sends them.
     """
     if ranks.size == 1:
         return work()
     if ranks.number:
-        return _follow(ranks, commands or {})
+        return _obey_root(ranks, commands or {})
     try:
         result = work()
     except Exception as error:
@@ -176,27 +178,27 @@ def lead(ranks: Ranks, work: Callable[[], Any], commands: Mapping[str, Callable[
     return result
 
 
-def call(ranks: Ranks, commands: Mapping[str, Callable[..., Any]], name: str, *arguments: Any) -> Any:
-    """Let every rank run a command; for rank 0 within `lead`, whose own result is returned.
+def call_all(ranks: RankGroup, commands: Mapping[str, Callable[..., Any]], name: str, *arguments: Any) -> Any:
+    """Let every rank run a command; for rank 0 within `run_on_root`, whose own result is returned.
 
     Raises what one of them raised.
     """
     try:
         ranks.gather((name, arguments))
         return _run(ranks, commands[name], arguments)
-    except Told as told:
+    except CollectiveError as told:
         raise told.error from None
 
 
-def _announce(ranks: Ranks, outcome: str, value: Any) -> None:
+def _announce(ranks: RankGroup, outcome: str, value: Any) -> None:
     """Let the others return.  One that fails just now, when all is decided, is told the same."""
-    with suppress(Told):
+    with suppress(CollectiveError):
         ranks.gather((outcome, value))
         return
     _announce(ranks, outcome, value)
 
 
-def _follow(ranks: Ranks, commands: Mapping[str, Callable[..., Any]]) -> Any:
+def _obey_root(ranks: RankGroup, commands: Mapping[str, Callable[..., Any]]) -> Any:
     while True:
         try:
             name, arguments = ranks.gather(None)[0]
@@ -205,22 +207,22 @@ def _follow(ranks: Ranks, commands: Mapping[str, Callable[..., Any]]) -> Any:
             if name == "raised":
                 raise arguments
             _run(ranks, commands[name], arguments)
-        except Told:  # rank 0 knows, and says what comes of it
+        except CollectiveError:  # rank 0 knows, and says what comes of it
             continue
 
 
-def _run(ranks: Ranks, command: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+def _run(ranks: RankGroup, command: Callable[..., Any], arguments: Sequence[Any]) -> Any:
     """What a command returns; an error of this rank is told to the others."""
     try:
         return command(*arguments)
-    except Told:
+    except CollectiveError:
         raise
     except Exception as error:
         ranks.fail(error)
-        raise Told(_named([(ranks.number, error)], ranks.size)) from error
+        raise CollectiveError(_named([(ranks.number, error)], ranks.size)) from error
 
 
-def rendering_threads(ranks: Ranks) -> int:
+def rendering_threads(ranks: RankGroup) -> int:
     """Cores for each of the ranks that share this one's."""
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
     here = (socket.gethostname(), cores)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.mpi.layout import Extent, Layout
-from insitu.mpi.neighbours import Samples
-from insitu.mpi.ranks import Ranks
+from insitu.mpi.layout import BlockExtent, BlockLayout
+from insitu.mpi.neighbours import BlockSamples
+from insitu.mpi.ranks import RankGroup
 from render.blocks import Lattice
 from render.partition import Index, Piece
 
@@ -32,7 +32,7 @@ class Contribution:
     values: NDArray[np.float64]
 
 
-def common_lattice(extents: Sequence[Extent | None]) -> Lattice:
+def common_lattice(extents: Sequence[BlockExtent | None]) -> Lattice:
     """The lattice over all blocks, as fine as the finest of them along each axis, but for `MOST_SAMPLES`."""
     held = [extent for extent in extents if extent is not None]
     low = np.min([extent.origin for extent in held], axis=0)  # [3] x, y, z
@@ -44,22 +44,22 @@ def common_lattice(extents: Sequence[Extent | None]) -> Lattice:
     return Lattice((z, y, x), (step[0], step[1], step[2]), (origin[0], origin[1], origin[2]))
 
 
-def end(extent: Extent) -> NDArray[np.float64]:
+def end(extent: BlockExtent) -> NDArray[np.float64]:
     """Place (3,), x, y, z, of the last sample."""
     return np.array(extent.origin) + np.array(extent.spacing) * (np.array(extent.shape[::-1]) - 1)
 
 
-def even_layout(whole: Lattice, count: int) -> Layout:
+def even_layout(whole: Lattice, count: int) -> BlockLayout:
     """A box for each of `count` ranks, as even as can be; None for some where there are fewer samples."""
     owned: list[Piece | None] = [None] * count
     for rank, piece in enumerate(_halved(Piece(0, (0, 0, 0), whole.shape), count)):
         owned[rank] = Piece(rank, piece.start, piece.stop)
-    return Layout(whole, tuple(owned))
+    return BlockLayout(whole, tuple(owned))
 
 
 def resampled(
-    samples: Samples | None, extents: Sequence[Extent], laid: Layout, ranks: Ranks
-) -> tuple[Samples | None, int]:
+    samples: BlockSamples | None, extents: Sequence[BlockExtent], laid: BlockLayout, ranks: RankGroup
+) -> tuple[BlockSamples | None, int]:
     """This rank's box of `laid`, trilinear between the samples of all blocks, and how many samples of it none covers.  Collective.
 
     `samples` lie at the first of `extents`, ghost layers included, and are the rank's own within the second.  Of blocks that
@@ -82,11 +82,11 @@ def resampled(
         box = tuple(map(slice, low.tolist(), (low + contribution.values.shape).tolist()))
         merged[box] = np.where(np.isnan(contribution.values), merged[box], contribution.values)
     holes = np.isnan(merged)
-    return Samples(np.where(holes, 0.0, merged), holes if holes.any() else None), int(holes.sum())
+    return BlockSamples(np.where(holes, 0.0, merged), holes if holes.any() else None), int(holes.sum())
 
 
 def _contributions(
-    values: NDArray[np.float64], extents: Sequence[Extent], piece: Piece, whole: Lattice
+    values: NDArray[np.float64], extents: Sequence[BlockExtent], piece: Piece, whole: Lattice
 ) -> Iterator[Contribution]:
     held, own = extents
     for extent, is_own in ((held, False), (own, True)) if held != own else ((own, True),):
@@ -100,7 +100,7 @@ def _contributions(
             yield Contribution((is_own, -float(np.prod(held.spacing))), start, interpolated(values, indices))
 
 
-def _covered(extent: Extent, piece: Piece, whole: Lattice, axis: int) -> tuple[int, int]:
+def _covered(extent: BlockExtent, piece: Piece, whole: Lattice, axis: int) -> tuple[int, int]:
     """First sample of a piece along an axis (0 is z) that lies in an extent, and the one after the last."""
     low, high = extent.origin[2 - axis], end(extent)[2 - axis]
     slack = FACE * extent.spacing[2 - axis]

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.readers.arrays import Arrays, StoredArray, check_room
-from insitu.readers.reader import Reader, Record, Sampling
+from insitu.readers.reader import Reader, Sampling, StoredState
 
 PATIENCE = 60.0  # seconds that the process may take before it answers, and
 SLOWEST = 1e7  # bytes a second after that
@@ -36,7 +36,7 @@ STREAM = ".sst"  # what a stream's contact file is called
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class StreamStep:
     """What arrived of one step: the numbers that it says, and its arrays with three axes, their attributes beside them."""
 
     number: int
@@ -49,12 +49,14 @@ def recognizes(path: Path) -> bool:
     return all((path / name).is_file() for name in ("md.idx", "md.0")) or (path.suffix == ".bp" and path.is_file())
 
 
-def records(path: Path, sampling: Sampling) -> list[Record]:
+def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """Every step, with the single numbers that the file holds of it, its attributes that are numbers, and its number."""
     held = _described(path)
     common = _numbers(held["attributes"])
     steps = range(held["steps"])
-    return [Record((i,), {**common, **{n: v[i] for n, v in held["single"].items()}, "step": float(i)}) for i in steps]
+    return [
+        StoredState((i,), {**common, **{n: v[i] for n, v in held["single"].items()}, "step": float(i)}) for i in steps
+    ]
 
 
 @contextmanager
@@ -73,7 +75,7 @@ def opens(path: Path) -> Iterator[Arrays]:
     yield Arrays(arrays, {"": held["attributes"]})
 
 
-def follow(path: Path, names: tuple[str, ...] = (), idle: float | None = None) -> Iterator[Step]:
+def follow(path: Path, names: tuple[str, ...] = (), idle: float | None = None) -> Iterator[StreamStep]:
     """The steps of a BP file that is being written, or of an SST stream (`name.sst`), as they arrive.
 
     Parameters
@@ -94,7 +96,7 @@ def follow(path: Path, names: tuple[str, ...] = (), idle: float | None = None) -
                 for about in held["arrays"]
             }
             says = {**_numbers(attributes), **held["single"], "step": float(held["step"])}
-            yield Step(held["step"], says, Arrays(arrays, {"": attributes}))
+            yield StreamStep(held["step"], says, Arrays(arrays, {"": attributes}))
 
 
 def _arrived(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -> StoredArray:

@@ -15,19 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.fields.field import Field
-from insitu.readers.amrex_header import Level, Plotfile, is_plotfile, read_plotfile, read_summary
+from insitu.readers.amrex_header import Plotfile, RefinementLevel, is_plotfile, read_plotfile, read_summary
 from insitu.readers.arrays import check_room
-from insitu.readers.reader import Reader, Record, Sampling, chosen_array
+from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
 SLAB = 1 << 26  # bytes of double precision that yt merges at a time
 SCALE_FACTOR = "comoving_a"  # Nyx's file of the cosmological scale factor
 YT = "reading AMReX plotfiles takes yt: pip install 'gs-surrogate[amrex]'"
 
 
-def records(path: Path, sampling: Sampling) -> list[Record]:
+def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The one state in a plotfile: its redshift, where the job says it, and its time."""
     time, factor = read_summary(path).time, path / SCALE_FACTOR
-    return [Record((), {**({"redshift": _redshift(factor)} if factor.is_file() else {}), "time": time})]
+    return [StoredState((), {**({"redshift": _redshift(factor)} if factor.is_file() else {}), "time": time})]
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field:
@@ -90,7 +90,7 @@ def _merge(
     gc.collect()  # yt's data sets refer to themselves, and would pile up
 
 
-def _thickness(level: Level, factor: int) -> int:
+def _thickness(level: RefinementLevel, factor: int) -> int:
     """Cells along z that are merged at a time, at least 2: whole boxes, so that each is read once, if memory allows."""
     nx, ny, nz = level.counts
     boxes, room = int((level.boxes[:, 1, 2] - level.boxes[:, 0, 2] + 1).max()), SLAB // (8 * nx * ny)

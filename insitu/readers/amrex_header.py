@@ -28,7 +28,7 @@ IEEE = {"64 11 52 0 1 12 0 1023": 8, "32 8 23 0 1 9 0 127": 4}  # bytes of a num
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class RefinementLevel:
     """A level of refinement.
 
     Attributes
@@ -58,7 +58,7 @@ class Plotfile:
     time: float
     low: tuple[float, ...]
     high: tuple[float, ...]
-    levels: tuple[Level, ...]
+    levels: tuple[RefinementLevel, ...]
     kind: np.dtype[np.floating]
 
 
@@ -140,7 +140,7 @@ def read_plotfile(path: Path) -> Plotfile:
         boxes, places = _boxes(path, number, count, len(summary.names))
         _check_inside(boxes, low, counts, number)
         kinds |= _kinds(path, number, boxes, places, len(summary.names))
-        levels.append(Level(low, counts, boxes))
+        levels.append(RefinementLevel(low, counts, boxes))
     _check_full(levels[0])
     if len(kinds) > 1:
         raise ValueError(f"its boxes hold numbers of several kinds, {sorted(str(kind) for kind in kinds)}")
@@ -211,7 +211,7 @@ def _check_inside(boxes: NDArray[np.int64], low: Sequence[int], counts: Sequence
         raise ValueError(f"Level_{number}/Cell_H: box {first}, {boxes[first].tolist()}, is empty or leaves the domain")
 
 
-def _check_full(level: Level) -> None:
+def _check_full(level: RefinementLevel) -> None:
     """Raise ValueError unless the boxes of the coarsest level fill its domain, each cell once."""
     edges = [np.unique(np.concatenate([level.boxes[:, 0, a], level.boxes[:, 1, a] + 1])) for a in range(3)]
     cells = int(np.prod(level.boxes[:, 1] - level.boxes[:, 0] + 1, axis=1).sum())

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
-from insitu.readers.packed import unpacked
-from insitu.readers.printed import PrintedAxis, joined_axis
-from insitu.readers.reader import Reader, Record, Sampling, chosen_array
+from insitu.readers.gzip_files import unpacked
+from insitu.readers.printed_axis import PrintedAxis, joined_axis
+from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
 NAME = re.compile(r"(?P<stem>.+)\.(?P<chunk>\d+)\.(?P<step>\d+)(?P<ending>\.vtk(\.gz)?)")
 LINE = 1 << 10  # bytes: longer lines are none of CloverLeaf's
@@ -70,10 +70,10 @@ def files(path: Path) -> list[Path]:
     return [path.with_name(found.string) for found in sorted(same, key=lambda found: int(found["chunk"]))] or [path]
 
 
-def records(path: Path, sampling: Sampling) -> list[Record]:
+def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The one state in a step's files, which do not know their time."""
     step = _step(path)
-    return [Record((), {} if step < 0 else {"step": float(step)})]
+    return [StoredState((), {} if step < 0 else {"step": float(step)})]
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field | LabelledArray:

@@ -18,11 +18,11 @@ from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, ope
 from insitu.readers.attributes import wanted_array
 from insitu.readers.codes import reader_of
 from insitu.readers.folders import is_folder_file
-from insitu.readers.packed import unpacked
-from insitu.readers.placing import placed_field
+from insitu.readers.gzip_files import unpacked
+from insitu.readers.placement import placed_field
 from insitu.readers.reader import Reader, Sampling
 from render.datasets import to_grid
-from render.labelled import axis_order
+from render.xarray_fields import axis_order
 
 if TYPE_CHECKING:
     from render.grids import Grid

@@ -30,7 +30,7 @@ from insitu.readers.attributes import (
     table_of,
     wanted_array,
 )
-from render.labelled import NAMES
+from render.xarray_fields import NAMES
 
 FIELD = "field"  # what our own layout calls its fields, parameters and splits
 TABLES = ("params", "parameters", "param", "theta", "inputs", "design", "samples")
@@ -50,7 +50,7 @@ NO_PARAMETERS = {
 
 
 @dataclass(frozen=True)
-class Mapped:
+class FileMapping:
     """What the user says of a file; what is left empty is found.
 
     Attributes
@@ -70,7 +70,7 @@ class Mapped:
 
 
 @dataclass(frozen=True)
-class Place:
+class MemberPlace:
     """Where a member's fields lie: in arrays below a group (`prefix` ends with "/", or is an array's name), at an index."""
 
     prefix: str = ""
@@ -78,14 +78,14 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class EnsembleLayout:
     """What was found: arrays of fields, and by member their place and parameters [M, P].
 
     `units` are "" where unknown; `columns` is the array that holds all parameters, where there is one.
     """
 
     fields: tuple[str, ...]
-    places: tuple[Place, ...]
+    places: tuple[MemberPlace, ...]
     names: tuple[str, ...]
     values: NDArray[np.float64]  # [M, P]
     units: tuple[str, ...] = ()
@@ -102,7 +102,7 @@ class Layout:
         return bool(prefix) and not prefix.endswith("/")
 
 
-def find_layout(arrays: Arrays, mapped: Mapped) -> Layout:
+def find_layout(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout:
     """The layout of a file; raises ValueError asking, in one sentence, for what is missing, with a list of what is there."""
     wanted = [held for name in mapped.fields if (held := wanted_array(arrays, name)) is not None]
     if not mapped.fields and FIELD in arrays.arrays:
@@ -133,7 +133,7 @@ def find_layout(arrays: Arrays, mapped: Mapped) -> Layout:
 # ---- one array for all members ---------------------------------------------------------------------------------------
 
 
-def _stacked(arrays: Arrays, mapped: Mapped, fields: Sequence[StoredArray]) -> Layout:
+def _stacked(arrays: Arrays, mapped: FileMapping, fields: Sequence[StoredArray]) -> EnsembleLayout:
     leads = {a.shape[:-3] for a in fields}
     if len(leads) > 1:
         raise ValueError(f"the fields' members must agree, got {', '.join(map(repr, fields))}")
@@ -141,7 +141,7 @@ def _stacked(arrays: Arrays, mapped: Mapped, fields: Sequence[StoredArray]) -> L
     if flat:
         raise ValueError(f"a volume needs at least 2 values along every axis, {flat[0].name!r} is {flat[0].shape}")
     lead = fields[0].shape[:-3]
-    places = tuple(Place(index=index) for index in itertools.product(*map(range, lead)))
+    places = tuple(MemberPlace(index=index) for index in itertools.product(*map(range, lead)))
     if not places:
         raise ValueError(f"{fields[0]!r} has no members")
     names = tuple(a.name for a in fields)
@@ -151,19 +151,19 @@ def _stacked(arrays: Arrays, mapped: Mapped, fields: Sequence[StoredArray]) -> L
             values, own = table_of(columns)
             told = tuple(mapped.names) or own or column_names(arrays, columns, values.shape[1], fields)
             units = tuple(mapped.units) or column_units(arrays, columns, values.shape[1], fields)
-            return Layout(names, places, told, values, units, columns)
+            return EnsembleLayout(names, places, told, values, units, columns)
         if single:
             values = np.stack([numbers_of(a) for a in single], axis=1)  # [M, P]
-            return Layout(names, places, *_renamed(mapped, single), values, _own_units(mapped, single))
+            return EnsembleLayout(names, places, *_renamed(mapped, single), values, _own_units(mapped, single))
     axes = _lead_coordinates(arrays, mapped, fields[0])
     along = [array for axis in axes for array in axis]
     grid = np.indices(lead).reshape(len(lead), -1)  # [axes, M]
     values = np.stack([numbers_of(a)[grid[i]] for i, axis in enumerate(axes) for a in axis], axis=1)  # [M, P]
-    return Layout(names, places, *_renamed(mapped, along), values, _own_units(mapped, along))
+    return EnsembleLayout(names, places, *_renamed(mapped, along), values, _own_units(mapped, along))
 
 
 def _columns(
-    arrays: Arrays, mapped: Mapped, count: int, field: StoredArray
+    arrays: Arrays, mapped: FileMapping, count: int, field: StoredArray
 ) -> tuple[StoredArray | None, list[StoredArray]]:
     """The one array that holds all parameters of `count` members, or the arrays of one each."""
     if mapped.parameters:
@@ -213,7 +213,7 @@ def _along_members(array: StoredArray, field: StoredArray) -> bool:
     )
 
 
-def _lead_coordinates(arrays: Arrays, mapped: Mapped, field: StoredArray) -> list[list[StoredArray]]:
+def _lead_coordinates(arrays: Arrays, mapped: FileMapping, field: StoredArray) -> list[list[StoredArray]]:
     """The parameters along each of the first axes: its coordinate, or the arrays that say more of a member than its number."""
     found = []
     for number, (dim, size) in enumerate(zip(field.dims, field.shape[:-3], strict=False)):
@@ -234,7 +234,7 @@ def _lead_coordinates(arrays: Arrays, mapped: Mapped, field: StoredArray) -> lis
     return found
 
 
-def _renamed(mapped: Mapped, arrays: Sequence[StoredArray]) -> tuple[tuple[str, ...]]:
+def _renamed(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[tuple[str, ...]]:
     if mapped.names and len(mapped.names) != len(arrays):
         raise ValueError(
             f"--names must name the {len(arrays)} parameters {[a.name for a in arrays]}, got {list(mapped.names)}"
@@ -242,14 +242,14 @@ def _renamed(mapped: Mapped, arrays: Sequence[StoredArray]) -> tuple[tuple[str, 
     return (tuple(mapped.names) or tuple(a.stem for a in arrays),)
 
 
-def _own_units(mapped: Mapped, arrays: Sequence[StoredArray]) -> tuple[str, ...]:
+def _own_units(mapped: FileMapping, arrays: Sequence[StoredArray]) -> tuple[str, ...]:
     return tuple(mapped.units) or tuple(as_text(a.attrs.get("units", a.attrs.get("unit", ""))) for a in arrays)
 
 
 # ---- an array or a group for each member -----------------------------------------------------------------------------
 
 
-def _separate(arrays: Arrays, mapped: Mapped) -> Layout | None:
+def _separate(arrays: Arrays, mapped: FileMapping) -> EnsembleLayout | None:
     """The layout where members lie apart; None where no array could be one's field."""
     volumes = [a for a in arrays.arrays.values() if a.is_real and len(a.shape) == 3 and min(a.shape) >= 2]
     groups: dict[str, list[StoredArray]] = {}
@@ -267,7 +267,7 @@ def _separate(arrays: Arrays, mapped: Mapped) -> Layout | None:
         if len(fields) > 1 and not mapped.fields:
             raise asking(arrays, [f"--array, which of {list(fields)} is the field"])
         members = sorted(groups, key=_natural)
-        places = tuple(Place(f"{group}/") for group in members)
+        places = tuple(MemberPlace(f"{group}/") for group in members)
         of = [
             {**arrays.attrs.get(g, {}), **_single_values(arrays, g), **_only(groups[g], fields[0]).attrs}
             for g in members
@@ -276,12 +276,14 @@ def _separate(arrays: Arrays, mapped: Mapped) -> Layout | None:
         chosen = sorted(volumes, key=lambda a: _natural(a.name))
         if mapped.fields:
             return None
-        fields, places = ("field",), tuple(Place(a.name) for a in chosen)
+        fields, places = ("field",), tuple(MemberPlace(a.name) for a in chosen)
         members, of = [a.name for a in chosen], [dict(a.attrs) for a in chosen]
     else:
         return None
     names, values = _parameters_of(arrays, mapped, members, of)
-    return Layout(fields, places, tuple(mapped.names) or names, values, tuple(mapped.units) or ("",) * len(names))
+    return EnsembleLayout(
+        fields, places, tuple(mapped.names) or names, values, tuple(mapped.units) or ("",) * len(names)
+    )
 
 
 def _only(held: Sequence[StoredArray], stem: str) -> StoredArray:
@@ -295,7 +297,7 @@ def _single_values(arrays: Arrays, group: str) -> dict[str, Any]:
 
 
 def _parameters_of(
-    arrays: Arrays, mapped: Mapped, members: Sequence[str], of: Sequence[Mapping[str, Any]]
+    arrays: Arrays, mapped: FileMapping, members: Sequence[str], of: Sequence[Mapping[str, Any]]
 ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     """The attributes that are numbers of every member and differ between some; else the rows of a table."""
     numbers = [{k: v for k, v in attrs.items() if _is_number(v)} for attrs in of]

@@ -21,8 +21,8 @@ from insitu.fields.field import Field
 from insitu.readers.arrays import Arrays, StoredArray, check_room, open_arrays
 from insitu.readers.attributes import as_text
 from insitu.readers.netcdf import NETCDF4, is_classic, open_classic, read_header
-from insitu.readers.reader import Reader, Record, Sampling, chosen_array
-from insitu.readers.voronoi import Located, VoronoiMesh, locate, on_sphere, spacing_of
+from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
+from insitu.readers.voronoi import PointLocations, VoronoiMesh, locate, on_sphere, spacing_of
 
 CELLS, LAYERS, TIME = "nCells", "nVertLevels", "Time"
 MOST_SAMPLES = 512  # along an axis, where no resolution is stated
@@ -33,7 +33,7 @@ MOMENT = re.compile(r"(\d{4,})-(\d\d)-(\d\d)(?:_(\d\d):(\d\d):(\d\d))?")
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class HorizontalGrid:
     """The horizontal points of a grid: `points` [ny * nx, D] as the mesh has them, `spacing` and `origin` (x, y) in world units."""
 
     shape: tuple[int, int]  # ny, nx
@@ -57,16 +57,16 @@ def recognizes(path: Path) -> bool:
         return False
 
 
-def records(path: Path, sampling: Sampling) -> list[Record]:
+def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The times in a file: `time`, days since the simulation's start where the file says it, else since the year 1."""
     with _opened(path) as arrays:
         held, start = arrays.arrays.get("xtime"), arrays.arrays.get("simulationStartTime")
         if held is None or held.dims[0] != TIME:
             count = max((a.shape[0] for a in arrays.arrays.values() if _is_field(a) and a.dims[0] == TIME), default=1)
-            return [Record((i,), {}) for i in range(count)]
+            return [StoredState((i,), {}) for i in range(count)]
         begin = SINCE if start is None else _words(start)[0]
         calendar = as_text(arrays.attrs[""].get("config_calendar_type", "noleap")).strip().removeprefix("gregorian_")
-        return [Record((i,), {"time": _days(word, begin, calendar)}) for i, word in enumerate(_words(held))]
+        return [StoredState((i,), {"time": _days(word, begin, calendar)}) for i, word in enumerate(_words(held))]
 
 
 def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling) -> Field:
@@ -98,7 +98,9 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
     return _gridded(values, located, plane, sampling, name, as_text(field.attrs.get("units", "")).strip())
 
 
-def _gridded(values: NDArray[Any], located: Located, plane: Plane, sampling: Sampling, name: str, unit: str) -> Field:
+def _gridded(
+    values: NDArray[Any], located: PointLocations, plane: HorizontalGrid, sampling: Sampling, name: str, unit: str
+) -> Field:
     layers = values.shape[1]
     found = np.empty((layers, *plane.shape), dtype=values.dtype)  # [layer, ny, nx], from the bottom up
     for layer in range(layers):
@@ -211,7 +213,7 @@ def _active(arrays: Arrays, cells: int, layers: int) -> NDArray[np.bool_]:
     return found
 
 
-def _plane(mesh: VoronoiMesh, scale: float, sampling: Sampling, layers: int) -> Plane:
+def _plane(mesh: VoronoiMesh, scale: float, sampling: Sampling, layers: int) -> HorizontalGrid:
     """The horizontal points: over the whole mesh, as far apart as its cells, or as many as are asked for."""
     low, high = _extent(mesh)
     if sampling.resolution is None:
@@ -226,7 +228,7 @@ def _plane(mesh: VoronoiMesh, scale: float, sampling: Sampling, layers: int) -> 
     across, up = np.meshgrid(x, y)  # [ny, nx]
     points = on_sphere(across, up) if mesh.is_sphere else np.stack([across, up], axis=-1)
     spacing, origin = scale * steps, scale * (low + steps / 2)
-    return Plane(
+    return HorizontalGrid(
         (len(y), len(x)),
         points.reshape(-1, points.shape[-1]),
         (float(spacing[0]), float(spacing[1])),

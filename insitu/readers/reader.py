@@ -46,7 +46,7 @@ class Sampling:
 
 
 @dataclass(frozen=True)
-class Record:
+class StoredState:
     """One state of the simulation in a file: where it lies there, and the numbers that the file says of it, by name.
 
     Of numbers that tell states apart equally well, such as redshift and time, the first is the parameter.
@@ -78,7 +78,7 @@ class Reader:
     name: str
     what: str
     recognizes: Callable[[Path], bool]
-    records: Callable[[Path, Sampling], Sequence[Record]]
+    records: Callable[[Path, Sampling], Sequence[StoredState]]
     read: Callable[[Path, str | None, tuple[int, ...], Sampling], Any] | None = None
     opens: Callable[[Path], AbstractContextManager[Arrays]] | None = None
     files: Callable[[Path], Sequence[Path]] = lambda path: (path,)

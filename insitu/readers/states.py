@@ -11,8 +11,8 @@ from catalogs.vocabulary.words import shortened
 from insitu.readers.codes import listed_readers, reader_of
 from insitu.readers.files import is_field_file
 from insitu.readers.folders import files_below, is_folder_file
-from insitu.readers.reader import Reader, Record, Sampling
-from insitu.readers.tables import Row, Table, distinct
+from insitu.readers.reader import Reader, Sampling, StoredState
+from insitu.readers.tables import MemberTable, TableRow, distinct
 
 LOOKED_AT = 16  # files, spread over all, that show of which code they are
 SAME = 1e-9  # relative deviation at which a number of a table still names the state of a file
@@ -37,12 +37,12 @@ def dumps_below(folder: Path, name: str = "") -> list[Path]:
     return next(iter(found.values()))
 
 
-def table_of_files(paths: Sequence[Path]) -> Table:
+def table_of_files(paths: Sequence[Path]) -> MemberTable:
     """Files that nothing but their contents tells apart; raises FileNotFoundError naming those that are absent."""
     absent = [str(path) for path in paths if not is_field_file(path)]
     if absent:
         raise FileNotFoundError(f"there is no file {shortened(absent, 10)}")
-    return Table(tuple(Row(path, {}) for path in paths), {})
+    return MemberTable(tuple(TableRow(path, {}) for path in paths), {})
 
 
 def no_ensemble(source: str) -> ValueError:
@@ -65,8 +65,8 @@ def reader_for(paths: Sequence[Path], name: str = "") -> Reader | None:
 
 
 def members_of(
-    listed: Callable[[bool], Table], name: str, sampling: Sampling, wanted: Sequence[str] = ()
-) -> tuple[Table, str]:
+    listed: Callable[[bool], MemberTable], name: str, sampling: Sampling, wanted: Sequence[str] = ()
+) -> tuple[MemberTable, str]:
     """The members of files, and the name of the code that wrote them, "" where none did.
 
     `listed` gives the files with what a table or a pattern says of them: all of it (False), or what the files leave open (True).
@@ -78,7 +78,7 @@ def members_of(
     return with_states(found, reader, sampling, wanted), reader.name
 
 
-def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequence[str] = ()) -> Table:
+def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: Sequence[str] = ()) -> MemberTable:
     """The members of a table, one for each state that its files hold.
 
     Parameters
@@ -90,7 +90,7 @@ def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequen
     What a row says of a file with several states, and the file says of each another, chooses among these; else the row holds.
     Raises ValueError naming the file.
     """
-    rows: list[Row] = []
+    rows: list[TableRow] = []
     told: list[Mapping[str, float]] = []
     seen: set[tuple[object, ...]] = set()
     firsts: dict[Path, Path] = {}  # of every file that belongs to another's
@@ -110,17 +110,17 @@ def with_states(table: Table, reader: Reader, sampling: Sampling, wanted: Sequen
         for row, says in zip(rows, told, strict=True)
     ]
     named = [replace(row, name="") if _is_shared(row, held) else row for row in held]
-    return Table(distinct(named), {**reader.units, **table.units})
+    return MemberTable(distinct(named), {**reader.units, **table.units})
 
 
-def states_of(row: Row, name: str, sampling: Sampling, wanted: Sequence[str]) -> list[Row]:
+def states_of(row: TableRow, name: str, sampling: Sampling, wanted: Sequence[str]) -> list[TableRow]:
     """The members that a file holds, with the parameters `wanted`; `name` says of which code it is, if that can't be seen.
 
     Raises ValueError where it says too little, or can't be read yet.
     """
     reader = reader_of(row.path, name)
     if reader is not None:
-        return list(with_states(Table((row,), {}), reader, sampling, wanted).rows)
+        return list(with_states(MemberTable((row,), {}), reader, sampling, wanted).rows)
     lacking = [parameter for parameter in wanted if parameter not in row.parameters]
     if lacking:
         raise ValueError(
@@ -145,7 +145,7 @@ def _first_files(path: Path, reader: Reader) -> dict[Path, Path]:
     return dict.fromkeys([path, *parts], parts[0] if parts else path)
 
 
-def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sampling) -> list[Record]:
+def _states(path: Path, given: Mapping[str, float], reader: Reader, sampling: Sampling) -> list[StoredState]:
     """The states of a file that a row means."""
     try:
         found = list(reader.records(path, sampling))
@@ -166,7 +166,7 @@ def _is_same(said: float | None, given: float) -> bool:
     return said is None or math.isclose(said, given, rel_tol=SAME)
 
 
-def _chosen(rows: Sequence[Row], told: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:
+def _chosen(rows: Sequence[TableRow], told: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:
     """The names of the parameters."""
     own = tuple(rows[0].parameters)
     common = [name for name in told[0] if name not in own and all(name in says for says in told)]
@@ -197,6 +197,6 @@ def _is_as_telling(column: Sequence[float], other: Sequence[float]) -> bool:
     return len(set(zip(column, other, strict=True))) == len(set(column)) == len(set(other))
 
 
-def _is_shared(row: Row, rows: Sequence[Row]) -> bool:
+def _is_shared(row: TableRow, rows: Sequence[TableRow]) -> bool:
     """Whether several states have the name that their file has in a table."""
     return bool(row.name) and sum(other.name == row.name for other in rows) > 1

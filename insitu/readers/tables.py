@@ -34,7 +34,7 @@ LARGEST_TABLE = 1 << 28  # bytes
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A member: its file, its parameters by name, what the table says of it besides ("" where nothing), and the index of its state
     in a file that holds several.
     """
@@ -47,10 +47,10 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class MemberTable:
     """Members with files of their own; `units` by parameter, where they are known."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     units: Mapping[str, str]
 
     @property
@@ -58,13 +58,13 @@ class Table:
         """The parameters, in the table's order."""
         return tuple(self.rows[0].parameters)
 
-    def only(self, names: Sequence[str]) -> Table:
+    def only(self, names: Sequence[str]) -> MemberTable:
         """The same members with some of their parameters, all where none is named; raises ValueError for others."""
         unknown = [name for name in names if name not in self.names]
         if unknown:
             raise ValueError(f"--parameters {unknown} are none of {list(self.names)}")
         rows = [replace(row, parameters={n: row.parameters[n] for n in names or self.names}) for row in self.rows]
-        return Table(distinct(rows), self.units)
+        return MemberTable(distinct(rows), self.units)
 
 
 def is_pattern(text: str) -> bool:
@@ -72,7 +72,7 @@ def is_pattern(text: str) -> bool:
     return NAMED_GROUP in text or bool(re.search(r"\{\w*\}|\*", text))
 
 
-def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, told: bool = False) -> Table:
+def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, told: bool = False) -> MemberTable:
     """The members of a CSV table; `parameters` names the columns that are, by default all but path, split and name.
 
     `told`: the files say what else tells members apart, so that rows may be alike, and parameters be no columns.
@@ -94,7 +94,7 @@ def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, 
     return table
 
 
-def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> Table:
+def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> MemberTable:
     first = text.partition("\n")[0]
     delimiter = max(",;\t", key=first.count)
     lines = list(csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True))
@@ -124,14 +124,16 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> Table
         by_lower = {name.lower(): cell for name, cell in held.items()}
         values = {name: _number(held[name], f"line {number}, column {name!r}") for name in wanted or other}
         rows.append(
-            Row(
+            TableRow(
                 folder / held[names[column]],
                 values,
                 _split(by_lower.get("split", ""), number),
                 by_lower.get("name", ""),
             )
         )
-    return Table(distinct(rows) if not told else tuple(rows), {n: units[n] for n in wanted or other if n in units})
+    return MemberTable(
+        distinct(rows) if not told else tuple(rows), {n: units[n] for n in wanted or other if n in units}
+    )
 
 
 def _number(text: str, what: str) -> float:
@@ -151,7 +153,7 @@ def _split(text: str, line: int) -> str:
     return split
 
 
-def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> Table:
+def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> MemberTable:
     """The files below `folder` whose paths match a pattern, in the order of their paths.
 
     `told` as in `read_table`.  Raises ValueError where the pattern names no parameter or matches nothing.
@@ -159,7 +161,7 @@ def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, told: boo
     found = matching(pattern, folder, told=told)
     if not found:
         raise ValueError(f"no file below {Path(folder).resolve()} matches the pattern {pattern!r}")
-    return Table(tuple(found) if told else distinct(found), {})
+    return MemberTable(tuple(found) if told else distinct(found), {})
 
 
 def pattern_names(pattern: str, *, told: bool = False) -> tuple[str, ...]:
@@ -170,7 +172,7 @@ def pattern_names(pattern: str, *, told: bool = False) -> tuple[str, ...]:
     return tuple(expression.groupindex)
 
 
-def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> list[Row]:
+def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> list[TableRow]:
     """The files of now that match, maybe none; raises ValueError for a wrong pattern."""
     pattern_names(pattern, told=told)
     base, expression = _split_pattern(pattern, Path(folder))
@@ -178,7 +180,7 @@ def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool =
     for path in files_below(base):
         if match := expression.fullmatch(path.relative_to(base).as_posix()):
             values = {name: _number(text, f"{path}: {name}") for name, text in match.groupdict().items()}
-            rows.append(Row(path, values))
+            rows.append(TableRow(path, values))
     return rows
 
 
@@ -212,7 +214,7 @@ def _split_pattern(pattern: str, folder: Path) -> tuple[Path, re.Pattern[str]]:
     return base, re.compile(expression + re.escape(rest[end:]))
 
 
-def distinct(rows: Sequence[Row]) -> tuple[Row, ...]:
+def distinct(rows: Sequence[TableRow]) -> tuple[TableRow, ...]:
     """The rows; raises ValueError where there are none, or two have the same parameters, file or name."""
     if not rows:
         raise ValueError("it names no file")
@@ -221,7 +223,7 @@ def distinct(rows: Sequence[Row]) -> tuple[Row, ...]:
         ("file", lambda row: (os.path.normpath(row.path), row.index)),
         ("name", lambda row: row.name or (row.path, row.index)),
     ):
-        seen: dict[object, Row] = {}
+        seen: dict[object, TableRow] = {}
         for row in rows:
             if (other := seen.setdefault(key(row), row)) is not row:
                 raise ValueError(

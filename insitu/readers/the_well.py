@@ -22,7 +22,7 @@ import numpy as np
 
 from insitu.readers.arrays import HDF5, Arrays, StoredArray, check_room, open_arrays
 from insitu.readers.attributes import as_text
-from insitu.readers.reader import Reader, Record, Sampling
+from insitu.readers.reader import Reader, Sampling, StoredState
 
 ORDERS = ("t0_fields", "t1_fields", "t2_fields")
 TRAJECTORY, STEP = "trajectory", "step"
@@ -39,7 +39,7 @@ def recognizes(path: Path) -> bool:
         return False
 
 
-def records(path: Path, sampling: Sampling) -> list[Record]:
+def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """Every step of every trajectory, with the file's parameters, the trajectory's own numbers, its number, and the time."""
     with _checked(path) as held:
         trajectories, steps, time = _counts(held)
@@ -52,7 +52,7 @@ def records(path: Path, sampling: Sampling) -> list[Record]:
         found = []
         for t in range(trajectories):
             says = {**common, **{name: float(values[t]) for name, values in own.items()}, TRAJECTORY: float(t)}
-            found += [Record((t, s), {**says, "time": float(times[t, s])}) for s in range(steps)]
+            found += [StoredState((t, s), {**says, "time": float(times[t, s])}) for s in range(steps)]
         return found
 
 

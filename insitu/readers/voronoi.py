@@ -45,7 +45,7 @@ class VoronoiMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Located:
+class PointLocations:
     """Where points lie in a mesh.
 
     Attributes
@@ -85,7 +85,7 @@ def spacing_of(mesh: VoronoiMesh) -> float:
     return float(np.median(distances[:, 1]))
 
 
-def locate(mesh: VoronoiMesh, points: NDArray[np.float64], linear: bool) -> Located:
+def locate(mesh: VoronoiMesh, points: NDArray[np.float64], linear: bool) -> PointLocations:
     """Where `points` [N, D] lie; triangles are only looked for where `linear`."""
     tree, count = _tree(mesh), len(points)
     cells, corners, weights = np.full(count, -1), np.full((count, 3), -1), np.zeros((count, 3))
@@ -98,7 +98,7 @@ def locate(mesh: VoronoiMesh, points: NDArray[np.float64], linear: bool) -> Loca
         for near in nearest.T if linear else ():
             lacking = begin + np.flatnonzero(inside & (corners[part, 0] < 0))
             corners[lacking], weights[lacking] = _triangles(mesh, near[lacking - begin], points[lacking])
-    return Located(cells, corners, weights)
+    return PointLocations(cells, corners, weights)
 
 
 def _tree(mesh: VoronoiMesh) -> Any:

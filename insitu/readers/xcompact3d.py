@@ -20,8 +20,8 @@ import numpy as np
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
-from insitu.readers.printed import PrintedAxis
-from insitu.readers.reader import Reader, Record, Sampling, chosen_array
+from insitu.readers.printed_axis import PrintedAxis
+from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
 SUFFIXES = {".xdmf", ".xmf"}
 LARGEST = 1 << 26  # bytes of an XDMF file
@@ -67,14 +67,14 @@ def recognizes(path: Path) -> bool:
     return all(mark.search(text) for mark in MARKS)
 
 
-def records(path: Path, sampling: Sampling) -> list[Record]:
+def records(path: Path, sampling: Sampling) -> list[StoredState]:
     """The snapshots of a file: their times, or else their numbers."""
     found = []
     for number, snapshot in enumerate(_snapshots(path)):
         word = snapshot.name.strip()
         says = {} if snapshot.time is None else {"time": snapshot.time}
         found.append(
-            Record((number,), {**says, **({"snapshot": float(word)} if word.isdigit() and len(word) < 16 else {})})
+            StoredState((number,), {**says, **({"snapshot": float(word)} if word.isdigit() and len(word) < 16 else {})})
         )
     return found
 

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from insitu.simulations.runge_kutta import Modes, State, last_of
+from insitu.simulations.runge_kutta import FlowState, Modes, last_of
 from insitu.simulations.runge_kutta import steps as runge_kutta_steps
 
 
@@ -54,7 +54,7 @@ class PeriodicBox:
     def spacing(self) -> float:
         return 2.0 * np.pi / self.resolution
 
-    def initial(self, velocity: ArrayLike) -> State:
+    def initial(self, velocity: ArrayLike) -> FlowState:
         """The state at time 0 of `velocity` (d, [z,] y, x), freed of divergence and of modes beyond the 2/3 rule."""
         velocity = np.asarray(velocity, dtype=self.dtype)
         expected = (self.dimension,) + (self.resolution,) * self.dimension
@@ -62,49 +62,49 @@ class PeriodicBox:
             raise ValueError(f"the initial velocity must be finite and of shape {expected}, got {velocity.shape}")
         modes = self._forward(velocity)
         self._project(modes)
-        return State(0.0, modes)
+        return FlowState(0.0, modes)
 
-    def steps(self, state: State, until: float) -> Iterator[State]:
+    def steps(self, state: FlowState, until: float) -> Iterator[FlowState]:
         """States after each time step, the last one at exactly `until`."""
         return runge_kutta_steps(
             state, until, tendency=self._tendency, decay=self._decay, step_limit=self.cfl * self.spacing
         )
 
-    def advance(self, state: State, *, until: float) -> State:
+    def advance(self, state: FlowState, *, until: float) -> FlowState:
         """The state at time `until`."""
         return last_of(self.steps(state, until), state)
 
-    def velocity(self, state: State) -> NDArray[Any]:
+    def velocity(self, state: FlowState) -> NDArray[Any]:
         """Velocity (d, [z,] y, x) on the grid points 2π i / n."""
         return self._inverse(state.modes)
 
-    def gradient(self, state: State) -> NDArray[Any]:
+    def gradient(self, state: FlowState) -> NDArray[Any]:
         """∂_i u_j as (i, j, [z,] y, x)."""
         return np.stack([self._inverse(1j * k * state.modes) for k in self._wavenumbers])
 
-    def vorticity(self, state: State) -> NDArray[Any]:
+    def vorticity(self, state: FlowState) -> NDArray[Any]:
         """∇ x u (3, z, y, x) of a flow in three dimensions."""
         gradient = self.gradient(state)  # [i, j, z, y, x]
         return np.stack([gradient[i, j] - gradient[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
 
-    def q_criterion(self, state: State) -> NDArray[Any]:
+    def q_criterion(self, state: FlowState) -> NDArray[Any]:
         """Q = -1/2 ∂_i u_j ∂_j u_i ([z,] y, x)."""
         gradient = self.gradient(state)
         return -0.5 * np.einsum("ij...,ji...->...", gradient, gradient)
 
-    def kinetic_energy(self, state: State) -> float:
+    def kinetic_energy(self, state: FlowState) -> float:
         """<|u|²> / 2 over the box."""
         return 0.5 * self._sum_over_modes(state, 1.0)
 
-    def enstrophy(self, state: State) -> float:
+    def enstrophy(self, state: FlowState) -> float:
         """<|∇ x u|²> / 2 over the box."""
         return 0.5 * self._sum_over_modes(state, self._squared_wavenumber)
 
-    def dissipation(self, state: State) -> float:
+    def dissipation(self, state: FlowState) -> float:
         """-dE/dt by viscosity: 2 ν times the enstrophy."""
         return 2.0 * self.viscosity * self.enstrophy(state)
 
-    def helicity(self, state: State) -> float:
+    def helicity(self, state: FlowState) -> float:
         """<u · ∇ x u> over the box, of a flow in three dimensions."""
         product = np.einsum("i...,i...->...", self.velocity(state), self.vorticity(state))
         return float(product.mean(dtype=np.float64))
@@ -140,7 +140,7 @@ class PeriodicBox:
     def _decay(self, dt: float) -> Modes:
         return np.exp(-self.viscosity * dt * self._squared_wavenumber)
 
-    def _sum_over_modes(self, state: State, weight: float | NDArray[Any]) -> float:
+    def _sum_over_modes(self, state: FlowState, weight: float | NDArray[Any]) -> float:
         squares = (state.modes.real.astype(np.float64) ** 2 + state.modes.imag.astype(np.float64) ** 2).sum(axis=0)
         squares[..., 1:] *= 2.0  # the modes of negative kx, which are not stored
         return float((squares * weight).sum())

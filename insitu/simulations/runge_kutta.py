@@ -22,7 +22,7 @@ Tendency = Callable[[Modes, Modes], float]
 
 
 @dataclass(frozen=True)
-class State:
+class FlowState:
     """A flow at one moment: its spectral coefficients, laid out as the flow that made them says."""
 
     time: float
@@ -30,13 +30,13 @@ class State:
 
 
 def steps(
-    state: State,
+    state: FlowState,
     until: float,
     *,
     tendency: Tendency,
     decay: Callable[[float], Modes],
     step_limit: float,
-) -> Iterator[State]:
+) -> Iterator[FlowState]:
     """States after each time step from `state` (not included) to exactly `until`.
 
     Parameters
@@ -60,10 +60,10 @@ def steps(
         dt = (until - time) / remaining
         modes = _step(modes, dt, decay(dt / 2.0), tendency, slope, stage, start)
         time = until if remaining == 1 else time + dt
-        yield State(time, modes)
+        yield FlowState(time, modes)
 
 
-def last_of(states: Iterable[State], start: State) -> State:
+def last_of(states: Iterable[FlowState], start: FlowState) -> FlowState:
     """The last of the states; `start` where there is none."""
     kept = deque(states, maxlen=1)
     return kept[0] if kept else start

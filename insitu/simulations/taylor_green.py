@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.simulations.runge_kutta import Modes, State, Tendency, last_of
+from insitu.simulations.runge_kutta import FlowState, Modes, Tendency, last_of
 from insitu.simulations.runge_kutta import steps as runge_kutta_steps
 
 Sines = tuple[bool, bool, bool]
@@ -96,23 +96,23 @@ class TaylorGreen:
     def origin(self) -> tuple[float, float, float]:
         return (0.0, 0.0, 0.0)
 
-    def initial(self) -> State:
+    def initial(self) -> FlowState:
         """The vortex at time 0: one odd mode of u."""
         modes = np.zeros((2, 2) + (self._mode_count,) * 3, dtype=self.dtype)
         modes[1, 0, 0, 0, 0] = 1.0
-        return State(0.0, modes)
+        return FlowState(0.0, modes)
 
-    def steps(self, state: State, until: float) -> Iterator[State]:
+    def steps(self, state: FlowState, until: float) -> Iterator[FlowState]:
         """States after each time step, the last one at exactly `until`: for loops with progress or in situ hooks."""
         return runge_kutta_steps(
             state, until, tendency=self._make_tendency(), decay=self._decay, step_limit=self.cfl * self.spacing[0]
         )
 
-    def advance(self, state: State, *, until: float) -> State:
+    def advance(self, state: FlowState, *, until: float) -> FlowState:
         """The state at time `until`."""
         return last_of(self.steps(state, until), state)
 
-    def coarsened(self, state: State, resolution: int) -> tuple[TaylorGreen, State]:
+    def coarsened(self, state: FlowState, resolution: int) -> tuple[TaylorGreen, FlowState]:
         """The same flow seen on fewer points: the state's modes that `resolution` points keep, and their solver.
 
         Eddies that such a grid cannot hold are left out (a sharp low-pass filter), so what is computed from the result
@@ -123,19 +123,19 @@ class TaylorGreen:
             raise ValueError(f"a flow of {self.resolution} points cannot be coarsened to {resolution}")
         count = coarse._mode_count
         kept = np.all([3 * k < resolution for k in np.broadcast_arrays(*coarse._wavenumbers)], axis=0)  # [2, H, H, H]
-        return coarse, State(state.time, state.modes[..., :count, :count, :count] * kept[:, None])
+        return coarse, FlowState(state.time, state.modes[..., :count, :count, :count] * kept[:, None])
 
-    def velocity(self, state: State) -> NDArray[Any]:
+    def velocity(self, state: FlowState) -> NDArray[Any]:
         """Velocity (3, z, y, x), components in (x, y, z) order, on the grid points."""
         return np.stack([self._on_grid(series) for series in self._velocity_series(state)])
 
-    def vorticity(self, state: State) -> NDArray[Any]:
+    def vorticity(self, state: FlowState) -> NDArray[Any]:
         """∇ x u (3, z, y, x), components in (x, y, z) order, on the grid points."""
         u, v, w = (_gradient(series, self._wavenumbers) for series in self._velocity_series(state))
         pairs = ((w[1], v[2]), (u[2], w[0]), (v[0], u[1]))
         return np.stack([self._on_grid(a) - self._on_grid(b) for a, b in pairs])
 
-    def q_criterion(self, state: State) -> NDArray[Any]:
+    def q_criterion(self, state: FlowState) -> NDArray[Any]:
         """Q = (|Ω|² - |S|²) / 2 = -1/2 ∂_i u_j ∂_j u_i (z, y, x), from derivatives in spectral space.
 
         Ω and S are the antisymmetric and the symmetric part of the velocity gradient (Hunt, Wray & Moin 1988): Q > 0
@@ -150,15 +150,15 @@ class TaylorGreen:
                 q -= self._on_grid(gradients[i][j]) * self._on_grid(gradients[j][i])
         return q
 
-    def kinetic_energy(self, state: State) -> float:
+    def kinetic_energy(self, state: FlowState) -> float:
         """<|u|²> / 2 over the box."""
         return 0.5 * self._mean_square(state, 1.0)
 
-    def enstrophy(self, state: State) -> float:
+    def enstrophy(self, state: FlowState) -> float:
         """<|∇ x u|²> / 2 over the box."""
         return 0.5 * self._mean_square(state, self._squared_wavenumber)
 
-    def dissipation(self, state: State) -> float:
+    def dissipation(self, state: FlowState) -> float:
         """-dE/dt by viscosity: 2 ν times the enstrophy."""
         return 2.0 * self.viscosity * self.enstrophy(state)
 
@@ -206,14 +206,14 @@ class TaylorGreen:
         factor: Modes = np.exp(-self.viscosity * dt * self._squared_wavenumber)[:, None]
         return factor
 
-    def _mean_square(self, state: State, weight: float | NDArray[Any]) -> float:
+    def _mean_square(self, state: FlowState, weight: float | NDArray[Any]) -> float:
         """Sum of squared modes times `weight`, each times the mean of its squared basis function."""
         wavenumbers = self._wavenumbers
         mean = np.prod([np.where(k == 0.0, 1.0, 0.5) for k in np.broadcast_arrays(*wavenumbers)], axis=0)
         u, w = state.modes[:, 0].astype(np.float64), state.modes[:, 1].astype(np.float64)
         return float(((2.0 * u * u + w * w) * mean * weight).sum())
 
-    def _velocity_series(self, state: State) -> tuple[Series, Series, Series]:
+    def _velocity_series(self, state: FlowState) -> tuple[Series, Series, Series]:
         u, w = state.modes[:, 0], state.modes[:, 1]
         return (u, U), (_swap(u), V), (w, W)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.simulations import Field, Simulation
-from insitu.simulations.runge_kutta import State
+from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import NEVER, TaylorGreen
 
 
@@ -20,7 +20,7 @@ def _magnitude(vector: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.sqrt(np.einsum("i...,i...->...", vector, vector)))
 
 
-FIELDS: dict[str, tuple[str, Callable[[TaylorGreen, State], NDArray[Any]]]] = {
+FIELDS: dict[str, tuple[str, Callable[[TaylorGreen, FlowState], NDArray[Any]]]] = {
     "q_criterion": ("Q", lambda flow, state: flow.q_criterion(state)),
     "speed": ("|u|", lambda flow, state: _magnitude(flow.velocity(state))),
     "vorticity": ("|∇ x u|", lambda flow, state: _magnitude(flow.vorticity(state))),
@@ -104,12 +104,12 @@ def _flow(
     return flow
 
 
-def _fields(fields: Sequence[str], flow: TaylorGreen, state: State, resolution: int) -> dict[str, Field]:
+def _fields(fields: Sequence[str], flow: TaylorGreen, state: FlowState, resolution: int) -> dict[str, Field]:
     flow, state = flow.coarsened(state, resolution)
     return {name: _field(name, flow, state) for name in fields}
 
 
-def _field(name: str, flow: TaylorGreen, state: State) -> Field:
+def _field(name: str, flow: TaylorGreen, state: FlowState) -> Field:
     symbol, values = FIELDS[name]
     return Field(values(flow, state), flow.spacing, flow.origin, name=symbol, unit="", time=state.time)
 

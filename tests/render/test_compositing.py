@@ -6,13 +6,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.compositing import Layer, nearest, over, packed, unpacked
+from render.compositing import PictureLayer, nearest, over, packed, unpacked
 
 
 def layer(rows, columns, pixel, depth=None):
     shape = (rows.stop - rows.start, columns.stop - columns.start)
     image = np.broadcast_to(np.array(pixel), (*shape, 4)).astype(np.uint8 if depth is not None else np.float32)
-    return Layer(rows, columns, image, None if depth is None else np.full(shape, depth, dtype=np.float32))
+    return PictureLayer(rows, columns, image, None if depth is None else np.full(shape, depth, dtype=np.float32))
 
 
 def test_volumes_lie_one_behind_the_other() -> None:
@@ -60,7 +60,7 @@ def test_layers_are_the_same_after_they_were_sent(seed, height, width, share, dt
     hidden = rng.random((height, width)) >= share
     image[hidden] = 0
     depths = np.where(hidden, 1.0, rng.random((height, width))).astype(np.float32) if surfaces else None
-    layer = Layer(slice(3, 3 + height), slice(5, 5 + width), image, depths)
+    layer = PictureLayer(slice(3, 3 + height), slice(5, 5 + width), image, depths)
     sent = np.concatenate([packed(layer), packed(layer), np.array([7], dtype=np.uint8)])
     first, left = unpacked(sent, layer.rows, layer.columns, dtype, surfaces=surfaces)
     second, left = unpacked(left, layer.rows, layer.columns, dtype, surfaces=surfaces)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from insitu.mpi.ranks import Told
+from insitu.mpi.ranks import CollectiveError
 
 PATIENCE = 60.0  # seconds after which ranks that wait for one another fail
 
@@ -37,7 +37,7 @@ class Meeting:
 
 
 class ThreadRank:
-    """One of the threads, as `insitu.mpi.ranks.Ranks`."""
+    """One of the threads, as `insitu.mpi.ranks.RankGroup`."""
 
     def __init__(self, meeting: Meeting, number: int) -> None:
         self.meeting, self.number, self.size = meeting, number, meeting.size
@@ -46,7 +46,7 @@ class ThreadRank:
         found = self.meeting.exchange(self.number, (None, value))
         failed = [f"rank {n}: {error}" for n, (error, _) in enumerate(found) if error is not None]
         if failed:
-            raise Told(ValueError("; ".join(failed)))
+            raise CollectiveError(ValueError("; ".join(failed)))
         return [value for _, value in found]
 
     def send(self, parts: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:

@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 import insitu
 from insitu import Isosurface, Session, TransferFunction, ViewPlan, VolumeRendering
-from insitu.bindings.blueprint import Pictures
+from insitu.bindings.blueprint import BlueprintSession
 from tests.support.decomposed import kd_boxes
 
 COMM = MPI.COMM_WORLD
@@ -107,7 +107,7 @@ def partitions(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
                 lambda: session.render_member(data if COMM.rank in sides else None, {"p": 0.6}, **at)
             )
         told["heard"] = [str(one.message) for one in heard]
-        told["blueprint"] = outcome(lambda: Pictures(session).execute(mesh(part, place), {"p": 0.8}))
+        told["blueprint"] = outcome(lambda: BlueprintSession(session).execute(mesh(part, place), {"p": 0.8}))
 
 
 def mesh(values: Any, place: dict[str, Any]) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def killed(folder: Path, boxes: Any) -> None:
     with Session(folder / "killed.cdb", comm=COMM, existing="skip", **options) as session:
         session.render_member(part, {"p": 0.0}, **place)
         if (folder / "kill").exists():
-            from insitu.fields.decomposed import Blocks
+            from insitu.fields.blocks import Blocks
 
             drawn = Blocks._draw
 

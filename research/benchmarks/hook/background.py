@@ -46,7 +46,7 @@ def loop(kind: str, size: int, views: int, dumps: int, background: bool) -> dict
     from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
     from catalogs.vocabulary.scene import ViewPlan
     from insitu.hook.session import Session
-    from insitu.members.rendered import PeakMemory
+    from insitu.members.result import PeakMemory
 
     field = field_of(kind, size)
     function = TransferFunction(((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)), ((0.2, 0.0), (1.0, 0.6)), 0.3)

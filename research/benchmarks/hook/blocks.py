@@ -77,8 +77,8 @@ class Counted:
 
 def in_blocks(ranks: Counted, size: int, appearance: Appearance, views: Sequence[Camera]) -> dict[str, Any]:
     """On rank 0 what drawing in blocks took and its pictures."""
-    from insitu.fields.decomposed import Blocks
-    from insitu.mpi.ranks import lead
+    from insitu.fields.blocks import Blocks
+    from insitu.mpi.ranks import run_on_root
     from insitu.mpi.resampling import even_layout
     from render.blocks import Lattice
 
@@ -95,7 +95,7 @@ def in_blocks(ranks: Counted, size: int, appearance: Appearance, views: Sequence
             seconds = time.perf_counter() - started
             return {"seconds": seconds, "pictures": pictures}
 
-        found: dict[str, Any] = lead(ranks, work, blocks.commands)  # type: ignore[arg-type]
+        found: dict[str, Any] = run_on_root(ranks, work, blocks.commands)  # type: ignore[arg-type]
     sent = sum(ranks.gather(ranks.bytes))
     ranks.bytes = 0
     return {**found, "sent": sent}

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.simulations.periodic_box import PeriodicBox
-from insitu.simulations.runge_kutta import State
+from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
 from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from research.benchmarks.splatting.figures import panels
@@ -175,7 +175,7 @@ def q_on(points: int, resolution: int, reynolds: float) -> dict[float, NDArray[n
 
 
 @cache
-def states(resolution: int, reynolds: float) -> dict[float, State]:
+def states(resolution: int, reynolds: float) -> dict[float, FlowState]:
     flow = TaylorGreen(resolution=resolution, reynolds=reynolds)
     found, state = {}, flow.initial()
     for t in (5.0, 6.0, 7.0, 8.0):

@@ -10,7 +10,7 @@ import pytest
 
 from catalogs.store.catalog import Catalog
 from insitu.bindings.build import HEADER, declarations
-from insitu.bindings.calls import DONE, FAILED, UNKNOWN, Calls
+from insitu.bindings.calls import DONE, FAILED, UNKNOWN, LibraryCalls
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "embedding"
 SCENE = str(EXAMPLE / "scene.toml")
@@ -18,13 +18,13 @@ SHAPE = (6, 5, 4)  # x, y, z
 VALUES = np.sin(np.arange(120.0))
 
 
-def set_field(calls: Calls, name: str = "", values=VALUES, shape=SHAPE) -> int:
+def set_field(calls: LibraryCalls, name: str = "", values=VALUES, shape=SHAPE) -> int:
     return calls.set_field(name, shape, lambda count: values[:count])
 
 
 @pytest.fixture
-def calls(tmp_path: Path) -> Calls:
-    found = Calls()
+def calls(tmp_path: Path) -> LibraryCalls:
+    found = LibraryCalls()
     assert found.initialize(SCENE, str(tmp_path / "a.cdb")) == DONE, found.error
     assert found.set_parameter("k", 2.0) == DONE
     assert found.set_grid([0.1, 0.1, 0.1], [0.0, 0.0, 0.0]) == DONE
@@ -86,7 +86,7 @@ def test_mistakes_are_told_and_the_next_member_is_rendered(calls, mistake, messa
 
 
 def test_nothing_works_before_the_beginning_or_after_the_end(calls) -> None:
-    for other in (Calls(), calls):
+    for other in (LibraryCalls(), calls):
         if other is calls:
             assert calls.finalize() == DONE
         assert other.render(0.0) == FAILED
@@ -96,7 +96,7 @@ def test_nothing_works_before_the_beginning_or_after_the_end(calls) -> None:
 
 
 def test_a_scene_that_is_none_is_told() -> None:
-    calls = Calls()
+    calls = LibraryCalls()
     assert calls.initialize("nothing.toml", "a.cdb") == FAILED
     assert calls.error.startswith("FileNotFoundError: there is no scene nothing.toml")
 

@@ -20,7 +20,7 @@ from catalogs.tools.check import check
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember, ViewPlan
-from insitu.ensembles.dumps import Run, dumps_of, runs_of
+from insitu.ensembles.dumps import MemberRun, dumps_of, runs_of
 from insitu.ensembles.ensemble import run_ensemble
 from insitu.ensembles.tasks import render_run
 from insitu.fields.field import Field
@@ -50,12 +50,12 @@ class Marching:
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Field:
         return next(self.dumps([member], progress))
 
-    def runs(self, members: Sequence[PlannedMember]) -> list[Run]:
+    def runs(self, members: Sequence[PlannedMember]) -> list[MemberRun]:
         widths = dict.fromkeys(m.parameters["w"] for m in members)
         runs = [[m for m in members if m.parameters["w"] == w] for w in widths]
         return [sorted(run, key=lambda m: m.parameters["t"]) for run in runs]
 
-    def dumps(self, run: Run, progress: Callable[[float], None]) -> Iterator[Field]:
+    def dumps(self, run: MemberRun, progress: Callable[[float], None]) -> Iterator[Field]:
         width, step = int(run[0].parameters["w"]), 0
         for member in run:
             while step < member.parameters["t"]:
@@ -191,7 +191,7 @@ def test_one_field_is_in_memory_at_a_time(tmp_path: Path, log: Path) -> None:
 def test_a_source_that_ends_early_or_is_interrupted_is_told_apart(log: Path) -> None:
     @dataclass(frozen=True)
     class Short(Marching):
-        def dumps(self, run: Run, progress: Callable[[float], None]) -> Iterator[Field]:
+        def dumps(self, run: MemberRun, progress: Callable[[float], None]) -> Iterator[Field]:
             yield from Marching.dumps(self, run[:1], progress)
             if self.accidents:
                 raise StopRequested

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from insitu.ensembles.progress import EnsembleProgress, Tracker
-from insitu.ensembles.workers import Report
+from insitu.ensembles.workers import WorkerReport
 
 
 @pytest.fixture
@@ -20,12 +20,12 @@ def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 def test_time_left_follows_the_work_done(now: list[float]) -> None:
     tracker = Tracker(4, 100, field_share=0.5)
-    tracker.report(Report("a", "simulate", 0.5))
+    tracker.report(WorkerReport("a", "simulate", 0.5))
     now[0] += 10.0
     state = tracker.snapshot()
     assert state.seconds_left == pytest.approx((4 - 0.25) * 10.0 / 0.25)
     assert state.running == ("simulate a 50 %",)
-    tracker.report(Report("a", "render", 0.0, 50))
+    tracker.report(WorkerReport("a", "render", 0.0, 50))
     now[0] += 20.0
     state = tracker.snapshot()
     assert state.images_done == 50
@@ -38,7 +38,7 @@ def test_time_left_follows_the_work_done(now: list[float]) -> None:
 
 def test_a_failed_member_is_no_longer_waited_for(now: list[float]) -> None:
     tracker = Tracker(2, 10, field_share=0.0)
-    tracker.report(Report("a", "render", 0.0, 3))
+    tracker.report(WorkerReport("a", "render", 0.0, 3))
     tracker.failed("a")
     tracker.done("b", 10)
     now[0] += 5.0
@@ -53,7 +53,7 @@ def test_the_rate_is_of_late(now: list[float]) -> None:
     for rate in [1] * 60 + [10] * 30:
         now[0] += 1.0
         images += rate
-        tracker.report(Report("a", "render", 0.0, images))
+        tracker.report(WorkerReport("a", "render", 0.0, images))
         state = tracker.snapshot()
     assert state.images_per_second == pytest.approx(10.0, rel=0.01)
 

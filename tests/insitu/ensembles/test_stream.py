@@ -18,9 +18,9 @@ from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import ViewPlan
 from insitu.cli import main
-from insitu.ensembles.stream import Arrived, render_stream
+from insitu.ensembles.stream import StreamResult, render_stream
 from insitu.members.planning import PlanOptions
-from insitu.readers.adios import Step
+from insitu.readers.adios import StreamStep
 from insitu.readers.arrays import Arrays, StoredArray
 from tests.support.adios_writer import start
 from tests.support.hooked import SPACING, blob
@@ -30,10 +30,10 @@ SPACE = ParameterSpace((Parameter("time", 0.0, 9.0),))
 OPTIONS = PlanOptions(SPACE, (Isosurface("core", 0.5),), ViewPlan(frequency=1, width=8, height=8))
 
 
-def step(number: int, **more: float) -> Step:
+def step(number: int, **more: float) -> StreamStep:
     values = blob(0.3 + 0.05 * number)
     array = StoredArray("u", values.shape, values.dtype, ("", "", ""), {}, lambda index: values[index])
-    return Step(number, {"time": 0.5 * number, **more}, Arrays({"u": array}, {"": {"spacing": SPACING}}))
+    return StreamStep(number, {"time": 0.5 * number, **more}, Arrays({"u": array}, {"": {"spacing": SPACING}}))
 
 
 def test_every_step_is_a_member_once(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_every_step_is_a_member_once(tmp_path: Path) -> None:
 def test_a_step_that_cannot_be_rendered_costs_itself_alone(tmp_path: Path) -> None:
     broken = step(1)
     broken.arrays.arrays["u"].fetch(())[0, 0, 0] = np.nan
-    silent = Step(3, {}, step(3).arrays)
+    silent = StreamStep(3, {}, step(3).arrays)
     found = render_stream(tmp_path / "a.cdb", [step(0), broken, step(2), silent], OPTIONS)
     assert found.rendered == ["time-0.0", "time-1.0"]
     assert list(found.failures) == ["time-0.5", "step 3"]
@@ -58,11 +58,11 @@ def test_a_step_that_cannot_be_rendered_costs_itself_alone(tmp_path: Path) -> No
 
 
 def test_what_an_interruption_leaves_is_whole(tmp_path: Path) -> None:
-    def steps() -> Iterator[Step]:
+    def steps() -> Iterator[StreamStep]:
         yield step(0)
         raise KeyboardInterrupt
 
-    arrived = Arrived()
+    arrived = StreamResult()
     with pytest.raises(KeyboardInterrupt):
         render_stream(tmp_path / "a.cdb", steps(), OPTIONS, arrived=arrived)
     assert arrived.rendered == ["time-0.0"]

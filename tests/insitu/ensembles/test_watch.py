@@ -23,9 +23,9 @@ from catalogs.vocabulary.scene import ViewPlan
 from insitu.cli import main
 from insitu.ensembles.ensemble import run_ensemble
 from insitu.ensembles.files import FileEnsemble
-from insitu.ensembles.watch import Arrivals, Watching, space_for, watch_folder
+from insitu.ensembles.watch import Arrivals, WatchOptions, space_for, watch_folder
 from insitu.members.planning import PlanOptions
-from insitu.readers.tables import Row
+from insitu.readers.tables import TableRow
 from tests.support.executors import AtOnce
 from tests.support.hooked import SPACING, blob
 
@@ -46,7 +46,7 @@ def names(rows: Any) -> list[str]:
 
 
 def test_a_file_is_whole_when_it_rests(tmp_path: Path) -> None:
-    arrivals = Arrivals(Watching(tmp_path, PATTERN, settle=2.0))
+    arrivals = Arrivals(WatchOptions(tmp_path, PATTERN, settle=2.0))
     touch(tmp_path / "dump_1.npy", changed=90.0)  # long ago
     touch(tmp_path / "dump_2.npy", changed=99.5)  # just now
     touch(tmp_path / "dump_3.npy", size=0, changed=0.0)  # nothing in it yet
@@ -61,14 +61,14 @@ def test_a_file_is_whole_when_it_rests(tmp_path: Path) -> None:
 
 
 def test_a_clock_that_is_ahead_does_not_matter(tmp_path: Path) -> None:
-    arrivals = Arrivals(Watching(tmp_path, PATTERN, settle=2.0))
+    arrivals = Arrivals(WatchOptions(tmp_path, PATTERN, settle=2.0))
     touch(tmp_path / "dump_1.npy", changed=5000.0)
     assert arrivals.look(0.0, 100.0) == []
     assert names(arrivals.look(2.0, 102.0)) == ["dump_1.npy"]
 
 
 def test_a_marker_says_that_a_file_is_whole(tmp_path: Path) -> None:
-    arrivals = Arrivals(Watching(tmp_path, PATTERN, marker=".done"))
+    arrivals = Arrivals(WatchOptions(tmp_path, PATTERN, marker=".done"))
     touch(tmp_path / "dump_1.npy")
     assert arrivals.look(0.0, 1000.0) == []
     touch(tmp_path / "dump_1.npy.done")
@@ -76,7 +76,7 @@ def test_a_marker_says_that_a_file_is_whole(tmp_path: Path) -> None:
 
 
 def test_what_fails_is_tried_again_for_a_while_and_when_it_changes(tmp_path: Path) -> None:
-    arrivals = Arrivals(Watching(tmp_path, PATTERN, settle=0.0, patience=60.0))
+    arrivals = Arrivals(WatchOptions(tmp_path, PATTERN, settle=0.0, patience=60.0))
     touch(tmp_path / "dump_1.npy")
     tries = []
     for now in np.arange(0.0, 200.0, 0.5):
@@ -95,7 +95,7 @@ def test_what_fails_is_tried_again_for_a_while_and_when_it_changes(tmp_path: Pat
 
 
 def watch(folder: Path, **more: Any) -> Arrivals:
-    watching = Watching(folder, PATTERN, **{"settle": 0.0, "patience": 0.0, "until_idle": 0.0, **more})
+    watching = WatchOptions(folder, PATTERN, **{"settle": 0.0, "patience": 0.0, "until_idle": 0.0, **more})
     return watch_folder(folder / "a.cdb", watching, ENSEMBLE, OPTIONS, executor=AtOnce())
 
 
@@ -115,7 +115,7 @@ def test_it_renders_what_is_there_once_and_goes_on(tmp_path: Path) -> None:
 
 def test_a_dump_that_is_stored_under_another_name_is_done(tmp_path: Path) -> None:
     np.save(tmp_path / "dump_0.2.npy", blob(0.4))
-    row = Row(tmp_path / "dump_0.2.npy", {"w": 0.2}, name="first")
+    row = TableRow(tmp_path / "dump_0.2.npy", {"w": 0.2}, name="first")
     named = replace(ENSEMBLE, rows={"first": row})
     run_ensemble(tmp_path / "a.cdb", named.members(), named, OPTIONS, executor=AtOnce())
     found = watch(tmp_path)
@@ -164,13 +164,13 @@ def test_a_file_may_hold_several_members_and_have_parts(tmp_path: Path) -> None:
     """A file whose states are known when it is whole, with another one that belongs to it."""
     rows: dict[str, Any] = {"error": ValueError("torn")}
 
-    def members(row: Row) -> list[Row]:
+    def members(row: TableRow) -> list[TableRow]:
         if "error" in rows:
             raise rows["error"]
         return [replace(row, parameters={"time": float(t)}, index=(t,)) for t in range(rows["count"])]
 
     how = {"parameters": ("time",), "members": members, "beside": lambda path: (path.with_suffix(".part"),)}
-    arrivals = Arrivals(Watching(tmp_path, "a*.bp", settle=2.0, **how))
+    arrivals = Arrivals(WatchOptions(tmp_path, "a*.bp", settle=2.0, **how))
     touch(tmp_path / "a.bp", changed=0.0)
     assert arrivals.look(0.0, 100.0) == []  # its part is not there yet
     assert arrivals.pending == 0
@@ -181,7 +181,7 @@ def test_a_file_may_hold_several_members_and_have_parts(tmp_path: Path) -> None:
     del rows["error"]
     rows["count"] = 2
     assert [row.index for row in arrivals.look(10.0, 110.0)] == [(0,), (1,)]
-    arrivals.tried(["time-0.0"], {"time-1.0": "torn"}, {"time-1.0": Row(tmp_path / "a.bp", {"time": 1.0})}, 10.0)
+    arrivals.tried(["time-0.0"], {"time-1.0": "torn"}, {"time-1.0": TableRow(tmp_path / "a.bp", {"time": 1.0})}, 10.0)
     assert arrivals.look(10.5, 110.5) == []
     assert [row.index for row in arrivals.look(20.0, 120.0)] == [(1,)]
     arrivals.tried(["time-1.0"], {}, {}, 20.0)

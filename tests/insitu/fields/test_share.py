@@ -8,7 +8,7 @@ import pytest
 from catalogs.vocabulary.appearance import Isosurface
 from insitu.fields.field import Field
 from insitu.fields.share import ghost_layers, share_of
-from insitu.mpi.layout import Extent
+from insitu.mpi.layout import BlockExtent
 from render.grids import Grid
 
 SURFACE = (Isosurface("surface", 0.5),)
@@ -38,8 +38,8 @@ def test_a_rank_without_a_block_has_no_share() -> None:
 def test_ghost_layers_are_no_part_of_the_block(ghosts, window, origin) -> None:
     found = share(VALUES, ghosts=ghosts, origin=(0.0, 0.0, 0.0))
     np.testing.assert_array_equal(found.owned("").values, VALUES[window])
-    assert found.own == Extent(VALUES[window].shape, (1.0, 2.0, 3.0), origin)
-    assert found.held == Extent(VALUES.shape, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
+    assert found.own == BlockExtent(VALUES[window].shape, (1.0, 2.0, 3.0), origin)
+    assert found.held == BlockExtent(VALUES.shape, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
     np.testing.assert_array_equal(found.fields[""].values, VALUES)
 
 
@@ -90,7 +90,7 @@ def test_nan_in_ghost_layers_is_nobodys_business() -> None:
 def test_fields_that_know_their_place_and_name() -> None:
     field = Field(VALUES.astype(np.float32), (0.5, 0.5, 0.5), (1.0, 2.0, 3.0), name="speed", unit="m/s")
     found = share_of(field, SURFACE, known=SURFACE, nan="refuse")
-    assert found.own == Extent(VALUES.shape, (0.5, 0.5, 0.5), (1.0, 2.0, 3.0))
+    assert found.own == BlockExtent(VALUES.shape, (0.5, 0.5, 0.5), (1.0, 2.0, 3.0))
     assert found.quantities[""].unit == "m/s"
     grid = Grid(VALUES, (1.0, 1.0, 1.0), (0.0, 0.0, 9.0))
     assert share_of(grid, SURFACE, known=SURFACE, nan="refuse").own.origin == (0.0, 0.0, 9.0)

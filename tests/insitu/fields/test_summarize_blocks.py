@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeRendering
-from insitu.fields.summarize import Part, summarize, summarize_part
+from insitu.fields.summarize import FieldPart, summarize, summarize_part
 from render.blocks import Lattice
 from render.datasets import to_grid
 from tests.support.decomposed import blocks_of, kd_boxes
@@ -31,7 +31,7 @@ def of_blocks(grid, count, seed=0):
     whole = Lattice(grid.shape, grid.spacing, grid.origin)
 
     def work(ranks):
-        part = Part.of(blocks[ranks.number]) if ranks.number < count else Part.none_of(whole)
+        part = FieldPart.of(blocks[ranks.number]) if ranks.number < count else FieldPart.none_of(whole)
         return summarize_part(part, SHOWN, (0.0, 1.0), ranks)
 
     return on_ranks(count + 1, work)
@@ -73,6 +73,6 @@ def test_points_lie_where_something_is_seen_with_the_fields_values(holes) -> Non
 def test_a_field_that_shows_nothing_has_no_points() -> None:
     grid = to_grid(np.zeros((6, 6, 6)))
     blocks = blocks_of(grid, kd_boxes(grid.shape, 2, np.random.default_rng(0)))
-    found, _ = on_ranks(2, lambda ranks: summarize_part(Part.of(blocks[ranks.number]), SHOWN, (0.0, 1.0), ranks))
+    found, _ = on_ranks(2, lambda ranks: summarize_part(FieldPart.of(blocks[ranks.number]), SHOWN, (0.0, 1.0), ranks))
     assert len(found.points) == 0
     assert len(found.even_points) == 2000

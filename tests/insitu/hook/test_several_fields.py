@@ -35,8 +35,8 @@ from insitu.fields.cache import load_field, save_field
 from insitu.fields.field import Field
 from insitu.fields.summarize import value_range_of
 from insitu.members.planning import PlanOptions
-from insitu.readers.layout import Mapped
-from insitu.readers.stored import StoredEnsemble
+from insitu.readers.ensemble_file import StoredEnsemble
+from insitu.readers.layout import FileMapping
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
 from tests.support.scenes import scene
 
@@ -291,13 +291,13 @@ def stored(tmp_path: Path) -> Path:
 
 
 def test_several_data_sets_are_read_by_name(stored: Path) -> None:
-    opened = StoredEnsemble.open(stored, Mapped(("speed", "q")))
+    opened = StoredEnsemble.open(stored, FileMapping(("speed", "q")))
     found = opened.read(2)
     assert list(found) == ["speed", "q"]
     assert np.array_equal(found["speed"].values, speed(0.5))
     assert found["q"].time == 3.0
     assert opened.identity == {"kind": "hdf5", "file": "ensemble.h5", "datasets": ["speed", "q"], "contents": ANY}
-    one = StoredEnsemble.open(stored, Mapped(("q",))).identity
+    one = StoredEnsemble.open(stored, FileMapping(("q",))).identity
     assert one == {"kind": "hdf5", "file": "ensemble.h5", "dataset": "q", "contents": ANY}, "as it was: catalogs go on"
     assert "speed, q" in repr(opened)
 
@@ -313,7 +313,7 @@ def test_several_data_sets_are_read_by_name(stored: Path) -> None:
 )
 def test_data_sets_that_can_not_be_are_named(stored: Path, datasets: list[str], message: str) -> None:
     with pytest.raises(ValueError, match=message) as caught:
-        StoredEnsemble.open(stored, Mapped(tuple(datasets)))
+        StoredEnsemble.open(stored, FileMapping(tuple(datasets)))
     assert "ensemble.h5" in str(caught.value)
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insitu.mpi.layout import Extent, UnevenBlocks, layout
+from insitu.mpi.layout import BlockExtent, UnevenBlocks, layout
 from render.blocks import Lattice
 from tests.support.decomposed import kd_boxes
 
@@ -20,7 +20,7 @@ def extents_of(pieces, shared):
     """The extents of pieces of one lattice, the neighbours' first layers along the axes that are `shared` among them."""
     whole = Lattice((1, 1, 1), SPACING, ORIGIN)
     shapes = [tuple((np.subtract(p.stop, p.start) + shared).tolist()) for p in pieces]
-    return [Extent(shape, SPACING, whole.place(p.start)) for p, shape in zip(pieces, shapes, strict=True)]
+    return [BlockExtent(shape, SPACING, whole.place(p.start)) for p, shape in zip(pieces, shapes, strict=True)]
 
 
 @given(
@@ -52,18 +52,21 @@ def test_blocks_that_were_cut_from_a_grid_fill_it_again(seed, count, shared, sin
         assert piece.stop == tuple((np.array(boxes[i].stop) + at_end).tolist())
 
 
-BLOCK = Extent((4, 4, 4), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+BLOCK = BlockExtent((4, 4, 4), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (Extent((4, 4, 4), (1.0, 1.0, 0.5), (4.0, 0.0, 0.0)), r"rank 0 has the spacing \(1.0, 1.0, 1.0\), rank 1"),
-        (Extent((4, 4, 4), (1.0, 1.0, 1.0), (4.5, 0.0, 0.0)), r"rank 1, at \(4.5, 0.0, 0.0\), lies between samples"),
-        (Extent((4, 4, 4), (1.0, 1.0, 1.0), (2.0, 0.0, 0.0)), "the blocks of ranks 0 and 1 overlap"),
-        (Extent((4, 4, 5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), "the blocks of ranks 0 and 1 overlap"),
-        (Extent((4, 4, 4), (1.0, 1.0, 1.0), (6.0, 0.0, 0.0)), "leave 32 of the 10 x 4 x 4 samples"),
-        (Extent((4, 3, 4), (1.0, 1.0, 1.0), (4.0, 0.0, 0.0)), "leave 16 of the 8 x 4 x 4 samples"),
+        (BlockExtent((4, 4, 4), (1.0, 1.0, 0.5), (4.0, 0.0, 0.0)), r"rank 0 has the spacing \(1.0, 1.0, 1.0\), rank 1"),
+        (
+            BlockExtent((4, 4, 4), (1.0, 1.0, 1.0), (4.5, 0.0, 0.0)),
+            r"rank 1, at \(4.5, 0.0, 0.0\), lies between samples",
+        ),
+        (BlockExtent((4, 4, 4), (1.0, 1.0, 1.0), (2.0, 0.0, 0.0)), "the blocks of ranks 0 and 1 overlap"),
+        (BlockExtent((4, 4, 5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), "the blocks of ranks 0 and 1 overlap"),
+        (BlockExtent((4, 4, 4), (1.0, 1.0, 1.0), (6.0, 0.0, 0.0)), "leave 32 of the 10 x 4 x 4 samples"),
+        (BlockExtent((4, 3, 4), (1.0, 1.0, 1.0), (4.0, 0.0, 0.0)), "leave 16 of the 8 x 4 x 4 samples"),
     ],
 )
 def test_blocks_that_fill_no_grid_say_why(other, message) -> None:
@@ -72,7 +75,7 @@ def test_blocks_that_fill_no_grid_say_why(other, message) -> None:
 
 
 def test_a_single_layer_may_be_a_block() -> None:
-    laid = layout([BLOCK, Extent((1, 4, 4), (1.0, 1.0, 1.0), (0.0, 0.0, 4.0))])
+    laid = layout([BLOCK, BlockExtent((1, 4, 4), (1.0, 1.0, 1.0), (0.0, 0.0, 4.0))])
     assert laid.whole.shape == (5, 4, 4)
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from insitu.mpi.layout import Extent, layout
-from insitu.mpi.neighbours import Samples, block_of
+from insitu.mpi.layout import BlockExtent, layout
+from insitu.mpi.neighbours import BlockSamples, block_of
 from render.datasets import to_grid
 from render.volume import hidden_cells
 from tests.support.decomposed import kd_boxes
 from tests.support.mpi import on_ranks
 
 
-def extent(piece) -> Extent:
-    return Extent(
+def extent(piece) -> BlockExtent:
+    return BlockExtent(
         tuple(np.subtract(piece.stop, piece.start).tolist()), (1.0, 1.0, 1.0), tuple(map(float, piece.start[::-1]))
     )
 
@@ -29,7 +29,7 @@ def blocks(values, pieces, holes=None, types=None):
         part = tuple(map(slice, piece.start, piece.stop))
         dtype = values.dtype if types is None else types[ranks.number]
         hidden = None if holes is None or not holes[part].any() else holes[part]
-        return block_of(Samples(values[part].astype(dtype), hidden), laid, ranks)
+        return block_of(BlockSamples(values[part].astype(dtype), hidden), laid, ranks)
 
     return on_ranks(len(pieces), work)
 

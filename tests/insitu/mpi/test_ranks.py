@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from insitu.mpi.ranks import ALONE, Communicator, RankError, Told, call, lead, ranks_of, together
+from insitu.mpi.ranks import (
+    SINGLE,
+    CollectiveError,
+    Communicator,
+    RankError,
+    all_or_none,
+    call_all,
+    ranks_of,
+    run_on_root,
+)
 from tests.support.mpi import on_ranks
 
 
@@ -32,7 +41,7 @@ def test_results_reach_every_rank_and_commands_run_on_all() -> None:
     def work(ranks):
         done = []
         commands = {"add": lambda a, b: done.append(sum(ranks.gather(a + b + ranks.number))) or done[-1]}
-        result = lead(ranks, lambda: [call(ranks, commands, "add", n, 10) for n in range(3)], commands)
+        result = run_on_root(ranks, lambda: [call_all(ranks, commands, "add", n, 10) for n in range(3)], commands)
         return result, done
 
     assert on_ranks(4, work) == [([46, 50, 54], [46, 50, 54])] * 4
@@ -53,13 +62,13 @@ def test_a_rank_that_fails_in_a_command_ends_it_on_all(failing, when) -> None:
 
         def leading():
             try:
-                call(ranks, commands, "do")
-                call(ranks, commands, "fine")
+                call_all(ranks, commands, "do")
+                call_all(ranks, commands, "fine")
             except ValueError as error:
-                return str(error), call(ranks, commands, "fine")
+                return str(error), call_all(ranks, commands, "fine")
             return "nothing", 0
 
-        return lead(ranks, leading, commands)
+        return run_on_root(ranks, leading, commands)
 
     found = on_ranks(4, work)
     assert len(set(found)) == 1
@@ -73,7 +82,7 @@ def test_a_rank_that_fails_when_all_is_done_returns_what_was_done() -> None:
             if ranks.number == 2:
                 raise OSError("too late")
 
-        return lead(ranks, lambda: call(ranks, {"do": command}, "do") or "stored", {"do": command})
+        return run_on_root(ranks, lambda: call_all(ranks, {"do": command}, "do") or "stored", {"do": command})
 
     assert on_ranks(3, work) == ["stored"] * 3
 
@@ -83,7 +92,7 @@ def test_what_rank_zero_raises_is_raised_by_all(error) -> None:
     def raising():
         raise error
 
-    found = on_ranks(3, lambda ranks: lead(ranks, raising))
+    found = on_ranks(3, lambda ranks: run_on_root(ranks, raising))
     assert [type(one) for one in found] == [type(error)] * 3
     assert len({str(one) for one in found}) == 1
 
@@ -96,7 +105,7 @@ def test_errors_that_cannot_be_sent_are_told_in_words() -> None:
     def raising():
         raise Odd(1, 2)
 
-    first, second = on_ranks(2, lambda ranks: lead(ranks, raising))
+    first, second = on_ranks(2, lambda ranks: run_on_root(ranks, raising))
     assert isinstance(first, Odd)
     assert isinstance(second, RankError)
     assert str(second) == "Odd: 1 and 2"
@@ -109,16 +118,16 @@ def test_work_of_each_rank_fails_on_all(failing) -> None:
             raise ValueError("bad argument")
         return ranks.number
 
-    found = on_ranks(3, lambda ranks: together(ranks, lambda: own(ranks)))
+    found = on_ranks(3, lambda ranks: all_or_none(ranks, lambda: own(ranks)))
     assert all(isinstance(one, ValueError) and "bad argument" in str(one) for one in found)
-    assert on_ranks(3, lambda ranks: together(ranks, lambda: ranks.number)) == [0, 1, 2]
+    assert on_ranks(3, lambda ranks: all_or_none(ranks, lambda: ranks.number)) == [0, 1, 2]
 
 
 def test_alone_nothing_is_exchanged() -> None:
-    assert ranks_of(None) is ALONE
-    assert lead(ALONE, lambda: 3) == 3
+    assert ranks_of(None) is SINGLE
+    assert run_on_root(SINGLE, lambda: 3) == 3
     with pytest.raises(ZeroDivisionError):
-        lead(ALONE, lambda: 1 // 0)
+        run_on_root(SINGLE, lambda: 1 // 0)
 
 
 def test_one_rank_keeps_the_type_and_the_number_of_its_errors() -> None:
@@ -128,7 +137,7 @@ def test_one_rank_keeps_the_type_and_the_number_of_its_errors() -> None:
         raise OSError(28, "No space left on device")
 
     with pytest.raises(OSError, match="No space left on device") as caught:
-        call(ranks, {"write": full}, "write")
+        call_all(ranks, {"write": full}, "write")
     assert caught.value.errno == 28
 
 
@@ -159,7 +168,7 @@ def test_the_first_failing_rank_is_named() -> None:
         def Get_size(self):
             return 2
 
-    with pytest.raises(Told) as told:
+    with pytest.raises(CollectiveError) as told:
         Communicator(Two()).gather(1)
     assert isinstance(told.value.error, RankError)
     assert str(told.value) == "KeyError: rank 1 of 2: 'x'"

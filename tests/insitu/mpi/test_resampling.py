@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from insitu.mpi.layout import Extent
-from insitu.mpi.neighbours import Samples
+from insitu.mpi.layout import BlockExtent
+from insitu.mpi.neighbours import BlockSamples
 from insitu.mpi.resampling import common_lattice, even_layout, interpolated, resampled
 from render.blocks import Lattice
 from tests.support.mpi import on_ranks
 
 
-def linear(extent: Extent):
+def linear(extent: BlockExtent):
     z, y, x = np.meshgrid(
         *(
             np.arange(n) * s + o
@@ -23,8 +23,8 @@ def linear(extent: Extent):
     return 2.0 * x - 3.0 * y + 0.5 * z + 1.0
 
 
-COARSE = Extent((5, 5, 5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
-FINE = Extent((9, 9, 9), (0.5, 0.5, 0.5), (4.0, 0.0, 0.0))
+COARSE = BlockExtent((5, 5, 5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+FINE = BlockExtent((9, 9, 9), (0.5, 0.5, 0.5), (4.0, 0.0, 0.0))
 
 
 def on_one_grid(extents, values, count=None):
@@ -33,7 +33,7 @@ def on_one_grid(extents, values, count=None):
 
     def work(ranks):
         held = extents[ranks.number] if ranks.number < len(extents) else None
-        samples = None if held is None else Samples(values[ranks.number])
+        samples = None if held is None else BlockSamples(values[ranks.number])
         return resampled(samples, () if held is None else (held, held), laid, ranks)
 
     merged, holes = np.full(whole.shape, np.nan), np.zeros(whole.shape, dtype=bool)
@@ -51,11 +51,11 @@ def test_two_resolutions_side_by_side(count) -> None:
     whole, merged, _, missing = on_one_grid([COARSE, FINE], [linear(COARSE), linear(FINE)], count)
     assert missing == 0
     assert whole.shape == (9, 9, 17)
-    np.testing.assert_allclose(merged, linear(Extent(whole.shape, whole.spacing, whole.origin)), atol=1e-9)
+    np.testing.assert_allclose(merged, linear(BlockExtent(whole.shape, whole.spacing, whole.origin)), atol=1e-9)
 
 
 def test_of_blocks_that_overlap_the_finest_counts() -> None:
-    inner = Extent((5, 5, 5), (0.5, 0.5, 0.5), (1.0, 1.0, 1.0))
+    inner = BlockExtent((5, 5, 5), (0.5, 0.5, 0.5), (1.0, 1.0, 1.0))
     whole, merged, _, missing = on_one_grid([COARSE, inner], [np.zeros(COARSE.shape), np.ones(inner.shape)])
     assert missing == 0
     assert (merged == 1).sum() == 125
@@ -64,7 +64,7 @@ def test_of_blocks_that_overlap_the_finest_counts() -> None:
 
 
 def test_what_no_block_covers_is_a_hole() -> None:
-    apart = Extent((5, 5, 5), (1.0, 1.0, 1.0), (6.0, 0.0, 0.0))
+    apart = BlockExtent((5, 5, 5), (1.0, 1.0, 1.0), (6.0, 0.0, 0.0))
     _, _, holes, missing = on_one_grid([COARSE, apart], [linear(COARSE), linear(apart)])
     assert missing == holes.sum() == 25
     assert holes[:, :, 5].all()
@@ -73,7 +73,7 @@ def test_what_no_block_covers_is_a_hole() -> None:
 def test_holes_stay_holes() -> None:
     values = linear(COARSE)
     values[2, 2, 2] = np.nan
-    held = Samples(np.nan_to_num(values), np.isnan(values))
+    held = BlockSamples(np.nan_to_num(values), np.isnan(values))
     laid = even_layout(common_lattice([COARSE]), 1)
     ((samples, missing),) = on_ranks(1, lambda ranks: resampled(held, (COARSE, COARSE), laid, ranks))
     assert missing == 1
@@ -81,13 +81,19 @@ def test_holes_stay_holes() -> None:
 
 
 def test_ghost_layers_close_gaps_but_never_hide_what_is_owned() -> None:
-    held = [Extent((3, 3, 6), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), Extent((3, 3, 6), (1.0, 1.0, 1.0), (3.5, 0.0, 0.0))]
-    own = [Extent((3, 3, 4), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), Extent((3, 3, 5), (1.0, 1.0, 1.0), (4.5, 0.0, 0.0))]
+    held = [
+        BlockExtent((3, 3, 6), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)),
+        BlockExtent((3, 3, 6), (1.0, 1.0, 1.0), (3.5, 0.0, 0.0)),
+    ]
+    own = [
+        BlockExtent((3, 3, 4), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)),
+        BlockExtent((3, 3, 5), (1.0, 1.0, 1.0), (4.5, 0.0, 0.0)),
+    ]
     laid = even_layout(Lattice((3, 3, 9), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), 2)
 
     def work(ranks):
         values = np.full(held[ranks.number].shape, float(ranks.number))
-        return resampled(Samples(values), (held[ranks.number], own[ranks.number]), laid, ranks)
+        return resampled(BlockSamples(values), (held[ranks.number], own[ranks.number]), laid, ranks)
 
     parts = on_ranks(2, work)
     assert sum(missing for _, missing in parts) == 0

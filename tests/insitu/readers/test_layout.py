@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from insitu.readers.layout import Mapped
-from insitu.readers.stored import StoredEnsemble
+from insitu.readers.ensemble_file import StoredEnsemble
+from insitu.readers.layout import FileMapping
 from render import to_grid
 
 COUNT, SHAPE = 6, (4, 5, 6)
@@ -205,7 +205,7 @@ def test_members_and_times_of_xarray_are_told_apart_by_what_is_said_of_each(
     named = dict(zip(opened.space.names, opened.parameters[4], strict=True))
     assert named == {"Re": 200.0, "nu": 0.1, "time": 1.0}
     assert np.array_equal(opened.read(4)["u"].values, values[1, 1])
-    chosen = StoredEnsemble.open(path, Mapped(parameters=("Re", "time")))
+    chosen = StoredEnsemble.open(path, FileMapping(parameters=("Re", "time")))
     assert chosen.parameters[4] == (200.0, 1.0)
 
 
@@ -223,19 +223,19 @@ def without(write: Callable[[h5py.File], None], *names: str, **more: Any) -> Cal
 @pytest.mark.parametrize(
     ("write", "mapped", "arguments"),
     [
-        (without(own, "names"), Mapped(names=("a", "b")), {}),
-        (without(own, "spacing", "origin"), Mapped(), {"spacing": SPACING, "origin": ORIGIN}),
-        (without(own, more=FIELD), Mapped(fields=("field",), parameters=("params",)), {}),
-        (without(other_names, temperature=FIELD + 1), Mapped(fields=("density",)), {}),
-        (without(one_array_for_each, c=PARAMETERS[:, 0]), Mapped(parameters=("a", "b")), {}),
-        (without(arrays_with_attributes), Mapped(parameters=("a", "b")), {}),
-        (without(axes_by_name, "axes"), Mapped(dims=("x", "y", "z")), {}),
-        (without(own, phase=["train"] * COUNT), Mapped(split="phase"), {}),
-        (without(own, which=PARAMETERS + 1), Mapped(), {}),
+        (without(own, "names"), FileMapping(names=("a", "b")), {}),
+        (without(own, "spacing", "origin"), FileMapping(), {"spacing": SPACING, "origin": ORIGIN}),
+        (without(own, more=FIELD), FileMapping(fields=("field",), parameters=("params",)), {}),
+        (without(other_names, temperature=FIELD + 1), FileMapping(fields=("density",)), {}),
+        (without(one_array_for_each, c=PARAMETERS[:, 0]), FileMapping(parameters=("a", "b")), {}),
+        (without(arrays_with_attributes), FileMapping(parameters=("a", "b")), {}),
+        (without(axes_by_name, "axes"), FileMapping(dims=("x", "y", "z")), {}),
+        (without(own, phase=["train"] * COUNT), FileMapping(split="phase"), {}),
+        (without(own, which=PARAMETERS + 1), FileMapping(), {}),
     ],
 )
 def test_what_is_not_found_is_said(
-    tmp_path: Path, write: Callable[[h5py.File], None], mapped: Mapped, arguments: dict[str, Any]
+    tmp_path: Path, write: Callable[[h5py.File], None], mapped: FileMapping, arguments: dict[str, Any]
 ) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         write(file)
@@ -247,33 +247,33 @@ def test_what_is_not_found_is_said(
     [
         (
             without(own, "names"),
-            Mapped(),
+            FileMapping(),
             r"please give --names, the names of the 2 columns of 'params'; the file holds field",
         ),
-        (without(own, "spacing"), Mapped(), "please give --spacing"),
-        (without(own, "params"), Mapped(), r"please give --parameters, an array \(6, parameter\)"),
-        (without(other_names, temperature=FIELD), Mapped(), r"--array, which of \['density', 'temperature'\]"),
+        (without(own, "spacing"), FileMapping(), "please give --spacing"),
+        (without(own, "params"), FileMapping(), r"please give --parameters, an array \(6, parameter\)"),
+        (without(other_names, temperature=FIELD), FileMapping(), r"--array, which of \['density', 'temperature'\]"),
         (
             without(names_in_an_array, "theta", p=PARAMETERS, q=PARAMETERS),
-            Mapped(),
+            FileMapping(),
             r"--parameters, which of \['p', 'q'\]",
         ),
-        (own, Mapped(parameters=("nothing",)), r"--parameters \['nothing'\] are no arrays of 6 members"),
-        (own, Mapped(names=("a",)), "names of 2 parameters"),
-        (own, Mapped(split="nothing"), "--split: there is no array 'nothing'"),
-        (own, Mapped(dims=("x", "x", "z")), "an order of"),
-        (lambda file: file.attrs.update(a=1), Mapped(), "there is no field"),
-        (lambda file: file.update(field=FIELD[0]), Mapped(), r"\(member, z, y, x\), got shape"),
-        (without(arrays_with_attributes), Mapped(parameters=("c",)), r"\['c'\] are no numbers of every member"),
+        (own, FileMapping(parameters=("nothing",)), r"--parameters \['nothing'\] are no arrays of 6 members"),
+        (own, FileMapping(names=("a",)), "names of 2 parameters"),
+        (own, FileMapping(split="nothing"), "--split: there is no array 'nothing'"),
+        (own, FileMapping(dims=("x", "x", "z")), "an order of"),
+        (lambda file: file.attrs.update(a=1), FileMapping(), "there is no field"),
+        (lambda file: file.update(field=FIELD[0]), FileMapping(), r"\(member, z, y, x\), got shape"),
+        (without(arrays_with_attributes), FileMapping(parameters=("c",)), r"\['c'\] are no numbers of every member"),
         (
             without(own, "params", "lower", "upper", params=np.ones((6, 2))),
-            Mapped(),
+            FileMapping(),
             "'a' is 1 in every member: give --bounds a",
         ),
     ],
 )
 def test_what_is_missing_is_asked_for_with_what_is_there(
-    tmp_path: Path, write: Callable[[h5py.File], None], mapped: Mapped, message: str
+    tmp_path: Path, write: Callable[[h5py.File], None], mapped: FileMapping, message: str
 ) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         write(file)

@@ -15,9 +15,9 @@ from catalogs.vocabulary.scene import Scene
 from insitu.cli import main
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.sources import ensemble_of
-from insitu.readers.reader import Reader, Record, Sampling
+from insitu.readers.reader import Reader, Sampling, StoredState
 from insitu.readers.states import dumps_below, reader_for, table_of_files, with_states
-from insitu.readers.tables import Row, Table, match_files, read_table
+from insitu.readers.tables import MemberTable, TableRow, match_files, read_table
 from tests.support.cloverleaf_files import write_dump
 
 AXES = [np.arange(4.0)] * 3
@@ -33,7 +33,7 @@ def dumps(folder: Path, steps: Sequence[int] = (0, 10, 20)) -> Path:
     return folder
 
 
-def members(table: Table, wanted: Sequence[str] = ()) -> Table:
+def members(table: MemberTable, wanted: Sequence[str] = ()) -> MemberTable:
     reader = reader_for([row.path for row in table.rows])
     assert reader is not None
     return with_states(table, reader, Sampling(), wanted)
@@ -93,39 +93,42 @@ SAYING = [
 
 def code(says: Sequence[dict[str, float]]) -> Reader:
     """A reader of files that are called by their number."""
-    return Reader("code", "files", lambda path: True, lambda path, sampling: [Record((), says[int(path.name)])])
+    return Reader("code", "files", lambda path: True, lambda path, sampling: [StoredState((), says[int(path.name)])])
 
 
 @pytest.mark.parametrize(("says", "wanted", "names"), SAYING)
 def test_of_what_files_say_that_which_tells_members_apart_is_taken(
     says: list[dict[str, float]], wanted: tuple[str, ...], names: tuple[str, ...]
 ) -> None:
-    table = Table(tuple(Row(Path(str(i)), {}) for i in range(len(says))), {})
+    table = MemberTable(tuple(TableRow(Path(str(i)), {}) for i in range(len(says))), {})
     found = with_states(table, code(says), Sampling(), wanted)
     assert found.names == names
     assert [tuple(row.parameters.values()) for row in found.rows] == [tuple(s[n] for n in names) for s in says]
 
 
 def test_a_table_chooses_among_the_states_of_a_file() -> None:
-    states = [Record((t, s), {"trajectory": float(t), "time": 0.1 * s}) for t in range(2) for s in range(3)]
+    states = [StoredState((t, s), {"trajectory": float(t), "time": 0.1 * s}) for t in range(2) for s in range(3)]
     reader = replace(code([]), records=lambda path, sampling: states, units={"time": "s"})
-    both = with_states(Table((Row(Path("a"), {"Ma": 1.0}),), {}), reader, Sampling())
+    both = with_states(MemberTable((TableRow(Path("a"), {"Ma": 1.0}),), {}), reader, Sampling())
     assert both.names == ("Ma", "trajectory", "time")
     assert [row.index for row in both.rows] == [(t, s) for t in range(2) for s in range(3)]
     assert both.units == {"time": "s"}
-    rows = (Row(Path("a"), {"trajectory": 1.0, "Ma": 1.0}, name="x"), Row(Path("b"), {"trajectory": 0.0, "Ma": 2.0}))
-    one = with_states(Table(rows, {}), reader, Sampling(), ("Ma", "time"))
+    rows = (
+        TableRow(Path("a"), {"trajectory": 1.0, "Ma": 1.0}, name="x"),
+        TableRow(Path("b"), {"trajectory": 0.0, "Ma": 2.0}),
+    )
+    one = with_states(MemberTable(rows, {}), reader, Sampling(), ("Ma", "time"))
     assert [(row.path.name, row.index, row.name) for row in one.rows] == [
         *(("a", (1, s), "") for s in range(3)),
         *(("b", (0, s), "") for s in range(3)),
     ]
-    same = [Record((s,), {"Re": 1600.0, "time": 0.1 * s}) for s in range(3)]
+    same = [StoredState((s,), {"Re": 1600.0, "time": 0.1 * s}) for s in range(3)]
     other = with_states(
-        Table((Row(Path("a"), {"Re": 100.0}),), {}), replace(reader, records=lambda *_: same), Sampling()
+        MemberTable((TableRow(Path("a"), {"Re": 100.0}),), {}), replace(reader, records=lambda *_: same), Sampling()
     )
     assert [dict(r.parameters) for r in other.rows] == [{"Re": 100.0, "time": 0.1 * s} for s in range(3)]
     with pytest.raises(ValueError, match=r"a: none of its 6 states has \{'trajectory': 7.0\}"):
-        with_states(Table((Row(Path("a"), {"trajectory": 7.0}),), {}), reader, Sampling())
+        with_states(MemberTable((TableRow(Path("a"), {"trajectory": 7.0}),), {}), reader, Sampling())
 
 
 def test_what_is_missing_is_told(tmp_path: Path) -> None:

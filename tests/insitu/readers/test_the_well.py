@@ -16,12 +16,12 @@ from insitu.ensembles.files import FileEnsemble
 from insitu.readers.files import read_data, read_field
 from insitu.readers.reader import Sampling
 from insitu.readers.states import dumps_below, reader_for, table_of_files, with_states
-from insitu.readers.tables import Table, match_files
+from insitu.readers.tables import MemberTable, match_files
 from tests.support.damage import damaged, read_or_refused
 from tests.support.well_files import STEPS, TRAJECTORIES, fields, write_well
 
 
-def members(table: Table, *wanted: str) -> Table:
+def members(table: MemberTable, *wanted: str) -> MemberTable:
     reader = reader_for([row.path for row in table.rows])
     assert reader is not None
     assert reader.name == "well"

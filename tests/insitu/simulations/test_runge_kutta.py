@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from insitu.simulations.runge_kutta import Modes, State, steps
+from insitu.simulations.runge_kutta import FlowState, Modes, steps
 
 OMEGA, VISCOSITY = 1.0, 0.3
 
@@ -21,11 +21,11 @@ def decay(dt: float) -> Modes:
     return np.exp(np.array([-VISCOSITY * dt]))
 
 
-def one() -> State:
-    return State(0.0, np.ones(1, dtype=np.complex128))
+def one() -> FlowState:
+    return FlowState(0.0, np.ones(1, dtype=np.complex128))
 
 
-def solve(step: float, until: float = 2.0) -> list[State]:
+def solve(step: float, until: float = 2.0) -> list[FlowState]:
     return list(steps(one(), until, tendency=rotation, decay=decay, step_limit=step))
 
 

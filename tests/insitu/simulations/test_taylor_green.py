@@ -14,13 +14,13 @@ import pytest
 
 import insitu.simulations.taylor_green as module
 from insitu.simulations.periodic_box import PeriodicBox
-from insitu.simulations.runge_kutta import State
+from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
 
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"
 
 
-def advanced(flow: TaylorGreen, until: float) -> State:
+def advanced(flow: TaylorGreen, until: float) -> FlowState:
     return flow.advance(flow.initial(), until=until)
 
 
@@ -180,7 +180,7 @@ def test_what_cannot_be_solved_is_refused(arguments: dict, message: str):
 
 def test_a_flow_that_is_not_finite_is_named():
     flow = TaylorGreen(resolution=8)
-    broken = State(0.5, np.full_like(flow.initial().modes, np.nan))
+    broken = FlowState(0.5, np.full_like(flow.initial().modes, np.nan))
     with pytest.raises(FloatingPointError, match=r"t = 0\.5"):
         flow.advance(broken, until=1.0)
 

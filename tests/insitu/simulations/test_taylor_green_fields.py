@@ -7,7 +7,7 @@ import pytest
 
 from insitu.simulations import Field, simulation
 from insitu.simulations.periodic_box import PeriodicBox
-from insitu.simulations.runge_kutta import State
+from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
 from insitu.simulations.taylor_green_fields import SIMULATION, dumps, run, run_fields
 
@@ -129,7 +129,7 @@ def test_a_dump_is_the_flow_at_its_time_and_does_not_depend_on_the_others():
 
 
 def test_dumps_are_of_one_run(monkeypatch: pytest.MonkeyPatch):
-    started: list[State] = []
+    started: list[FlowState] = []
     initial = TaylorGreen.initial
     monkeypatch.setattr(TaylorGreen, "initial", lambda flow: started.append(initial(flow)) or started[-1])
     coming = dumps({"Re": 400.0}, fields=("q_criterion",), resolution=8, times=[0.5, 1.0, 1.5])

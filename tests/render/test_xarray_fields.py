@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from render.datasets import ResamplingWarning, to_grid
-from render.labelled import placed
+from render.xarray_fields import placed
 
 xarray = pytest.importorskip("xarray")
 

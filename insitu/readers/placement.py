@@ -11,7 +11,7 @@ import numpy as np
 from insitu.fields.field import Field
 from insitu.readers.arrays import Arrays, LabelledArray, StoredArray
 from insitu.readers.attributes import as_text, asking, attributes_about
-from render.labelled import AXES, axis_order, placed
+from render.xarray_fields import AXES, axis_order, placed
 
 SPACINGS = ("spacing", "grid_spacing", "voxel_size", "cell_size", "delta")
 ORDERS = ("axes", "dims", "dimensions", "axis_order", "order")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from insitu.members.rendered import RenderedMember
+from insitu.members.result import RenderedMember
 
 PROJECT = Path(__file__).resolve().parents[3]
 
@@ -46,7 +46,7 @@ def test_each_field_of_a_member_has_a_line(names: tuple[str, ...], lines: list[s
 
 PEAKS = """
 import numpy
-from insitu.members.rendered import PeakMemory
+from insitu.members.result import PeakMemory
 print(PeakMemory().extra_bytes)
 memory = PeakMemory()
 held = numpy.ones(8_000_000)  # 64 MB, which are seen

@@ -25,7 +25,7 @@ SAME = 1e-5  # relative deviation of a spacing, or of an origin in spacings, tha
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedArray:
     """Values (nz, ny, nx) of any real type, and where they lie.
 
     Attributes
@@ -69,7 +69,7 @@ def placed(
     dims: Sequence[str] | None = None,
     spacing: ArrayLike | None = None,
     origin: ArrayLike | None = None,
-) -> Placed:
+) -> PlacedArray:
     """A labelled array as (z, y, x) values with increasing coordinates.
 
     Parameters
@@ -96,7 +96,7 @@ def placed(
     told = str(getattr(data, "name", None) or ""), str(attributes.get("units", ""))
     along = {letter: coordinates.get(order[letter]) for letter in AXES}
     if all(coordinate is None for coordinate in along.values()):
-        return Placed(values, None, *told)
+        return PlacedArray(values, None, *told)
     bare = [letter for letter in AXES if along[letter] is None]
     if bare and spacing is None:
         raise ValueError(
@@ -115,7 +115,7 @@ def placed(
         axes.append(axis)
     _check_given(axes, order, spacing, origin)
     x, y, z = axes
-    return Placed(values, (x, y, z), *told)
+    return PlacedArray(values, (x, y, z), *told)
 
 
 def axis_order(

@@ -26,10 +26,10 @@ from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.boxes import Box, checked_box
 from insitu.fields.share import Ghosts, Share, share_of
-from insitu.fields.summarize import Part, summarize_shown
-from insitu.mpi.layout import Extent, Layout, UnevenBlocks, layout
+from insitu.fields.summarize import FieldPart, summarize_shown
+from insitu.mpi.layout import BlockExtent, BlockLayout, UnevenBlocks, layout
 from insitu.mpi.neighbours import block_of
-from insitu.mpi.ranks import Ranks, Told, call
+from insitu.mpi.ranks import CollectiveError, RankGroup, call_all
 from insitu.mpi.resampling import common_lattice, even_layout, resampled
 from render.blocks import Block, Lattice, footprint
 from render.compositing import nearest, over, packed, unpacked
@@ -63,7 +63,7 @@ class Blocks:
 
     def __init__(
         self,
-        ranks: Ranks,
+        ranks: RankGroup,
         field: Any,
         *,
         spacing: Sequence[float] | None = None,
@@ -82,7 +82,7 @@ class Blocks:
         }
         self._blocks: dict[str, Block | None] = {}
         self._ranges: Mapping[str, tuple[float, float]] = {}
-        self._laid: Layout
+        self._laid: BlockLayout
         self._order: Plane | Piece
         self._pieces: list[Piece]
         self._renderer: BlockRenderer | None = None
@@ -113,11 +113,11 @@ class Blocks:
 
         Raises ValueError or TypeError naming the rank whose block is not acceptable.
         """
-        return DecomposedFields(self, self.call("take", tuple(appearances), tuple(known), nan))
+        return DecomposedFields(self, self.call_all("take", tuple(appearances), tuple(known), nan))
 
-    def call(self, name: str, *arguments: Any) -> Any:
-        """Let every rank do a command; see `insitu.mpi.ranks.call`."""
-        return call(self.ranks, self.commands, name, *arguments)
+    def call_all(self, name: str, *arguments: Any) -> Any:
+        """Let every rank do a command; see `insitu.mpi.ranks.call_all`."""
+        return call_all(self.ranks, self.commands, name, *arguments)
 
     def _take(self, appearances: Sequence[Appearance], known: Sequence[Appearance], nan: str) -> Description:
         names = shown_fields(appearances) or ("",)
@@ -129,13 +129,13 @@ class Blocks:
         notes: tuple[str, ...] = ()
         extents = self.ranks.gather(share and share.own)
         if not any(extents):
-            raise Told(ValueError("no rank has a block of the field"))
+            raise CollectiveError(ValueError("no rank has a block of the field"))
         try:
             self._laid = layout(extents)
         except UnevenBlocks as reason:
             share, notes = self._on_one_grid(share, names, nan, str(reason))
         except ValueError as error:
-            raise Told(error) from None
+            raise CollectiveError(error) from None
         for name in names:
             self._blocks[name] = block_of(None if share is None else share.owned(name), self._laid, self.ranks)
         self._order = space_partition(self._laid.boxes)
@@ -155,7 +155,7 @@ class Blocks:
             samples, missing = resampled(None if share is None else share.fields[name], extents, self._laid, self.ranks)
             gaps = sum(self.ranks.gather(missing))
             if gaps and nan == "refuse":
-                raise Told(
+                raise CollectiveError(
                     ValueError(
                         f"the blocks fill no grid ({reason}), and {gaps} of the {np.prod(whole.shape)} samples of the one that "
                         'they are resampled to lie in none of them: give ghost layers (ghosts=), or nan="transparent"'
@@ -169,13 +169,13 @@ class Blocks:
         if mine is None:
             return None, (note,)
         shape = next(iter(found.values())).values.shape
-        extent = Extent((shape[0], shape[1], shape[2]), whole.spacing, whole.place(mine.start))
+        extent = BlockExtent((shape[0], shape[1], shape[2]), whole.spacing, whole.place(mine.start))
         return Share(found, extent, extent, {}), (note,)
 
-    def _parts(self, names: Sequence[str]) -> dict[str, Part]:
+    def _parts(self, names: Sequence[str]) -> dict[str, FieldPart]:
         whole = self._laid.whole
         blocks = {name: self._blocks[name] for name in names}
-        return {n: Part.none_of(whole) if block is None else Part.of(block) for n, block in blocks.items()}
+        return {n: FieldPart.none_of(whole) if block is None else FieldPart.of(block) for n, block in blocks.items()}
 
     def _open(self, appearance: Appearance, sample_distance: float | None) -> None:
         """Make ready to draw an appearance."""
@@ -189,7 +189,7 @@ class Blocks:
 
     def _draw(self, cameras: Sequence[Camera], float_output: bool) -> list[NDArray[Any]]:
         """Pictures, on rank 0: every rank draws its block of all, and puts the layers of one together."""
-        form = Pictures(
+        form = LayerAssembly(
             self._laid.whole, self._order, self._pieces, isinstance(self._appearance, Isosurface), float_output
         )
         sent = [self._drawn(form, camera) for camera in cameras]
@@ -203,7 +203,7 @@ class Blocks:
         dtype = np.float32 if float_output else np.uint8
         return [data.view(dtype).reshape(c.height, c.width, 4) for data, c in zip(arrived, cameras, strict=False)]
 
-    def _drawn(self, form: Pictures, camera: Camera) -> NDArray[np.uint8]:
+    def _drawn(self, form: LayerAssembly, camera: Camera) -> NDArray[np.uint8]:
         """The layers of this rank's pieces, one after the other."""
         layers = []
         for piece, rows, columns in form.seen(camera, self.ranks.number):
@@ -256,7 +256,7 @@ class DecomposedFields:
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """See `MemberFields`."""
-        found: dict[str, FieldSummary] = self.blocks.call("summarize", tuple(names), plan)
+        found: dict[str, FieldSummary] = self.blocks.call_all("summarize", tuple(names), plan)
         return found
 
 
@@ -272,18 +272,18 @@ class DecomposedField:
         self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool
     ) -> Iterator[NDArray[Any]]:
         """See `Drawable`; as many at once as there are ranks, or as their memory bears."""
-        self.blocks.call("open", appearance, sample_distance)
+        self.blocks.call_all("open", appearance, sample_distance)
         share = at_once(appearance, cameras, self.blocks.ranks.size)
         for start in range(0, len(cameras), share):
-            yield from self.blocks.call("draw", tuple(cameras[start : start + share]), float_output)
+            yield from self.blocks.call_all("draw", tuple(cameras[start : start + share]), float_output)
 
     def mean_change(self, transfer: TransferFunction) -> float:
         """See `Drawable`."""
-        return float(self.blocks.call("change", self.name, transfer))
+        return float(self.blocks.call_all("change", self.name, transfer))
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class LayerAssembly:
     """How pictures are put together from layers of blocks.
 
     Attributes
@@ -344,12 +344,12 @@ def at_once(appearance: Appearance, cameras: Sequence[Camera], ranks: int) -> in
 _EMPTY = np.empty(0, dtype=np.uint8)
 
 
-def _range(part: Part, ranks: Ranks) -> tuple[float, float]:
+def _range(part: FieldPart, ranks: RankGroup) -> tuple[float, float]:
     """Smallest and largest finite value of a field in blocks.  Collective; raises Told where there is none."""
     own = part.values[part.window(0, part.shape[0])]
     if part.holes is not None:
         own = own[~part.holes[part.window(0, part.shape[0])]]
     found = [ends for ends in ranks.gather((float(own.min()), float(own.max())) if own.size else None) if ends]
     if not found:
-        raise Told(ValueError("not one value of the field is finite"))
+        raise CollectiveError(ValueError("not one value of the field is finite"))
     return min(low for low, _ in found), max(high for _, high in found)

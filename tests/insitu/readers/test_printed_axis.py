@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from insitu.readers.printed import PrintedAxis, joined_axis
+from insitu.readers.printed_axis import PrintedAxis, joined_axis
 
 SPACINGS = st.floats(1e-6, 1e6)
 

@@ -32,9 +32,9 @@ from insitu.fields.field import Field
 from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
 from insitu.readers.attributes import as_text, attributes_about, bounds_about, splits_of
 from insitu.readers.identity import contents
-from insitu.readers.layout import Layout, Mapped, find_layout
-from insitu.readers.placing import axis_names, place_of, placed_field
-from render.labelled import axis_order
+from insitu.readers.layout import EnsembleLayout, FileMapping, find_layout
+from insitu.readers.placement import axis_names, place_of, placed_field
+from render.xarray_fields import axis_order
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -53,8 +53,8 @@ class StoredEnsemble:
     """
 
     path: Path
-    layout: Layout = field(repr=False)
-    mapped: Mapped = field(repr=False)
+    layout: EnsembleLayout = field(repr=False)
+    mapped: FileMapping = field(repr=False)
     shape: tuple[int, int, int]
     space: ParameterSpace
     parameters: tuple[tuple[float, ...], ...]
@@ -70,7 +70,7 @@ class StoredEnsemble:
     def open(
         cls,
         path: str | os.PathLike[str],
-        mapped: Mapped = Mapped(),  # noqa: B008 - frozen
+        mapped: FileMapping = FileMapping(),  # noqa: B008 - frozen
         *,
         spacing: Sequence[float] | None = None,
         origin: Sequence[float] | None = None,
@@ -170,7 +170,7 @@ def _described(
     kind: type[StoredEnsemble],
     arrays: Arrays,
     path: Path,
-    mapped: Mapped,
+    mapped: FileMapping,
     spacing: Sequence[float] | None,
     origin: Sequence[float] | None,
     bounds: Bounds,
@@ -216,7 +216,7 @@ def _field_name(about: Mapping[str, Any], held: Sequence[StoredArray]) -> str:
     return as_text(about["field"]) if isinstance(about.get("field"), str | bytes) else held[0].stem
 
 
-def _space(arrays: Arrays, layout: Layout, field: StoredArray, given: Bounds) -> ParameterSpace:
+def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, given: Bounds) -> ParameterSpace:
     """The parameters, their bounds as given, else as attributes say, else as the members have them."""
     names, count = layout.names, layout.values.shape[1]
     if len(names) != count or len(layout.units) not in (0, count):

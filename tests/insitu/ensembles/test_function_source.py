@@ -17,7 +17,7 @@ from catalogs.tools.check import check
 from catalogs.vocabulary.scene import PlannedMember, Scene
 from insitu.cli import main
 from insitu.ensembles.dataset import make_dataset
-from insitu.ensembles.hooked import HookedSource
+from insitu.ensembles.function_source import HookedSource
 from insitu.ensembles.sources import ensemble_of
 from insitu.fields.field import Field
 from tests.support.scenes import scene
