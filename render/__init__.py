@@ -1,24 +1,15 @@
 """A field, an appearance and cameras in; pictures out (VTK, off screen)."""
 
-from __future__ import annotations
+from importlib.util import find_spec
+from os.path import dirname
 
-from importlib import import_module
-from typing import Any
+for _name in ("catalogs",):
+    if dirname(dirname(_found := find_spec(_name).origin)) != dirname(dirname(__file__)):
+        raise ImportError(
+            f"{_found} hides the package `{_name}` of gs-surrogate: rename it, or keep its folder from the path "
+            "(python -P script.py)"
+        )
 
-_EXPORTS = {
-    "Grid": "render.grids",
-    "to_grid": "render.datasets",
-    "render_views": "render.views",
-    "SampleDistance": "render.quality",
-    "choose_sample_distance": "render.quality",
-}
+from catalogs.lazy import public_names  # noqa: E402, once it is ours
 
-__all__ = ["Grid", "SampleDistance", "choose_sample_distance", "render_views", "to_grid"]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        return import_module("catalogs.version").version()
-    if name in _EXPORTS:
-        return getattr(import_module(_EXPORTS[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__all__, __getattr__, __dir__ = public_names(__name__, __file__)

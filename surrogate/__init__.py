@@ -1,25 +1,15 @@
 """Deformable Gaussians fitted to a Cinema catalog: any view, any parameter, in milliseconds."""
 
-from __future__ import annotations
+from importlib.util import find_spec
+from os.path import dirname
 
-import importlib
-from typing import Any
+for _name in ("catalogs",):
+    if dirname(dirname(_found := find_spec(_name).origin)) != dirname(dirname(__file__)):
+        raise ImportError(
+            f"{_found} hides the package `{_name}` of gs-surrogate: rename it, or keep its folder from the path "
+            "(python -P script.py)"
+        )
 
-_HOMES = {
-    "Surrogate": "model",
-    "look_at": "model",
-    "TrainingSettings": "settings",
-    "train": "training.run",
-    "render": "splatting",
-    "show": "explore.server.notebook",
-}
+from catalogs.lazy import public_names  # noqa: E402, once it is ours
 
-__all__ = list(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        return importlib.import_module("catalogs.version").version()
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+__all__, __getattr__, __dir__ = public_names(__name__, __file__)

@@ -65,12 +65,38 @@ Arguments mean what `surrogate.splatting.render`, `surrogate.training.losses.ima
 blend read the Gaussians' arrays again in the backward pass: they must not have changed in between.
 """
 
-from __future__ import annotations
-
-import importlib
-from typing import Any
+try:
+    from surrogate.kernels._kernels import (
+        Blend,
+        Drawing,
+        add_bilinear,
+        apply_averages,
+        apply_averages_gradient,
+        averages,
+        backward,
+        bilinear_gradients,
+        blend,
+        blend_gradients,
+        directional_colors,
+        directional_colors_gradient,
+        extinction_table,
+        forward,
+        image_loss,
+        instruction_sets,
+        lit_colors,
+        lit_colors_gradient,
+        ray_opacities,
+        ray_opacities_gradient,
+        step_rows,
+        transfer,
+        transfer_gradient,
+    )
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError("the C++ kernels are not built: run `make setup`, or `pip install .`") from error
 
 __all__ = [
+    "Blend",
+    "Drawing",
     "add_bilinear",
     "apply_averages",
     "apply_averages_gradient",
@@ -93,14 +119,3 @@ __all__ = [
     "transfer",
     "transfer_gradient",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        return importlib.import_module("importlib.metadata").version("gs-surrogate")
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        return getattr(importlib.import_module("native._kernels"), name)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError("the C++ kernels are not built: run `make setup`, or `pip install .`") from error

@@ -1,0 +1,32 @@
+"""Public names that load when first used."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+PACKAGES = ("catalogs", "insitu", "render", "surrogate")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_one_of_the_stub(package: str) -> None:
+    module = import_module(package)
+    stub = Path(str(module.__file__)).with_suffix(".pyi")
+    imports = [node for node in ast.walk(ast.parse(stub.read_text())) if isinstance(node, ast.ImportFrom)]
+    homes = {alias.name: str(node.module) for node in imports for alias in node.names}
+    assert list(homes) == module.__all__
+    assert {*homes, "__version__"} == set(dir(module))
+    for name, home in homes.items():
+        assert getattr(module, name) is getattr(import_module(home), name)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_an_unknown_name_is_refused_with_those_that_there_are(package: str) -> None:
+    module = import_module(package)
+    with pytest.raises(AttributeError, match=rf"'{package}' has no attribute 'nothing'; it has .*{module.__all__[0]}"):
+        _ = module.nothing
+    with pytest.raises(ImportError, match="nothing"):
+        exec(f"from {package} import nothing", {})
