@@ -84,12 +84,12 @@ class Lighting:
         if not kernel_takes(position, means, normals):
             return self.colors(normals, directions(means, position))
         light = *self.color, *(getattr(self, name) for name in STRENGTHS)
-        place = tuple(position.tolist()), cores() if threads is None else threads
+        place, count = position.tolist(), cores() if threads is None else threads
         kernel = KernelFunction(
             "Lighting.colors_from",
             "Lighting.colors",
-            lambda arrays: kernels.lit_colors(*arrays, light, *place),
-            lambda arrays, upstream: kernels.lit_colors_gradient(*arrays, light, place[0], upstream, place[1]),
+            lambda means, normals: kernels.lit_colors(means, normals, light, place, count),
+            lambda by, means, normals: kernels.lit_colors_gradient(means, normals, light, place, by, count),
         )
         return kernel(means, normals)
 

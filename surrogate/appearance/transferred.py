@@ -7,6 +7,7 @@ where the extinction is 1) one of optical depth h tau and colour e / tau (emissi
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +22,9 @@ from surrogate import kernels
 from surrogate.appearance.averages import HIGHEST, LEAST_SPREAD, LOWEST, MOST_SPREAD, Nodes, averages_reference
 from surrogate.derivatives import require_no_second_derivative
 from surrogate.splatting.threads import cores
+
+Array = NDArray[np.float32]
+Row = Sequence[float]
 
 LEAST_DEPTH = 1e-4  # a Gaussian thinner than this is never drawn (alpha 1/255)
 MOST_DEPTH = 12.0  # as good as opaque
@@ -85,8 +89,8 @@ def apply(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, 
 
 def _applied(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
     """New logits (N,) and colours (N, 3) by the kernel."""
-    logits, colors = kernels.apply_averages(*_arguments(table, logits, values), cores())
-    return torch.from_numpy(logits), torch.from_numpy(colors)
+    made = kernels.apply_averages(*_arguments(table, logits, values), cores())
+    return torch.from_numpy(made[0]), torch.from_numpy(made[1])
 
 
 class _Applied(torch.autograd.Function):
@@ -102,13 +106,14 @@ class _Applied(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative("apply", "apply_reference")
         arguments = _arguments(ctx.table, *ctx.saved_tensors)
-        by_logits, by_values = kernels.apply_averages_gradient(*arguments, *(g.numpy() for g in gradients), cores())
-        return None, torch.from_numpy(by_logits), torch.from_numpy(by_values)
+        by_new_logits, by_colors = (gradient.numpy() for gradient in gradients)
+        made = kernels.apply_averages_gradient(*arguments, by_new_logits, by_colors, cores())
+        return None, torch.from_numpy(made[0]), torch.from_numpy(made[1])
 
 
-def _arguments(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Any, ...]:
-    arrays = [tensor.detach().numpy() for tensor in (logits, values)]
-    return table.cells, RANGES, *arrays, *table.range, (table.dark, LEAST_DEPTH, MOST_DEPTH)
+def _arguments(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Array, Row, Array, Array, Row, Row, Row]:
+    limits = (table.dark, LEAST_DEPTH, MOST_DEPTH)
+    return table.cells, RANGES, logits.detach().numpy(), values.detach().numpy(), *table.range, limits
 
 
 def apply_reference(table: AverageTable, logits: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:

@@ -25,6 +25,8 @@ from surrogate.derivatives import require_no_second_derivative
 from surrogate.gaussians import Gaussians
 from surrogate.splatting.threads import cores
 
+Array = NDArray[np.float32]
+
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
@@ -86,8 +88,8 @@ class Transfer:
 
 def _transferred(weights: Tensor, logits: Tensor, colors: Tensor, transfer: Transfer) -> tuple[Tensor, Tensor]:
     """New logits (N,) and colours (N, 3 K) by the kernel."""
-    logits, colors = kernels.transfer(*_arguments(transfer, weights, logits, colors), cores())
-    return torch.from_numpy(logits), torch.from_numpy(colors)
+    made = kernels.transfer(*_arguments(transfer, weights, logits, colors), cores())
+    return torch.from_numpy(made[0]), torch.from_numpy(made[1])
 
 
 class _Transferred(torch.autograd.Function):
@@ -103,19 +105,17 @@ class _Transferred(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative()
         arguments = _arguments(ctx.transfer, *ctx.saved_tensors)
-        by_weights = kernels.transfer_gradient(*arguments, *(g.numpy() for g in gradients), cores())
+        by_logits, by_colors = (gradient.numpy() for gradient in gradients)
+        by_weights = kernels.transfer_gradient(*arguments, by_logits, by_colors, cores())
         return torch.from_numpy(by_weights), None, None, None
 
 
-def _arguments(transfer: Transfer, weights: Tensor, logits: Tensor, colors: Tensor) -> tuple[Any, ...]:
-    arrays = [tensor.detach().numpy() for tensor in (logits, colors)]
-    return (
-        weights.detach().numpy(),
-        np.asarray(transfer.changes, dtype=np.float32),
-        *arrays,
-        *transfer.range,
-        LEAST_DEPTH,
-    )
+def _arguments(
+    transfer: Transfer, weights: Tensor, logits: Tensor, colors: Tensor
+) -> tuple[Array, Array, Array, Array, list[float], list[float], float]:
+    arrays = [tensor.detach().numpy() for tensor in (weights, logits, colors)]
+    changes = np.asarray(transfer.changes, dtype=np.float32)
+    return arrays[0], changes, arrays[1], arrays[2], *transfer.range, LEAST_DEPTH
 
 
 class _SizesTimes(torch.autograd.Function):

@@ -73,8 +73,8 @@ def mean_squared_error(truth: NDArray[np.float32], prediction: NDArray[np.float3
 
 def ssim(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
     """Mean structural similarity of two pictures (H, W, C); see `DEFINITIONS`."""
-    pair = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
-    _, similarity, _ = kernels.image_loss(*pair, 1.0, 1)
+    shown, wanted = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
+    _, similarity, _ = kernels.image_loss(shown, wanted, 1.0, 1)
     return float(similarity)
 
 

@@ -1,7 +1,7 @@
 """C++ kernels behind plain arrays, with gradients: splatting, image loss, bilinear offsets, transfer functions, blended values,
 opacities along rays, colours by direction and light, steps of Adam.
 
-No torch or logic.  The functions load the compiled module when first used.  Arrays are float32 and C-contiguous (others are
+No torch or logic.  Arrays are float32 and C-contiguous (others are
 copied); the same input gives bitwise the same output for any number of threads.
 
     forward(gaussians, world_to_camera, intrinsics, size, constants, threads, instruction_set="", background=(0, 0, 0))
@@ -66,56 +66,6 @@ blend read the Gaussians' arrays again in the backward pass: they must not have 
 """
 
 try:
-    from surrogate.kernels._kernels import (
-        Blend,
-        Drawing,
-        add_bilinear,
-        apply_averages,
-        apply_averages_gradient,
-        averages,
-        backward,
-        bilinear_gradients,
-        blend,
-        blend_gradients,
-        directional_colors,
-        directional_colors_gradient,
-        extinction_table,
-        forward,
-        image_loss,
-        instruction_sets,
-        lit_colors,
-        lit_colors_gradient,
-        ray_opacities,
-        ray_opacities_gradient,
-        step_rows,
-        transfer,
-        transfer_gradient,
-    )
+    from surrogate.kernels._kernels import *  # noqa: F403, names and types: _kernels.pyi
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError("the C++ kernels are not built: run `make setup`, or `pip install .`") from error
-
-__all__ = [
-    "Blend",
-    "Drawing",
-    "add_bilinear",
-    "apply_averages",
-    "apply_averages_gradient",
-    "averages",
-    "backward",
-    "bilinear_gradients",
-    "blend",
-    "blend_gradients",
-    "directional_colors",
-    "directional_colors_gradient",
-    "extinction_table",
-    "forward",
-    "image_loss",
-    "instruction_sets",
-    "lit_colors",
-    "lit_colors_gradient",
-    "ray_opacities",
-    "ray_opacities_gradient",
-    "step_rows",
-    "transfer",
-    "transfer_gradient",
-]

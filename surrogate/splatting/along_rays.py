@@ -51,8 +51,8 @@ def opacities_along_rays(
     kernel = KernelFunction(
         "opacities_along_rays",
         "opacities_along_rays_reference",
-        lambda arrays: kernels.ray_opacities(arrays, *place, count),
-        lambda arrays, upstream: kernels.ray_opacities_gradient(arrays, *place, upstream, count),
+        lambda *arrays: kernels.ray_opacities(arrays, *place, count),
+        lambda by, *arrays: kernels.ray_opacities_gradient(arrays, *place, by, count),
     )
     return kernel(*tensors)
 

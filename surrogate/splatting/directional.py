@@ -29,12 +29,12 @@ def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threa
     """
     if not kernel_takes(position, means, colors):
         return directional_colors_reference(means, colors, position)
-    place = tuple(position.tolist()), cores() if threads is None else threads
+    place, count = position.tolist(), cores() if threads is None else threads
     kernel = KernelFunction(
         "directional_colors",
         "directional_colors_reference",
-        lambda arrays: kernels.directional_colors(*arrays, *place),
-        lambda arrays, upstream: kernels.directional_colors_gradient(*arrays, place[0], upstream, place[1]),
+        lambda means, colors: kernels.directional_colors(means, colors, place, count),
+        lambda by, means, colors: kernels.directional_colors_gradient(means, colors, place, by, count),
     )
     return kernel(means, colors)
 

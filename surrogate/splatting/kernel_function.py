@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.words import one_line
 from surrogate.derivatives import require_no_second_derivative
-
-Arrays = Sequence[NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,14 +22,14 @@ class KernelFunction:
     Attributes
     ----------
     name, reference : of the function, and of its twin, which has second derivatives.
-    forward : the result of the tensors' arrays.
-    gradient : the gradients by them, from the arrays and that by the result.
+    forward : the result, called with the tensors' arrays.
+    gradient : the gradients by them, called with that by the result and the arrays.
     """
 
     name: str
     reference: str
-    forward: Callable[[Arrays], NDArray[Any]]
-    gradient: Callable[[Arrays, NDArray[Any]], Arrays]
+    forward: Callable[..., NDArray[np.float32]]
+    gradient: Callable[..., Sequence[NDArray[np.float32]]]
 
     __repr__ = one_line
 
@@ -43,7 +42,7 @@ class KernelFunction:
 
     def of(self, tensors: Sequence[Tensor]) -> Tensor:
         """The result alone."""
-        return torch.from_numpy(self.forward([tensor.detach().numpy() for tensor in tensors]))
+        return torch.from_numpy(self.forward(*(tensor.detach().numpy() for tensor in tensors)))
 
 
 class _Differentiable(torch.autograd.Function):
@@ -57,7 +56,7 @@ class _Differentiable(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         require_no_second_derivative(ctx.function.name, ctx.function.reference)
         arrays = [tensor.detach().numpy() for tensor in ctx.saved_tensors]
-        found = ctx.function.gradient(arrays, gradients[0].numpy())
+        found = ctx.function.gradient(gradients[0].numpy(), *arrays)
         return None, *(torch.from_numpy(array) for array in found)
 
 

@@ -97,7 +97,8 @@ def step_rows(tensor: Tensor, gradient: Tensor, first: Tensor, second: Tensor, s
     """
     tensors = (tensor, gradient, first, second, steps)
     if all(t.is_cpu and t.dtype == torch.float32 and t.is_contiguous() for t in tensors):
-        kernels.step_rows(*(t.detach().numpy() for t in tensors), rate)
+        moved, by, mean, square, counts = (t.detach().numpy() for t in tensors)
+        kernels.step_rows(moved, by, mean, square, counts, rate)
     else:
         step_rows_reference(*tensors, rate)
 
