@@ -9,13 +9,14 @@ MINUTES ?= 5
 COMPARED_SEEDS ?= 1
 SCENES  ?= $(filter $(basename $(notdir $(wildcard scenes/*.toml))),$(patsubst $(RUNS)/%/dataset.json,%,$(wildcard $(RUNS)/*/dataset.json)))
 BIN     := .venv/bin
+STUDY   := $(BIN)/python -m research.studies
 SETUP   := .venv/.complete
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(wildcard surrogate/kernels/src/*)
 # The example whose script scene SCENE runs, if it is hooked: somebody else's code, in an environment of its own.
 EXAMPLE := $(shell sed -n 's|^script = "../examples/\([^/"]*\)/.*|\1|p' scenes/$(SCENE).toml 2>/dev/null)
 HOOKED  := $(if $(EXAMPLE),.venv-$(EXAMPLE)/.complete)
 
-.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast lint clients examples bench explore clean-scene
+.PHONY: help setup dataset train evaluate repeat results ablate ablate-visualization compare browse test test-fast test-research lint clients examples bench explore clean-scene
 
 help:
 	@echo "make dataset train [SCENE=$(SCENE)]   simulate, render, train, evaluate -> $(RUNS)/<scene>/report/"
@@ -23,7 +24,7 @@ help:
 	@echo "make repeat [SCENE=$(SCENE)]          $(SEEDS) seeds of one scene: mean and deviation -> $(RECORDS)/<scene>/seeds/"
 	@echo "make ablate [SCENE=$(SCENE)]          what each choice of training is worth: hours -> $(RUNS), $(RECORDS)/<scene>/ablation/"
 	@echo "make compare [SCENE=$(SCENE)]         published systems and ours, $(MINUTES) minutes each -> docs/comparison.md"
-	@echo "make test                        every test (make test-fast: the quick ones)"
+	@echo "make test | test-research        every test of the product (make test-fast: the quick ones), or of research/"
 	@echo "make browse | explore [SCENE=$(SCENE)]   its pictures, or its surrogate, in a browser"
 	@echo "make examples                    environments of the simulation codes of examples/: minutes"
 	@echo "make setup | dataset | train | evaluate | browse | lint | bench, one by one"
@@ -49,37 +50,37 @@ train: dataset
 # The same, and in the report what the same Gaussians could reach at all: it takes as long as training again.
 evaluate: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate ceiling scenes/$(SCENE).toml --runs $(RUNS)
+	$(STUDY) ceiling scenes/$(SCENE).toml --runs $(RUNS) --records $(RUNS)
 	$(BIN)/surrogate evaluate scenes/$(SCENE).toml --runs $(RUNS)
 
 # The same training with other seeds; what is finished, or known from a record of the same settings and code, is not trained again.
 repeat: dataset
-	$(BIN)/surrogate repeat scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS)
+	$(STUDY) repeat scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS)
 
 # Hours where little is there yet; interrupted, it goes on.  A scene that fails leaves the others, and one may have no ceiling.
 results: $(SETUP)
 	@failed=; for scene in $(SCENES); do \
 	    { $(MAKE) --no-print-directory dataset SCENE=$$scene && \
-	        $(BIN)/surrogate repeat scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS) && \
-	        { $(BIN)/surrogate ceiling scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) || true; } && \
+	        $(STUDY) repeat scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) --seeds $(SEEDS) && \
+	        { $(STUDY) ceiling scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS) || true; } && \
 	        $(BIN)/surrogate evaluate scenes/$$scene.toml --runs $(RUNS) --records $(RECORDS); } || failed="$$failed $$scene"; \
 	done; $(BIN)/python -m research.benchmarks.results --runs $(RUNS) --records $(RECORDS) || failed="$$failed page"; \
 	test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
 # Nine trainings for each seed, eight of them of so many minutes, and their scoring; interrupted, it goes on, and processes share it out.
 compare: dataset
-	$(BIN)/surrogate compare scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --minutes $(MINUTES) --seeds $(COMPARED_SEEDS)
+	$(STUDY) compare scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS) --minutes $(MINUTES) --seeds $(COMPARED_SEEDS)
 	$(BIN)/python -m research.benchmarks.results.comparison --records $(RECORDS)
 
 # About five hours on two cores; an interrupted study goes on with what is missing, and processes share it out:
 # `taskset -c 0 make ablate`, `taskset -c 1 make ablate`, ...
 ablate: dataset
-	$(BIN)/surrogate ablate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
+	$(STUDY) ablate scenes/$(SCENE).toml --runs $(RUNS) --records $(RECORDS)
 
 # The designs of F_vis, trained on the same finished surrogate.
 ablate-visualization: dataset
 	$(BIN)/surrogate train scenes/$(SCENE).toml --runs $(RUNS)
-	$(BIN)/surrogate ablate scenes/$(SCENE).toml --visualization --runs $(RUNS) --records $(RECORDS)
+	$(STUDY) ablate scenes/$(SCENE).toml --visualization --runs $(RUNS) --records $(RECORDS)
 
 browse: dataset
 	$(BIN)/catalogs browse $(RUNS)/$(SCENE)/catalog.cdb
@@ -119,16 +120,19 @@ PROCESSES := $(shell cores=$$(nproc 2>/dev/null || echo 1); [ $$cores -lt 4 ] &&
 PYTEST    := OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 test-fast: $(SETUP)
-	$(PYTEST)
+	$(PYTEST) --ignore tests/research
 
 test: $(SETUP)
 	-@$(MAKE) --no-print-directory clients || echo "No Cinema clients could be installed: their tests will skip."
-	$(PYTEST) -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow" --ignore tests/research
+
+test-research: $(SETUP)
+	$(PYTEST) -m "slow or not slow" tests/research
 
 # Writes the tables and plots of docs/: under 25 minutes on two cores that have nothing else to do; one that fails leaves the others.
 bench: $(SETUP)
-	@failed=; for part in splatting rendering taylor_green; do \
-	    OMP_NUM_THREADS=1 LP_NUM_THREADS=0 $(BIN)/python -m benchmarks.$$part || failed="$$failed $$part"; \
+	@failed=; for part in splatting rendering.accuracy simulation.taylor_green; do \
+	    OMP_NUM_THREADS=1 LP_NUM_THREADS=0 $(BIN)/python -m research.benchmarks.$$part || failed="$$failed $$part"; \
 	done; test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 
 clean-scene:

@@ -11,28 +11,16 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from catalogs.engines.engine import Engine
-    from catalogs.progress import ProgressLine
     from catalogs.store.catalog import Catalog
     from surrogate.model import Surrogate
     from surrogate.settings import TrainingSettings
     from surrogate.storage.runs import RunFolder
 
-RESULTS, MEASURED = Path("runs"), Path("research/records")
+RESULTS = Path("runs")
 SCENE = click.argument("scene", metavar="SCENE|RUN", type=click.Path(path_type=Path))
 RUN = click.argument("run", type=click.Path(exists=True, file_okay=False, path_type=Path))
 RUNS = click.option(
     "--runs", default=RESULTS, show_default=True, help="Folder of all results.", type=click.Path(path_type=Path)
-)
-RECORDS = click.option(
-    "--records",
-    type=click.Path(path_type=Path),
-    help="Folder of all measured records; what one of the same settings and code answers is not done again.  "
-    "[default: that of --runs; of repeat and ablate research/records, where that is and --runs is not given]",
-)
-
-ENGINE = click.option(
-    "--engine", metavar="dask://HOST:PORT", help="Train on the workers of a Dask cluster, see docs/clusters.md."
 )
 
 
@@ -43,7 +31,6 @@ class OpenRun:
     Attributes
     ----------
     folder : of its results, such as runs/tgv.
-    records : of what was measured of it, such as research/records/tgv.
     source : what named it on the command line.
     """
 
@@ -51,21 +38,20 @@ class OpenRun:
     settings: TrainingSettings
     catalog: Catalog
     folder: Path
-    records: Path
     source: Path
 
     @classmethod
-    def open(cls, path: Path, runs: Path, records: Path | None = None) -> OpenRun:
+    def open(cls, path: Path, runs: Path) -> OpenRun:
         """The run that `path` names, a scene file or a run's folder; raises ClickException for what the user can mend."""
         kind = kind_of(path)
         if kind == "catalog":
             raise click.ClickException(
                 f"{path} is a catalog: `surrogate train {path}` makes a run of it, which goes here"
             )
-        return cls._of_scene(path, runs, records) if kind == "scene" else cls._of_folder(path, records)
+        return cls._of_scene(path, runs) if kind == "scene" else cls._of_folder(path)
 
     @classmethod
-    def _of_scene(cls, path: Path, runs: Path, records: Path | None) -> OpenRun:
+    def _of_scene(cls, path: Path, runs: Path) -> OpenRun:
         from catalogs.store.catalog import Catalog
         from catalogs.vocabulary.scene import Scene
         from surrogate.settings import TrainingSettings
@@ -76,28 +62,27 @@ class OpenRun:
             folder, in_place = scene.run_directory(runs), scene.source["kind"] == "catalog"
             place = scene.catalog_path if in_place else folder / "catalog.cdb"
             if not in_place and not place.is_dir():
-                raise FileNotFoundError(f"{place} does not exist yet: make it with `make dataset SCENE={scene.name}`")
+                raise FileNotFoundError(
+                    f"{place} does not exist yet: make it with `insitu dataset {path} --runs {runs}`"
+                )
             catalog = Catalog.open(place)
         with scene_errors(scene.path):
             settings = TrainingSettings(**scene.training)
             if in_place:
                 catalog = with_chosen_splits(catalog, settings.appearance, scene.source.get("hold_out"), scene.seed)
-        if records is None:
-            records = MEASURED if runs == RESULTS and MEASURED.is_dir() else runs
-        return cls(scene.name, settings, catalog, folder, records / scene.name, path)
+        return cls(scene.name, settings, catalog, folder, path)
 
     @classmethod
-    def _of_folder(cls, path: Path, records: Path | None) -> OpenRun:
+    def _of_folder(cls, path: Path) -> OpenRun:
         from surrogate.storage.runs import RunFolder
 
         with one_line_errors():
-            return cls.of_run(RunFolder.open(path), records)
+            return cls.of_run(RunFolder.open(path))
 
     @classmethod
-    def of_run(cls, run: RunFolder, records: Path | None = None) -> OpenRun:
+    def of_run(cls, run: RunFolder) -> OpenRun:
         """A run whose folder is open; raises as `RunFolder` does."""
-        beside = run.folder if records is None else records / run.name
-        return cls(run.name, run.settings, run.catalog, run.folder, beside, run.folder)
+        return cls(run.name, run.settings, run.catalog, run.folder, run.folder)
 
     @property
     def is_of_catalog(self) -> bool:
@@ -108,15 +93,6 @@ class OpenRun:
     def model(self) -> Path:
         """Where its surrogate is kept."""
         return self.folder / "surrogate"
-
-    @contextlib.contextmanager
-    def engine_at(self, address: str | None, line: ProgressLine) -> Iterator[Engine | None]:
-        """The engine at `address`, whose workers see the run's catalog, results and records; None for None."""
-        from catalogs.engines.address import opened
-
-        read = [self.catalog.path / "catalog.json"]
-        with opened(address, [self.folder, self.records], line.say, files=read) as engine:
-            yield engine
 
     def keep_record(self) -> None:
         """Let the run's folder say what it was trained on, as `surrogate.storage.runs` has it, where it does not yet."""
@@ -157,7 +133,7 @@ def load_surrogate(directory: Path) -> Surrogate:
     try:
         return Surrogate.load(directory)
     except (FileNotFoundError, ValueError) as error:
-        raise click.ClickException(f"{error} (`make train` makes one)") from error
+        raise click.ClickException(f"{error} (`surrogate train` makes one)") from error
 
 
 @contextlib.contextmanager

@@ -2,14 +2,54 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from catalogs.progress import ProgressLine
-from surrogate.command_line import ENGINE, RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+from surrogate.command_line import RESULTS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+
+if TYPE_CHECKING:
+    from catalogs.engines.engine import Engine
+
+MEASURED = Path("research/records")
+RECORDS = click.option(
+    "--records",
+    type=click.Path(path_type=Path),
+    help="Folder of all measured records; what one of the same settings and code answers is not done again.  "
+    f"[default: {MEASURED}, where that is and --runs is not given; else that of --runs]",
+)
+ENGINE = click.option("--engine", metavar="dask://HOST:PORT", help="Train on the workers of a Dask cluster.")
+
+
+@dataclass(frozen=True, eq=False)
+class StudiedRun:
+    """A run, and the folder of the records of what is measured of it, such as research/records/tgv."""
+
+    run: OpenRun
+    records: Path
+
+    @classmethod
+    def open(cls, path: Path, runs: Path, records: Path | None) -> StudiedRun:
+        """The run that `path` names, a scene file or a run's folder; raises ClickException for what the user can mend."""
+        run = OpenRun.open(path, runs)
+        if records is None and not run.is_of_catalog:
+            records = MEASURED if runs == RESULTS and MEASURED.is_dir() else runs
+        return cls(run, run.folder if records is None else records / run.name)
+
+    @contextlib.contextmanager
+    def engine_at(self, address: str | None, line: ProgressLine) -> Iterator[Engine | None]:
+        """The engine at `address`, whose workers see the run's catalog, results and records; None for None."""
+        from catalogs.engines.address import opened
+
+        read = [self.run.catalog.path / "catalog.json"]
+        with opened(address, [self.run.folder, self.records], line.say, files=read) as engine:
+            yield engine
 
 
 @click.command()
@@ -23,7 +63,8 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
 
     The scene's own seed is the model that `surrogate train` makes, or has made; the others lie in RUNS/<scene>/seeds.
     """
-    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
+    opened = studied.run
     from research.studies.repeats.run import repeat as run
     from research.studies.repeats.table import terminal_lines, write_page
     from surrogate.report.seeds import Scores, summarize_repeats
@@ -35,9 +76,9 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
         click.echo(f"seed {scores.seed}: {reached}trained in {scores.seconds:.0f} s")
 
     kept = "what is trained and scored is kept, and the same command goes on"
-    with one_line_errors(RuntimeError, interrupted=kept), line, opened.engine_at(engine, line) as hands:
+    with one_line_errors(RuntimeError, interrupted=kept), line, studied.engine_at(engine, line) as hands:
         of_scene = opened.settings, opened.catalog, opened.folder
-        found = run(*of_scene, records=opened.records, seeds=seeds, engine=hands, progress=line, tell=tell)
+        found = run(*of_scene, records=studied.records, seeds=seeds, engine=hands, progress=line, tell=tell)
     opened.keep_record()
     summary = summarize_repeats(found)
     if summary is not None:
@@ -74,7 +115,8 @@ def ablate(
     Started several times it shares the fits out: with `taskset` one for each core.  What else the machine does changes little.
     With --engine all workers should be of one kind, since each fit is given the same processor time.
     """
-    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
+    opened = studied.run
     from research.studies.ablation.experiments import BaseExperiment, Experiment, VisualizationExperiment
     from research.studies.ablation.records import Result
     from research.studies.ablation.study import ablate as run
@@ -94,8 +136,8 @@ def ablate(
             if visualization
             else BaseExperiment(opened.settings, opened.catalog)
         )
-        folder, options["records"] = opened.folder / experiment.folder, opened.records / experiment.folder
-        with line, opened.engine_at(engine, line) as options["engine"]:
+        folder, options["records"] = opened.folder / experiment.folder, studied.records / experiment.folder
+        with line, studied.engine_at(engine, line) as options["engine"]:
             rows = run(opened.name, experiment, folder, only=names, progress=line, tell=tell, **options)
     click.echo(verdict(rows))
     click.echo(folder / PAGE)
@@ -161,7 +203,8 @@ def compare(
         raise click.ClickException(
             "--stop-after is for this machine: with --engine, Ctrl-C takes back what has not begun"
         )
-    opened, line = OpenRun.open(scene, runs, records), ProgressLine()
+    studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
+    opened = studied.run
     from research.studies.comparison import run as comparing
     from research.studies.comparison.fitting import OutOfTime
     from research.studies.comparison.result import Result
@@ -176,9 +219,9 @@ def compare(
 
     kept = "what was done is kept, and the same command goes on"
     names = [name.strip() for given in methods for name in given.split(",")]
-    with one_line_errors(RuntimeError, interrupted=kept), line, opened.engine_at(engine, line) as hands:
+    with one_line_errors(RuntimeError, interrupted=kept), line, studied.engine_at(engine, line) as hands:
         asked = comparing.Asked(names, comparing.times_of(minutes), seeds, **form)
-        study = comparing.study_of(opened.name, opened.catalog, opened.folder, opened.records, asked, line)
+        study = comparing.study_of(opened.name, opened.catalog, opened.folder, studied.records, asked, line)
         if tune:
             comparing.tune_all(opened.name, study, line, tell_rate, hands)
             return
@@ -200,16 +243,17 @@ def compare(
 @RECORDS
 def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
     """Fit the Gaussians of a SCENE or a RUN to one unseen member alone: what they could reach, beside what the surrogate does."""
-    opened = OpenRun.open(scene, runs, records or runs)
+    studied = StudiedRun.open(scene, runs, records)
+    opened = studied.run
     from research.studies.ceiling import FOLDER, line, measure_ceiling
     from surrogate.model import Surrogate
 
     surrogate = load_surrogate(opened.model) if Surrogate.exists(opened.model) else None
     with one_line_errors(), ProgressLine() as shown:
-        entries = measure_ceiling(opened.settings, opened.catalog, opened.records, surrogate, progress=shown)
+        entries = measure_ceiling(opened.settings, opened.catalog, studied.records, surrogate, progress=shown)
     for entry in entries:
         click.echo(line(entry))
-    click.echo(opened.records / FOLDER)
+    click.echo(studied.records / FOLDER)
 
 
 @click.command()

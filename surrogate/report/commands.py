@@ -10,32 +10,35 @@ from typing import Any
 import click
 
 from catalogs.progress import ProgressLine
-from surrogate.command_line import RECORDS, RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
+from surrogate.command_line import RUNS, SCENE, OpenRun, load_surrogate, one_line_errors
 
 
 @click.command()
 @SCENE
 @RUNS
-@RECORDS
+@click.option(
+    "--records",
+    type=click.Path(path_type=Path),
+    help="Folder where the figures of all scenes are kept, and seeds and ceilings found that the report shows beside them.  "
+    "[default: the run's folder]",
+)
 def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
     """Write the report of the surrogate of a SCENE or a RUN: tables, pictures, report.json."""
-    opened = OpenRun.open(scene, runs, records)
+    opened = OpenRun.open(scene, runs)
     from surrogate.model import Surrogate
     from surrogate.provenance import code
     from surrogate.report.records import is_kept, report_path, save_report
     from surrogate.report.report import is_current, write_report
     from surrogate.storage.checkpoints import fingerprint
 
-    page, kept = (
-        opened.folder / "report" / "report.md",
-        (opened.folder if records is None else opened.records, opened.settings.seed),
-    )
+    page, beside = opened.folder / "report" / "report.md", None if records is None else records / opened.name
+    kept = beside or opened.folder, opened.settings.seed
     if not Surrogate.exists(opened.model) and is_kept(*kept, fingerprint(opened.settings, opened.catalog), code()):
         click.echo(f"{report_path(*kept)}: nothing to do")
         return
     surrogate = load_surrogate(opened.model)
     made = surrogate.training["fingerprint"], surrogate.training.get("code_version", "")
-    if is_current(page.parent, surrogate, opened.records) and is_kept(*kept, *made):
+    if is_current(page.parent, surrogate, beside) and is_kept(*kept, *made):
         click.echo(f"{page}: nothing to do")
         return
     from surrogate.evaluation.evaluate import evaluate as run
@@ -50,7 +53,7 @@ def evaluate(scene: Path, runs: Path, records: Path | None) -> None:
             opened.name,
             *judged,
             dataset_seconds=seconds,
-            records=opened.records,
+            records=beside,
         )
         save_report(kept[0], surrogate, opened.settings, report, time.process_time() - begun)
     for text in _summary(report):

@@ -20,7 +20,6 @@ IMPORTED = (
     "surrogate.cli",
     "surrogate.explore.run",
     "surrogate.explore.server.terminal",
-    "research.studies.repeats.run",
     "surrogate.training.run",
     "tests.support.prepared",
 )

@@ -6,7 +6,7 @@ import click
 import pytest
 
 from surrogate.cli import main
-from surrogate.command_line import RESULTS, OpenRun, one_line_errors
+from surrogate.command_line import OpenRun, one_line_errors
 from tests.support.results import SETTINGS_OF_SCENE, make_catalog, make_scene
 
 
@@ -27,20 +27,8 @@ def test_a_scene_is_opened_with_its_data_set(tmp_path: Path) -> None:
 
 
 def test_a_missing_data_set_is_named_with_what_makes_it(tmp_path: Path) -> None:
-    with pytest.raises(
-        click.ClickException, match=r"catalog\.cdb does not exist yet: make it with `make dataset SCENE=blobs`"
-    ):
+    with pytest.raises(click.ClickException, match=r"catalog\.cdb does not exist yet: make it with `insitu dataset "):
         OpenRun.open(make_scene(tmp_path, "blobs"), tmp_path / "runs")
-
-
-def test_records_lie_in_docs_where_that_is_and_results_in_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
-    monkeypatch.chdir(tmp_path)
-    assert OpenRun.open(path, RESULTS).records == Path("runs/blobs")
-    (tmp_path / "research/records").mkdir(parents=True)
-    assert OpenRun.open(path, RESULTS).records == Path("research/records/blobs")
-    assert OpenRun.open(path, tmp_path / "runs").records == tmp_path / "runs/blobs"
-    assert OpenRun.open(path, RESULTS, Path("mine")).records == Path("mine/blobs")
 
 
 def test_errors_that_are_expected_are_told_in_one_line_and_others_are_not() -> None:

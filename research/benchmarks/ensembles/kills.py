@@ -28,7 +28,7 @@ from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember, ViewPlan
 from insitu.ensembles.ensemble import EnsembleResult, run_ensemble
 from insitu.members.planning import PlanOptions
-from research.benchmarks.ensembles.local_cluster import LocalCluster, local_cluster
+from tests.support.local_cluster import LocalCluster, local_cluster
 
 WAIT_SECONDS = 60.0  # for an occasion to kill; then it is left to the next
 SPACE = ParameterSpace((Parameter("w", 0.0, 1.0),))

@@ -10,9 +10,9 @@ import pytest
 
 from catalogs.browse import CatalogServer, write_page
 from catalogs.store.catalog import Catalog
-from research.benchmarks.stores.browse import synthetic_catalog
 from tests.support.browsed import Picture, composited, picture_at, shown, visit
 from tests.support.browsers import pixels
+from tests.support.synthetic import synthetic_catalog
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

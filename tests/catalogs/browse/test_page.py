@@ -18,8 +18,8 @@ from catalogs.store.catalog import Catalog, CatalogError
 from catalogs.tools.check import check
 from catalogs.vocabulary.cameras import icosphere, view_splits
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
-from research.benchmarks.stores.browse import synthetic_catalog
 from tests.catalogs.browse.conftest import GRID, grid_plan
+from tests.support.synthetic import synthetic_catalog
 
 
 def data_of(page: str) -> dict[str, Any]:

@@ -13,8 +13,8 @@ import pytest
 from catalogs.engines.address import opened
 from catalogs.engines.cluster import Cluster
 from catalogs.engines.engine import EngineError
-from research.benchmarks.ensembles.local_cluster import SETTINGS, LocalCluster, local_cluster
 from tests.support import dask_tasks
+from tests.support.local_cluster import SETTINGS, LocalCluster, local_cluster
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install gs-surrogate[dask]")
 pytestmark = pytest.mark.slow

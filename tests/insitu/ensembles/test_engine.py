@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from catalogs.store.catalog import Catalog
 from catalogs.tools.check import check
 from insitu.cli import main
-from research.benchmarks.ensembles.local_cluster import PROJECT, local_cluster
+from tests.support.local_cluster import PROJECT, local_cluster
 
 SCENE = str(PROJECT / "scenes" / "tiny.toml")
 

@@ -15,6 +15,7 @@ from surrogate.report.ceilings import load_ceilings
 from surrogate.settings import TrainingSettings
 from surrogate.training.source import Source
 from tests.support.blobs import Blobs
+from tests.support.other_fields import fields_catalog
 from tests.support.varied_blobs import BLOBS, MEMBERS, varied_catalog, varied_surrogate
 
 SCENE = TrainingSettings(gaussians=40, canonical_steps=10, deformation_steps=20, visualization_steps=30)
@@ -194,3 +195,8 @@ def test_without_a_surrogate_what_an_earlier_one_reached_stays(
 ) -> None:
     beside = measure_ceiling(SCENE, varied, tmp_path, surrogate)
     assert measure_ceiling(SCENE, varied, tmp_path) == beside
+
+
+def test_fields_have_no_unseen_setting_that_could_be_fitted_alone(tmp_path: Path) -> None:
+    source = Source(SCENE, fields_catalog(tmp_path / "fields.cdb"))
+    assert [subject.appearance for subject in subjects(source)] == ["dvr"]

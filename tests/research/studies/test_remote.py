@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from catalogs.engines.address import opened
 from catalogs.engines.engine import Task
-from research.benchmarks.ensembles.local_cluster import LocalCluster, local_cluster
+from research.studies.__main__ import main
 from research.studies.ablation.experiments import BaseExperiment
 from research.studies.ablation.study import Study as Ablation
 from research.studies.baselines.method import Plan
@@ -26,7 +26,6 @@ from research.studies.comparison.task import Task as Pictures
 from research.studies.progress import StudyProgress
 from research.studies.remote import OnOneCore, train_on
 from research.studies.repeats.run import repeat
-from surrogate.cli import main
 from surrogate.report.seeds import Scores
 from surrogate.settings import TrainingSettings
 from surrogate.splatting.threads import cores
@@ -34,9 +33,10 @@ from surrogate.storage.checkpoints import CHECKPOINT
 from surrogate.training.begin import Asked, begin
 from surrogate.training.budget import Budget
 from surrogate.training.run import train
+from tests.research.support.mean_pictures import mean_method
 from tests.support.blobs import Blobs
 from tests.support.interruptions import outcome
-from tests.support.mean_pictures import mean_method
+from tests.support.local_cluster import LocalCluster, local_cluster
 
 SCENE = TrainingSettings(gaussians=30, canonical_steps=8, deformation_steps=12, validation_interval=10, seed=4)
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))

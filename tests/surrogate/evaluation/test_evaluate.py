@@ -261,8 +261,8 @@ def test_the_command_line_trains_evaluates_renders_and_does_nothing_twice(tmp_pa
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (SCENE, "make dataset"),
-        (SCENE.replace("gaussians = 20", "gausians = 20"), "make dataset"),
+        (SCENE, "insitu dataset"),
+        (SCENE.replace("gaussians = 20", "gausians = 20"), "insitu dataset"),
     ],
 )
 def test_without_a_catalog_the_way_to_one_is_named(tmp_path: Path, text: str, message: str) -> None:

@@ -18,7 +18,7 @@ def test_figures_are_kept_and_answer_where_there_is_no_model(tmp_path: Path, mon
 
     def call(command: str, *options: str) -> str:
         result = CliRunner().invoke(main, [command, str(scene), "--runs", str(tmp_path / "runs"), *options])
-        assert result.exit_code == (0 if "make train" not in result.output else 1), result.output
+        assert result.exit_code == (0 if "surrogate train" not in result.output else 1), result.output
         return result.output
 
     kept = ["--records", str(tmp_path / "kept")]
@@ -31,37 +31,32 @@ def test_figures_are_kept_and_answer_where_there_is_no_model(tmp_path: Path, mon
     assert "nothing to do" in call("evaluate", *kept)
     shutil.rmtree(tmp_path / "runs/blobs/surrogate")
     assert "kept/blobs/evaluation/0.json: nothing to do" in call("evaluate", *kept)
-    assert "make train" in call("evaluate", "--records", str(tmp_path / "nowhere"))
+    assert "surrogate train" in call("evaluate", "--records", str(tmp_path / "nowhere"))
     monkeypatch.setattr("surrogate.provenance.code", lambda: "later")
-    assert "make train" in call("evaluate", *kept)
+    assert "surrogate train" in call("evaluate", *kept)
 
 
 @pytest.mark.slow
-def test_a_checkout_is_not_written_to_unless_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_measured_beside_is_shown_from_the_folder_of_records(tmp_path: Path) -> None:
     scene, _ = make_scene(tmp_path, "blobs"), make_catalog(tmp_path, "blobs")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "research/records/blobs").mkdir(parents=True)
+    run, kept = tmp_path / "runs/blobs", tmp_path / "kept"
 
     def call(*words: str) -> str:
-        result = CliRunner().invoke(main, [words[0], str(scene), *words[1:]])
+        result = CliRunner().invoke(main, [words[0], str(scene), "--runs", str(tmp_path / "runs"), *words[1:]])
         assert result.exit_code == 0, result.output
         return result.output
 
     call("train")
-    call("ceiling")
+    mark = Surrogate.load(run / "surrogate").training["fingerprint"]
+    save_ceiling(run, ceiling_entry(mark, 30.0))
     call("evaluate")
-    assert list((tmp_path / "research/records/blobs").iterdir()) == []
-    assert (tmp_path / "runs/blobs/evaluation/0.json").is_file()
-    assert (tmp_path / "runs/blobs/ceiling/drawn.json").is_file()
+    assert (run / "evaluation/0.json").is_file()
     assert "nothing to do" in call("evaluate")
-    mark = Surrogate.load(tmp_path / "runs/blobs/surrogate").training["fingerprint"]
     for seed in (0, 1):
-        save(tmp_path / "research/records/blobs", scores_of(seed, 30.0, base=mark))
-    save_ceiling(tmp_path / "research/records/blobs", ceiling_entry(mark, 31.0, "else"))
-    assert "report.md (" in call("evaluate")  # anew, for what is known there
-    report = json.loads((tmp_path / "runs/blobs/report/report.json").read_text())
+        save(kept / "blobs", scores_of(seed, 30.0, base=mark))
+    save_ceiling(kept / "blobs", ceiling_entry(mark, 31.0, "else"))
+    assert "report.md (" in call("evaluate", "--records", str(kept))  # anew, for what is known there
+    report = json.loads((run / "report/report.json").read_text())
     assert report["repeats"]["seeds"] == [0, 1]
     assert [entry["appearance"] for entry in report["ceilings"]] == ["drawn", "else"]
-    assert not (tmp_path / "research/records/blobs/evaluation").exists()
-    call("evaluate", "--records", "research/records")
-    assert (tmp_path / "research/records/blobs/evaluation/0.json").is_file()
+    assert (kept / "blobs/evaluation/0.json").is_file()

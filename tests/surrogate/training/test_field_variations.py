@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +11,8 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from catalogs.store.catalog import Catalog, CatalogPlan
-from catalogs.vocabulary.appearance import Appearance, Isosurface, TransferFunction, VolumeRendering
+from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import field_variation, transfer_function_family
-from research.studies.ceiling import subjects
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
 from surrogate.deformation import BilinearDeformation, FieldDeformation
@@ -31,19 +28,12 @@ from surrogate.training.source import Source
 from surrogate.training.state import Fitted
 from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
 from tests.support.comparing import same
-from tests.support.field_blobs import BLOBS, FUNCTION, FieldBlobs, summary
+from tests.support.field_blobs import BLOBS, FieldBlobs, summary
 from tests.support.interruptions import interrupt, outcome
+from tests.support.other_fields import BASE, FIELDS, MEMBERS, OTHER, SPEED, SURFACE, fields_catalog, points
 from tests.support.tables import squared_error, tables
 from tests.support.visualizations import base
 
-OTHER = TransferFunction(
-    ((0.0, 0.2, 0.8, 0.1), (3.0, 0.9, 0.2, 0.9)), ((0.0, 0.5), (1.0, 0.1), (2.0, 0.6), (3.0, 0.0)), 0.3
-)
-BASE = VolumeRendering("dvr", FUNCTION, field="q")
-SPEED, SURFACE = VolumeRendering("speed-dvr", OTHER, field="speed"), Isosurface("surface", 0.4, field="speed")
-FIELDS = field_variation("dvr", appearances=["speed-dvr", "surface"])
-MEMBERS = (("train", 0.0), ("train", 0.5), ("train", 1.0), ("validation", 0.4), ("test", 0.7))
-VIEWS = ("train",) * 5 + ("validation", "test")
 QUICK = TrainingSettings(
     gaussians=40,
     canonical_steps=6,
@@ -57,35 +47,6 @@ QUICK = TrainingSettings(
     relocation_interval=5,
     checkpoint_seconds=1e6,
 )
-
-
-def fields_catalog(
-    path: Path,
-    members: Sequence[tuple[str, float]] = MEMBERS,
-    *,
-    looks: Sequence[Appearance] = (BASE, SPEED, SURFACE),
-    shown: Sequence[str] | None = None,
-    **changes: object,
-) -> Catalog:
-    """Members of two fields, whose truth is the same blobs under other looks."""
-    cameras = BLOBS.cameras()[: len(VIEWS)]
-    variations = {"variations": (FIELDS,), **changes}
-    plan = CatalogPlan(BLOBS.space, tuple(looks), cameras, VIEWS, BLOBS.bounds, **variations)  # type: ignore[arg-type]
-    catalog = Catalog.create(path, plan)
-    kept = {"q": summary(BLOBS), "speed": replace(summary(FieldBlobs(count=5)), **points(7))}
-    for i, (split, p) in enumerate(members):
-        with catalog.begin_member(f"member-{i}", {"p": p}, split=split, appearances=shown) as writer:
-            for look in (a for a in looks if a.name in writer.member.appearances):
-                for view, camera in enumerate(cameras):
-                    writer.write_image(look.name, view, BLOBS.drawn(p, look, camera))
-            writer.write_summaries(kept)
-    return Catalog.open(path)
-
-
-def points(count: int) -> dict[str, np.ndarray]:
-    random = np.random.default_rng(1)
-    places = random.uniform(-0.5, 0.5, (count, 3)).astype(np.float32)
-    return {"points": places, "point_values": places[:, 0] + 1, "point_opacities": places[:, 1] ** 2}
 
 
 @pytest.fixture(scope="module")
@@ -296,11 +257,6 @@ def test_a_report_of_fewer_members_is_written_too(tmp_path: Path, run: Path, mem
     assert (fields["psnr"]["seen_settings"]["unseen_parameters"] is None) == untested
     assert ("none at unseen parameters" in variation_line(fields)) == untested
     assert (fields["validation"]["images"] == 0) == (len(members) != 4)
-
-
-def test_only_the_base_has_a_ceiling(catalog: Catalog) -> None:
-    """There is no unseen setting that could be fitted alone."""
-    assert [subject.appearance for subject in subjects(Source(QUICK, catalog))] == ["dvr"]
 
 
 @pytest.mark.slow

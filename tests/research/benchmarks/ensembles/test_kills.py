@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from research.benchmarks.ensembles.kills import killed_ensemble
-from research.benchmarks.ensembles.local_cluster import local_cluster
+from tests.support.local_cluster import local_cluster
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install gs-surrogate[dask]")
 

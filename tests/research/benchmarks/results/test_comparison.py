@@ -12,7 +12,7 @@ from research.studies.comparison import tuning
 from research.studies.comparison.pictures import TRUTH
 from research.studies.comparison.result import AS_PUBLISHED, Result, save
 from surrogate.storage.records import Provenance
-from tests.support.compared_pictures import keep_pictures
+from tests.research.support.compared_pictures import keep_pictures
 
 CELLS = {"both": {"psnr": 30.0, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24}}
 

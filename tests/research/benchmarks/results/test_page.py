@@ -5,15 +5,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from research.benchmarks.results.__main__ import main as results_main
 from research.benchmarks.results.gaps import gaps_of
 from research.benchmarks.results.page import write
 from research.benchmarks.results.scenes import read_scenes
-from surrogate.cli import main
+from tests.research.support.commands import invoked
+from tests.research.support.results import make_results, make_study
 from tests.support import prepared
-from tests.support.results import make_catalog, make_results, make_scene, make_study
+from tests.support.results import make_catalog, make_scene
 
 
 def page(root: Path) -> str:
@@ -67,7 +67,7 @@ def test_what_the_commands_made_stands_on_the_page(tmp_path: Path) -> None:
     for command in ("train", "repeat", "ceiling", "evaluate"):
         more = [] if command == "train" else ["--records", str(tmp_path / "records")]
         more += ["--seeds", "2"] if command == "repeat" else []
-        result = CliRunner().invoke(main, [command, str(scene), "--runs", str(tmp_path / "runs"), *more])
+        result = invoked(command, scene, "--runs", tmp_path / "runs", *more)
         assert result.exit_code == 0, result.output
     (results,) = read_scenes(tmp_path / "scenes", tmp_path / "records", tmp_path / "runs")
     assert [gap.what for gap in gaps_of(results)] == ["the ablation of the base appearance"]

@@ -7,7 +7,8 @@ from research.benchmarks.results.quality import quality_tables
 from research.benchmarks.results.scenes import SceneResults
 from surrogate.evaluation.cases import SETTINGS
 from surrogate.report.seeds import summarize_repeats
-from tests.support.results import ceiling_entry, report_of
+from tests.research.support.results import report_of
+from tests.support.results import ceiling_entry
 from tests.support.scores import cells_of, scores_of
 
 TITLES = [

@@ -8,7 +8,7 @@ from PIL import Image
 
 from research.benchmarks.results.curves import curves_section, plot
 from research.benchmarks.results.scenes import SceneResults
-from tests.support.curves import point
+from tests.research.support.curves import point
 
 CURVE = (point(0.5, 30.0), point(2.0, 31.5, isovalue=25.0))
 SCENES = [SceneResults("a", "A", Path("runs/a"), curve=CURVE), SceneResults("b", "B", Path("runs/b"))]

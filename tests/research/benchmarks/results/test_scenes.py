@@ -13,7 +13,8 @@ from research.benchmarks.results.scenes import SceneResults, read_scene, read_sc
 from research.benchmarks.results.sources import study_sources
 from research.benchmarks.results.studies import BASE
 from surrogate.storage.records import Provenance, Record
-from tests.support.results import make_results, make_scene, make_study
+from tests.research.support.results import make_results, make_study
+from tests.support.results import make_scene
 
 
 def read(root: Path, name: str) -> SceneResults:

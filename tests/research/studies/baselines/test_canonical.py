@@ -13,7 +13,7 @@ from research.studies.baselines.spherical_harmonics import C0
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
 from surrogate.training.loop import Diverged
-from tests.support.baseline_scenes import BOX, COLORS, ball_pictures, cameras_around, psnr_of_mean, psnr_over
+from tests.research.support.baseline_scenes import BOX, COLORS, ball_pictures, cameras_around, psnr_of_mean, psnr_over
 
 CAMERA = cameras_around(3, 20)[1]
 

@@ -14,7 +14,7 @@ from research.studies.baselines.canonical import HarmonicGaussians
 from research.studies.baselines.gs_surrogate import METHOD, Architecture, GSSurrogate, HardMining, Recipe
 from research.studies.baselines.method import Pictures, Plan
 from surrogate.training.losses import structural_similarity
-from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
+from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 NARROW = (16, 32)  # widths of the features and of the hidden layers
 

@@ -20,7 +20,7 @@ from research.studies.baselines.hexplane_field import (
     roughness,
 )
 from surrogate.randomness import generator
-from tests.support.baseline_scenes import ball_pictures
+from tests.research.support.baseline_scenes import ball_pictures
 
 UNIT_BOX = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 

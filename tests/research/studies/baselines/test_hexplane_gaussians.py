@@ -10,7 +10,7 @@ from research.studies.baselines.canonical import HarmonicGaussians
 from research.studies.baselines.hexplane_field import Level, penalty
 from research.studies.baselines.hexplane_gaussians import METHOD, MOVING_ALL, NAIVE, HexPlaneFit
 from research.studies.baselines.method import Pictures, Plan
-from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
+from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 
 def canonical_of(pictures: Pictures, steps: int = 60) -> Mapping[str, Tensor]:

@@ -19,7 +19,7 @@ from research.studies.baselines.insitunet import (
 from research.studies.baselines.insitunet_networks import Architecture
 from research.studies.baselines.method import Pictures, Plan
 from research.studies.comparison.contestants import precision_here
-from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
+from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 
 @pytest.fixture

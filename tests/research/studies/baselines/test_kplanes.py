@@ -15,7 +15,7 @@ from research.studies.baselines.kplanes_field import OFFICIAL, SMALL, Architectu
 from research.studies.baselines.kplanes_proposals import Samples, interlevel_loss
 from research.studies.baselines.method import Method, Pictures, Plan
 from research.studies.baselines.rays import Rays
-from tests.support.baseline_scenes import ball_pictures, cameras_around, psnr_of_mean, psnr_over
+from tests.research.support.baseline_scenes import ball_pictures, cameras_around, psnr_of_mean, psnr_over
 
 TINY = Architecture(
     8, (8, 16), (16,), samples=(16, 12), rays=96, parameter_resolution=5, proposal_parameter_resolution=5

@@ -14,7 +14,7 @@ from research.studies.baselines import gs_surrogate, hexplane_gaussians, insitun
 from research.studies.baselines.method import Method, Plan
 from research.studies.baselines.state import inner, of_optimizer, outer, restore_optimizer
 from surrogate.storage.checkpoints import Checkpoint
-from tests.support.baseline_scenes import ball_pictures
+from tests.research.support.baseline_scenes import ball_pictures
 
 METHODS = (gs_surrogate.METHOD, hexplane_gaussians.METHOD, kplanes.METHOD, visnerf.METHOD, insitunet.METHOD)
 PICTURES = ball_pictures([[-1.0], [1.0]], views=2, size=16)

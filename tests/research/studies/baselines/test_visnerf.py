@@ -36,7 +36,7 @@ from research.studies.baselines.visnerf_field import (
     variation,
     vector_lengths,
 )
-from tests.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
+from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 TINY = Sizes(rays=128, first_samples=12, last_samples=24, stride=1.0, voxels=12**3 + 1)
 QUICK = replace(TINY, rays=96, first_samples=8, last_samples=12, voxels=8**3 + 1)  # enough to learn a few pictures

@@ -21,8 +21,8 @@ from research.studies.comparison.fitting import (
     steps_in,
 )
 from surrogate.training.loop import Diverged
-from tests.support.baseline_scenes import ball_pictures
-from tests.support.mean_pictures import mean_method
+from tests.research.support.baseline_scenes import ball_pictures
+from tests.research.support.mean_pictures import mean_method
 
 PICTURES = ball_pictures([[0.0], [1.0]], views=2)
 

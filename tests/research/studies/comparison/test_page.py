@@ -13,7 +13,7 @@ from research.studies.comparison.pictures import SHOWN, TRUTH, kept, path_of
 from research.studies.comparison.plots import curves, sheet, without_pictures
 from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Row, Terms, load, save
 from research.studies.comparison.trivial import best_of
-from tests.support.compared_pictures import keep_pictures
+from tests.research.support.compared_pictures import keep_pictures
 
 CELLS = ("novel views", "both")
 FIVE = Terms("cpu", "small", 5.0)

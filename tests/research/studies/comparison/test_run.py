@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from catalogs.store.catalog import Catalog
+from research.studies.__main__ import main
 from research.studies.baselines.method import Plan
 from research.studies.comparison import methods
 from research.studies.comparison.contestants import Published, Session, precision_here
@@ -16,13 +17,12 @@ from research.studies.comparison.result import load
 from research.studies.comparison.run import Asked, times_of
 from research.studies.comparison.task import Task
 from research.studies.comparison.tuning import find
-from surrogate.cli import main
 from surrogate.training import budget, pace
 from surrogate.training.begin import Asked as AskedOfTraining
 from surrogate.training.begin import begin
 from surrogate.training.budget import Budget
+from tests.research.support.mean_pictures import mean_method
 from tests.support.blobs import Blobs, stored
-from tests.support.mean_pictures import mean_method
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
 

@@ -23,8 +23,8 @@ from research.studies.comparison.task import Task
 from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
 from surrogate.training.loop import Diverged
+from tests.research.support.mean_pictures import MeanPicture, mean_method
 from tests.support.blobs import Blobs, stored
-from tests.support.mean_pictures import MeanPicture, mean_method
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))

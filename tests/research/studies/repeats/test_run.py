@@ -6,13 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from catalogs.store.catalog import Catalog
 from research.studies.progress import StudyProgress
 from research.studies.repeats import run as module
 from research.studies.repeats.run import STAGE, repeat, score_model
-from surrogate.cli import main
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.model import Surrogate
@@ -20,6 +18,7 @@ from surrogate.provenance import code
 from surrogate.report.seeds import Scores, load, scores_path
 from surrogate.settings import TrainingSettings
 from surrogate.training.run import train
+from tests.research.support.commands import invoked
 from tests.support import prepared
 from tests.support.blobs import Blobs
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
@@ -229,7 +228,7 @@ def test_a_killed_run_goes_on_and_ends_as_an_undisturbed_one(catalog: Catalog, t
         "from catalogs.store.catalog import Catalog\n"
         "from surrogate.storage.checkpoints import Checkpoint\n"
         "from research.studies.repeats.run import repeat\n"
-        "from tests.surrogate.studies.repeats.test_run import SCENE\n"
+        "from tests.research.studies.repeats.test_run import SCENE\n"
         "save = Checkpoint.save\n"
         "def save_and_die(self, directory):\n"
         "    save(self, directory)\n"
@@ -280,7 +279,7 @@ def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog
     scene.write_text(TOML)
 
     def call(*arguments: str) -> str:
-        result = CliRunner().invoke(main, [arguments[0], str(scene), "--runs", str(tmp_path), *arguments[1:]])
+        result = invoked(arguments[0], scene, "--runs", tmp_path, *arguments[1:])
         assert result.exit_code == 0, result.output
         return result.output
 
@@ -305,7 +304,7 @@ def test_the_command_prints_and_writes_the_table_and_the_report_shows_it(catalog
 def test_bad_numbers_of_seeds_are_refused_in_one_line(catalog: Catalog, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(TOML)
-    result = CliRunner().invoke(main, ["repeat", str(scene), "--runs", str(tmp_path), "--seeds", "0"])
+    result = invoked("repeat", scene, "--runs", tmp_path, "--seeds", 0)
     assert result.exit_code == 1
     assert "seeds must be at least 2" in result.output
     assert not (tmp_path / "run/surrogate").exists()

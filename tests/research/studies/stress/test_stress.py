@@ -13,13 +13,13 @@ from click.testing import CliRunner
 from torch import Tensor
 
 import surrogate.splatting
+from research.studies.__main__ import main
 from research.studies.stress.cases import Agreement, Case, agreements, cases, refusals
 from research.studies.stress.check import check, check_agreement, check_refusal, draw_twin, tables
 from research.studies.stress.drift import Drift, Snapshot, measure_drift
 from research.studies.stress.functions import function_cases
 from surrogate import kernels
-from surrogate.cli import main
-from surrogate.splatting import Primitives, Rendering, cpu
+from surrogate.splatting import Primitives, Rendering, cpu, cuda
 from tests.support.tables import tables as widths_of_tables
 
 HEAVY = 5_000  # Gaussians
@@ -201,3 +201,9 @@ def test_the_twin_draws_a_case_once_for_all_backends(monkeypatch: pytest.MonkeyP
         assert len(outcomes) == len(some) + len(agreements()) + len(refusals())
         alone = check(some[1], backends[name])
         assert (outcomes[1].image, outcomes[1].gradients) == (alone.image, alone.gradients)
+
+
+@pytest.mark.cuda
+@pytest.mark.skipif(bool(cuda.unusable()), reason=f"the GPU's kernels are not tested: {cuda.unusable()}")
+def test_hard_cases_are_finite_on_a_gpu() -> None:
+    assert all(outcome.finite for outcome in tables({"cuda": {"backend": "cuda"}})["cuda"])

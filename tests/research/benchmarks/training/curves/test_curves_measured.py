@@ -10,8 +10,8 @@ import pytest
 from research.benchmarks.training.curves.__main__ import main
 from research.benchmarks.training.curves.measured import KIND, load, save
 from surrogate.storage.records import Record
+from tests.research.support.curves import MADE, point
 from tests.support.again import rendered, scene_file
-from tests.support.curves import MADE, point
 
 
 def test_what_is_kept_is_read_again_by_minutes(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from research.benchmarks.explorer.tutorial import LIVE, NOTEBOOK, executed, kept
 
-PROJECT = Path(__file__).resolve().parent.parent
+PROJECT = Path(__file__).resolve().parents[4]
 MOST_BYTES = 1_000_000
 MACHINE = re.compile(r"/(?:home|tmp|root|work|usr|var|Users|private)/|127\.0\.0\.1|localhost")
 MEMBER = re.compile(r"^(\S+): surrogate ([\d.]+) dB, stored (\S+) ([\d.]+) dB$", re.MULTILINE)
