@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from catalogs.files import durable
 from catalogs.files.images import write_image
-from catalogs.store.description import DESCRIPTION, LOCK, SCHEMA, allow_fewer_appearances, write_empty
+from catalogs.store.description import DESCRIPTION, LOCK, read_description, write_empty
 from catalogs.store.journal import key_of
 from catalogs.store.members import RECORD, SUMMARY, Member, known_appearances, read_record, write_record
 from catalogs.store.missing import MissingMember, missing_members
@@ -147,19 +147,9 @@ class Catalog:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Catalog:
-        """The catalog at `path`; raises CatalogError when there is none, it is damaged, or it is newer than this program."""
+        """The catalog at `path`; raises CatalogError when there is none, it is damaged, or of another schema."""
         path = Path(path)
-        record = read_json(path / DESCRIPTION)
-        schema = record.get("schema")
-        if type(schema) is not int or schema < 1:
-            raise CatalogError(f"{path / DESCRIPTION} is damaged: its schema is {schema!r}")
-        if schema > SCHEMA:
-            raise CatalogError(f"{path} has schema {schema}, this program knows {SCHEMA}: use a newer gs-surrogate")
-        try:
-            return cls(path, CatalogPlan.from_json(record))
-        except (KeyError, TypeError, ValueError) as error:
-            reason = str(error) if isinstance(error, ValueError) else repr(error)
-            raise CatalogError(f"{path / DESCRIPTION} is damaged: {reason}") from error
+        return cls(path, read_description(path))
 
     def __repr__(self) -> str:
         try:
@@ -348,7 +338,7 @@ class Catalog:
 
     def unfinished(self) -> list[Path]:
         """Hidden folders of members whose writer is at work, or died."""
-        return [*durable.partials(self.path / UNFINISHED), *durable.partials(self.path / MEMBERS)]
+        return durable.partials(self.path / UNFINISHED)
 
     def _commit(self, writer: MemberWriter, *, replace: bool) -> None:
         """Make the member and its rows visible; whatever can fill a disk is written before the first rename."""
@@ -371,8 +361,6 @@ class Catalog:
             for member in members:
                 self._refuse_duplicate(member, replace)
             self._table.clean_up()
-            if any(len(member.appearances) < len(self.plan.appearances) for member in members):
-                allow_fewer_appearances(self.path)
             yield
 
     def _update_locked(self) -> None:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from catalogs.files import cinema, durable
 from catalogs.store.plan import CatalogError, CatalogPlan, read_json
 from catalogs.store.table import HIDDEN, MEMBERS, TABLE
 
-SCHEMA = 5  # 1 had no variations, and every member all appearances; 2 no fields; 3 no logarithmic scales; 4 no packs
-WITHOUT_FIELDS = 2
-WITHOUT_SCALES = 3
-WITHOUT_PACKS = 4
+SCHEMA = 5
+OLDEST = 2  # schema that can still be read: 2 to 4 are 5 without fields, logarithmic scales or packs
 DESCRIPTION = "catalog.json"
 LOCK = ".lock"
 
@@ -26,28 +22,25 @@ def write_empty(path: Path, plan: CatalogPlan) -> None:
     durable.remove_abandoned(path)
     durable.make_folder(path / MEMBERS)
     durable.replace(path / TABLE, table)
-    write_description(path, {"schema": _least_schema(plan), **plan.to_json()})
-
-
-def _least_schema(plan: CatalogPlan) -> int:
-    """The first schema whose readers understand the plan: older programs read what has no fields, scales or packs."""
-    if plan.packed:
-        return SCHEMA
-    if plan.space.logarithmic:
-        return WITHOUT_PACKS
-    fields = any(plan.fields) or not all(variation.continuous for variation in plan.variations)
-    return WITHOUT_SCALES if fields else WITHOUT_FIELDS
-
-
-def allow_fewer_appearances(path: Path) -> None:
-    """Raise schema 1, whose readers expect every appearance of every member, to the next one."""
-    record = read_json(path / DESCRIPTION)
-    if record["schema"] < WITHOUT_FIELDS:
-        write_description(path, {**record, "schema": WITHOUT_FIELDS})
-
-
-def write_description(path: Path, record: Mapping[str, Any]) -> None:
+    record = {"schema": SCHEMA, **plan.to_json()}
     durable.replace(path / DESCRIPTION, json.dumps(record, indent=1, allow_nan=False).encode())
+
+
+def read_description(path: Path) -> CatalogPlan:
+    """Plan of the catalog at `path`; raises CatalogError where it is absent, damaged, or of a schema that is not read."""
+    record = read_json(path / DESCRIPTION)
+    schema = record.get("schema")
+    if type(schema) is not int or schema < 1:
+        raise CatalogError(f"{path / DESCRIPTION} is damaged: its schema is {schema!r}")
+    if schema > SCHEMA:
+        raise CatalogError(f"{path} has schema {schema}, this program reads up to {SCHEMA}: use a newer gs-surrogate")
+    if schema < OLDEST:
+        raise CatalogError(f"{path} has schema {schema}, this program reads from {OLDEST} on: render it again")
+    try:
+        return CatalogPlan.from_json(record)
+    except (KeyError, TypeError, ValueError) as error:
+        reason = str(error) if isinstance(error, ValueError) else repr(error)
+        raise CatalogError(f"{path / DESCRIPTION} is damaged: {reason}") from error
 
 
 def _refuse_foreign(path: Path, table: bytes) -> None:

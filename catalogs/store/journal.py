@@ -3,7 +3,7 @@
 It answers in no time which member has some parameters, and whether `data.csv` is what the members make.  A line holds a member's
 name and a digest of its parameters; the last one of a commit also the stamps that the table and the members' folder had after it; a
 checksum that covers all lines before it stands first.  Where the last stamps are not those on disk (a writer was killed between two
-steps, somebody removed a member by hand, an older program wrote), the journal is out of date and is written anew from the members.
+steps, somebody removed a member by hand), the journal is out of date and is written anew from the members.
 It is never synced: what a power cut leaves of it does not match and is not believed.
 """
 

@@ -2,7 +2,7 @@
 
 A member's sidecar is one numpy archive of plain arrays, called like the attributes of `FieldSummary`.  Where a member has several
 fields they are those of the first one; the others' follow as "1/minimum" and so on, and `fields` holds the names of all.  Programs
-skip arrays that they do not know, so an archive may gain some; what was written before there were `even_points` is without.
+skip arrays that they do not know, so an archive may gain some.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from catalogs.files import durable
 
 FIELDS = "fields"  # names of the fields in an archive of several
-EVEN = "even_points", "even_values"  # which earlier archives do not have
 DAMAGED = KeyError, ValueError, TypeError, OSError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
 
 
@@ -71,8 +70,7 @@ class FieldSummary:
 
     @classmethod
     def _of_arrays(cls, archive: Mapping[str, Any], prefix: str) -> FieldSummary:
-        known = [f.name for f in fields(cls) if f.name not in EVEN or prefix + f.name in archive]
-        values = {name: archive[prefix + name] for name in known}
+        values = {f.name: archive[prefix + f.name] for f in fields(cls)}
         scalars = {name: float(values[name]) for name in ("minimum", "maximum", "clipped_fraction")}
         return cls(**{**values, **scalars})
 

@@ -89,7 +89,6 @@ class Table:
     def rebuild(self) -> None:
         """Make table and journal anew from the members."""
         self.clean_up()
-        durable.remove_abandoned(self._members)  # where older programs wrote
         changed = durable.stamp(self._members).changed
         same = durable.holds(self._table, self.pieces())
         if same and self.is_current():

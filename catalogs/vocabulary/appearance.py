@@ -158,7 +158,7 @@ def appearance_to_json(appearance: Appearance) -> dict[str, Any]:
     """Plain JSON values with a `kind` of "volume", "isosurface" or "imported"; a `field` only where one is named."""
     kind = next(kind for kind, form in KINDS.items() if isinstance(appearance, form))
     values = asdict(appearance)
-    if not field_of(appearance):  # so that plans and trained runs from before there were fields are still recognized
+    if not field_of(appearance):
         values.pop("field", None)
     return {"kind": kind, **values}
 

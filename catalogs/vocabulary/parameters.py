@@ -89,7 +89,7 @@ class Parameter:
         return (value - self.low) / (self.high - self.low)
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values; a `scale` only where it is "log", so that catalogs and models from before there were scales stay equal."""
+        """JSON values; a `scale` only where it is "log"."""
         record = asdict(self)
         if self.scale == "linear":
             record.pop("scale")

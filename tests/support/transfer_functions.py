@@ -17,7 +17,7 @@ FUNCTIONS = transfer_function_family(BASE, first_step=(0.1, 0.1), second_step=(0
 
 
 OLD_CATALOG = """{
- "schema": 1,
+ "schema": 2,
  "parameters": [{"name": "Re", "low": 100.0, "high": 200.0, "unit": ""}],
  "appearances": [
   {"kind": "volume", "name": "dvr",

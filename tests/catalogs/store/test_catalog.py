@@ -229,7 +229,9 @@ def test_a_read_only_catalog_is_read(read_only: Catalog) -> None:
     assert as_nobody(read) == ""
 
 
-@pytest.mark.parametrize(("schema", "message"), [(99, "newer"), (6, "newer"), (0, "damaged"), (True, "damaged")])
+@pytest.mark.parametrize(
+    ("schema", "message"), [(99, "newer"), (6, "newer"), (1, "from 2 on"), (0, "damaged"), (True, "damaged")]
+)
 def test_other_schemas_are_refused(catalog: Catalog, schema: int, message: str) -> None:
     path = catalog.path / "catalog.json"
     record = json.loads(path.read_text())
@@ -240,6 +242,15 @@ def test_other_schemas_are_refused(catalog: Catalog, schema: int, message: str) 
     with pytest.raises(CatalogError, match=message):
         Catalog.create(catalog.path, make_plan())
     assert tree(catalog.path) == before
+
+
+@pytest.mark.parametrize("schema", [2, 3, 4, 5])
+def test_schemas_that_differ_only_in_what_they_may_hold_are_read(catalog: Catalog, schema: int) -> None:
+    path = catalog.path / "catalog.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "schema": schema}))
+    assert len(Catalog.open(catalog.path).members) == 2
+    add_member(Catalog.create(catalog.path, make_plan()), "third", 190.0)
+    assert check(catalog.path) == []
 
 
 def test_keys_that_a_later_version_added_are_ignored(catalog: Catalog) -> None:

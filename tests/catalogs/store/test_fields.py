@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from catalogs.tools.show import describe
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.variations import field_variation
 from tests.catalogs.conftest import make_plan, picture, summary
-from tests.support.transfer_functions import BASE, FUNCTION, FUNCTIONS, OLD_CATALOG
+from tests.support.transfer_functions import BASE, FUNCTION, FUNCTIONS
 
 Q = VolumeRendering("dvr", FUNCTION, field="q")
 SPEED = VolumeRendering("speed-dvr", FUNCTION, field="speed")
@@ -97,20 +96,6 @@ def test_the_only_field_needs_no_name(tmp_path: Path) -> None:
     assert member.summary() is not None
     assert list(member.summaries()) == [""]
     assert check(made.path) == []
-
-
-def test_programs_from_before_fields_are_told(tmp_path: Path, fields: Catalog) -> None:
-    """They read what names none as ever, and refuse the rest by its schema instead of calling it damaged."""
-
-    def schema(name: str, plan: CatalogPlan) -> int:
-        return int(json.loads((Catalog.create(tmp_path / name, plan).path / "catalog.json").read_text())["schema"])
-
-    assert schema("fields.cdb", fields_plan()) == 3
-    assert schema("named.cdb", make_plan(appearances=(SPEED,))) == 3
-    unnamed = [replace(a, field="") for a in (Q, SPEED, SURFACE)]
-    assert schema("variation.cdb", fields_plan(appearances=tuple(unnamed))) == 3
-    assert schema("plain.cdb", make_plan()) == 2
-    assert json.loads(OLD_CATALOG)["schema"] == 1
 
 
 MIXED: dict[str, tuple[dict[str, Any], str]] = {

@@ -35,16 +35,6 @@ def test_six_thousand_points_take_kilobytes(tmp_path: Path) -> None:
     assert (tmp_path / "field.npz").stat().st_size < 120_000
 
 
-@pytest.mark.parametrize("names", [[""], ["q", "speed"]], ids=["one field", "two fields"])
-def test_an_archive_from_before_there_were_even_points_is_read(tmp_path: Path, names: list[str]) -> None:
-    path, kept = tmp_path / "field.npz", {name: summary(number) for number, name in enumerate(names)}
-    save_summaries(path, kept)
-    without(path, "even_points", "even_values")
-    for name, read in load_summaries(path).items():
-        assert (read.even_points.shape, read.even_values.shape) == ((0, 3), (0,))
-        assert same(replace(read, even_points=kept[name].even_points, even_values=kept[name].even_values), kept[name])
-
-
 @pytest.mark.parametrize("name", ["even_points", "even_values", "points", "minimum"])
 def test_an_archive_that_lacks_an_array_is_refused(tmp_path: Path, name: str) -> None:
     save_summaries(tmp_path / "field.npz", {"": summary()})

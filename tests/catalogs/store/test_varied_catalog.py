@@ -268,7 +268,7 @@ OLD_TABLE = (
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    """A catalog as the version before variations wrote it, literally."""
+    """A catalog of the oldest schema that is read, literally."""
     from catalogs.files.images import write_image
 
     path = tmp_path / "old.cdb"
@@ -283,7 +283,7 @@ def old(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_catalog_of_the_version_before_opens_and_goes_on(old: Path) -> None:
+def test_a_catalog_of_an_earlier_schema_opens_and_goes_on(old: Path) -> None:
     assert check(old) == []
     opened = Catalog.open(old)
     assert opened.plan.variations == ()
@@ -298,14 +298,3 @@ def test_a_catalog_of_the_version_before_opens_and_goes_on(old: Path) -> None:
     assert check(old) == []
     assert len(table(opened)) == 4
     assert (old / "catalog.json").read_text() == OLD_CATALOG
-
-
-def test_a_catalog_of_the_version_before_is_raised_by_a_member_that_shows_less(old: Path) -> None:
-    """The version before would look for images that such a member does not have: it shall refuse the catalog instead."""
-    opened = Catalog.open(old)
-    with opened.begin_member("second", {"Re": 150.0}, appearances=["iso"]) as writer:
-        writer.write_image("iso", 0, picture(0))
-    record = json.loads((old / "catalog.json").read_text())
-    assert record == {**json.loads(OLD_CATALOG), "schema": 2}
-    assert [m.appearances for m in Catalog.open(old).members] == [("dvr", "iso"), ("iso",)]
-    assert check(old) == []

@@ -91,7 +91,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "one bit": (lambda c: flip(c / IMAGE), "row 5", "damaged"),
     "another format": (lambda c: (c / IMAGE).write_text("hello"), "row 5", "no PNG"),
     "stray quote": (lambda c: rewrite(c / "data.csv", "120.0,1.0,dvr", '120.0,1.0,d"r'), "data.csv", "line 2"),
-    "newer schema": (lambda c: rewrite(c / "catalog.json", '"schema": 2', '"schema": 9'), "catalog.json", "newer"),
+    "newer schema": (lambda c: rewrite(c / "catalog.json", '"schema": 5', '"schema": 9'), "catalog.json", "newer"),
     "table is a pipe": (lambda c: pipe(c / "data.csv"), "data.csv", "named pipe"),
     "description is a pipe": (lambda c: pipe(c / "catalog.json"), "catalog.json", "named pipe"),
     "record is a pipe": (lambda c: pipe(c / "members/first/member.json"), "first", "named pipe"),

@@ -170,10 +170,6 @@ def test_damage_is_found_and_set_aside(catalog: Catalog, packed: Catalog) -> Non
     assert check(packed.path) == []
 
 
-def test_an_older_program_would_refuse_it(packed: Catalog) -> None:
-    assert '"schema": 5' in (packed.path / "catalog.json").read_text()
-
-
 def test_the_command_says_what_it_did(catalog: Catalog, tmp_path: Path) -> None:
     paths = [str(tmp_path / name) for name in ("packed.cdb", "again.cdb")]
     result = CliRunner().invoke(main, ["pack", str(catalog.path), paths[0]])

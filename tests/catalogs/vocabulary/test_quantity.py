@@ -83,7 +83,6 @@ def test_a_plan_says_what_its_fields_are_called(tmp_path: Path) -> None:
     assert Catalog.open(tmp_path / "a.cdb").plan.quantities == {"": Q}
     record = json.loads((tmp_path / "a.cdb" / "catalog.json").read_text())
     assert record["fields"] == {"": {"name": "Q", "unit": "1/s²"}}
-    assert record["schema"] == 2  # older programs take no notice of it
 
 
 def test_several_fields_each_have_their_label() -> None:
@@ -133,9 +132,8 @@ def test_it_is_shown_to_people(tmp_path: Path) -> None:
     assert page["appearances"][1]["title"] == "iso (isovalue 0.25 1/s²)"
 
 
-def test_a_logarithmic_scale_is_kept_and_older_programs_are_told(tmp_path: Path) -> None:
+def test_a_logarithmic_scale_is_kept(tmp_path: Path) -> None:
     made = Catalog.create(tmp_path / "a.cdb", make_plan(space=LOGARITHMIC))
-    assert json.loads((made.path / "catalog.json").read_text())["schema"] == 4
     assert Catalog.open(made.path).plan.space == LOGARITHMIC
     assert "(log)" in describe(made.path)
     assert [p.get("scale") for p in page_data(made)["parameters"]] == ["log", None]
