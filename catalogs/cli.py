@@ -74,12 +74,11 @@ def merge(into: Path, sources: tuple[Path, ...]) -> None:
     there once; where its pictures differ, nothing is written.  The catalogs FROM stay as they are; pictures are hard
     links to theirs where the file system has those, else copies.  Run it again to go on after an interruption.
     """
-    from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.progress import ProgressLine
     from catalogs.tools.merge import merge as run
 
     with _plain_errors(), ProgressLine() as line:
-        rates = {"comparing": Rate(), "merging": Rate()}
-        made = run(into, sources, progress=lambda s, d, t: line(Count(s, d, t, rates[s](d), "members")))
+        made = run(into, sources, progress=partial(line.count, unit="members"))
     copied = f"; {made.copied} pictures were copied, not linked" if made.copied else ""
     click.echo(f"{into}: {made.added} members added, {made.same} found in several catalogs{copied}")
 
@@ -93,12 +92,11 @@ def pack(path: Path, destination: Path) -> None:
     Every other command, training and evaluation read it as they read PATH, and pycinema opens it; it takes no new members from
     simulations.  Run it again to go on after an interruption, or to take in members that are new in PATH.
     """
-    from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.progress import ProgressLine
     from catalogs.tools.packing import pack as run
 
     with _plain_errors(), ProgressLine() as line:
-        rate = Rate()
-        done = run(path, destination, progress=lambda d, t: line(Count("packing", d, t, rate(d), "members")))
+        done = run(path, destination, progress=partial(line.count, "packing", unit="members"))
     click.echo(f"{destination}: {done.made} members packed, {done.there} were there")
 
 
@@ -107,18 +105,13 @@ def pack(path: Path, destination: Path) -> None:
 @click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
 def unpack(path: Path, destination: Path) -> None:
     """Write the packed catalog PATH into the new catalog DESTINATION with a file for each picture, as before `catalogs pack`."""
-    from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.progress import ProgressLine
     from catalogs.tools.packing import unpack as run
 
     with _plain_errors(), ProgressLine() as line:
-        rate = Rate()
-        done = run(path, destination, progress=lambda d, t: line(Count("unpacking", d, t, rate(d), "members")))
-    bytes_told = (
-        f"{done.other_bytes} pictures have the same pixels in other bytes, all others" if done.other_bytes else "all"
-    )
-    click.echo(
-        f"{destination}: {done.made} members unpacked, {done.there} were there; {bytes_told} the bytes that were packed"
-    )
+        done = run(path, destination, progress=partial(line.count, "unpacking", unit="members"))
+    encoded = f"; {done.other_bytes} images have the same pixels, encoded in other bytes" if done.other_bytes else ""
+    click.echo(f"{destination}: {done.made} members unpacked, {done.there} were there{encoded}")
 
 
 @main.command()
@@ -131,14 +124,11 @@ def split(path: Path, destination: Path, rows: int) -> None:
     Each shard is a whole catalog in DESTINATION/shards; pictures are hard links where the file system has those.  Training and
     browsing don't need it: they never read the table of a catalog.
     """
-    from catalogs.progress import Count, ProgressLine, Rate
+    from catalogs.progress import ProgressLine
     from catalogs.tools.split import split as run
 
     with _plain_errors(), ProgressLine() as line:
-        rate = Rate()
-        made = run(
-            path, destination, rows=rows, progress=lambda d, t: line(Count("splitting", d, t, rate(d), "members"))
-        )
+        made = run(path, destination, rows=rows, progress=partial(line.count, "splitting", unit="members"))
     count, most = sum(len(shard.members) for shard in made), max(shard.rows for shard in made)
     click.echo(f"{destination}: {count} members in {len(made)} shards of at most {most:,} rows")
 

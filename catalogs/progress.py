@@ -1,8 +1,7 @@
-"""One line that says how far a command is, with rate and time left: on a terminal, in a notebook and in a log.
+"""Progress of a command on one line, with rate and time left: on a terminal, in a notebook and in a log.
 
 Written here rather than taken from tqdm or rich: in a log the one writes a bar ten times a second or nothing, the other nothing
-before the end, and here a log gets a line every 15 s.  Theirs also count one loop, where ours show several workers, or fits of
-which each has steps of its own.
+before the end, and here a log gets a line every 15 s.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ LOG_SECONDS = 15.0  # between lines elsewhere, and before the first
 
 
 class Rate:
-    """How many are done a second, over about the last 20 s; 0 before the second call."""
+    """Items done per second over about the last 20 s; 0 before the second call."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, int]] = deque()  # (time, done)
@@ -37,7 +36,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class Count:
-    """So many of so many are done, at a rate per second that is 0 before it is known."""
+    """Progress of one stage: `done` of `total`, at a rate per second that is 0 while unknown."""
 
     stage: str
     done: int
@@ -47,7 +46,7 @@ class Count:
 
     @property
     def seconds_left(self) -> float | None:
-        """None before the rate is known."""
+        """Estimated seconds to the end; None while the rate is unknown."""
         return (self.total - self.done) / self.rate if self.rate else None
 
     def __str__(self) -> str:
@@ -66,7 +65,7 @@ def per_second(rate: float, unit: str) -> str:
 
 
 def time_left(seconds: float | None) -> str:
-    """How long it still takes, empty while that is not known."""
+    """The remaining time in words, empty for None."""
     return "" if seconds is None else f"{duration(seconds)} left"
 
 
@@ -78,9 +77,9 @@ def duration(seconds: float) -> str:
 
 
 class ProgressLine:
-    """Shows progress on one line that is written over, on a terminal or in a notebook; as a line every 15 s elsewhere.
+    """A line of progress, overwritten on a terminal or in a notebook; elsewhere a new line every 15 s.
 
-    `stream` is standard error by default.  Close it, or use it in a `with` block, so that what follows starts a line of its own.
+    `stream` is standard error by default.  Close it, or use it in a `with` block, so that later output starts on a new line.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -94,18 +93,18 @@ class ProgressLine:
         self._stage, self._rate = "", Rate()
 
     def __call__(self, progress: object) -> None:
-        """Show `str(progress)`, unless the last was shown only just now."""
+        """Show `str(progress)`, unless the line was updated just before."""
         self._text, self._pending = str(progress), True
         if self._is_due():
             self._write()
 
-    def count(self, stage: str, done: int, total: int) -> None:
-        """Show how many images of how many are done."""
+    def count(self, stage: str, done: int, total: int, unit: str = "images") -> None:
+        """Show that `done` of `total` images, or of another `unit`, are done."""
         if stage != self._stage:
             self._stage, self._rate = stage, Rate()
             self._rate(done)
         elif done == total or self._is_due():
-            self(Count(stage, done, total, self._rate(done)))
+            self(Count(stage, done, total, self._rate(done), unit))
 
     def say(self, text: str) -> None:
         """Write a line of its own above the progress."""
@@ -143,9 +142,8 @@ class ProgressLine:
                 self._handle.update(shown, raw=True)
             return
         if self._terminal:
-            text = self._text[
-                : shutil.get_terminal_size().columns - 1
-            ]  # a longer line would wrap and could not be erased
+            columns = shutil.get_terminal_size().columns - 1  # a longer line would wrap and could not be erased
+            text = self._text[:columns]
             self._stream.write("\r" + text.ljust(self._width))
             self._width = len(text)
         else:
@@ -154,6 +152,6 @@ class ProgressLine:
 
 
 def _notebook_display() -> Any:
-    """IPython's `display` where this process is a notebook's kernel, else None."""
+    """IPython's `display` in a notebook's kernel, else None."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return sys.modules["IPython.display"].display if getattr(shell, "kernel", None) is not None else None

@@ -1,11 +1,11 @@
-"""How files and folders that must survive a crash come to disk: write, sync, rename.
+"""Crash-safe writing of files and folders: write, sync, rename.
 
-Whatever is committed goes through these functions in this order: contents, `sync` of the file, `rename` into place,
+Every commit goes through these functions in this order: contents, `sync` of the file, `rename` into place,
 `sync` of the folder (Pillai et al., "All File Systems Are Not Created Equal", OSDI 2014, section 4).  The tests kill a
-writer before, within and after every one of them, and take away what was not synced.
+writer before, within and after each of them, and take away what was not synced.
 
-Written here rather than taken from a library: packages that replace a file atomically rename without syncing folders, know no
-folders of files, and can't tell a dead writer's remains from what a living one is writing.
+Written here rather than taken from a library: packages that replace a file atomically don't sync folders, handle single files
+only, and can't distinguish a dead writer's remains from a living writer's work.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from typing import BinaryIO, NamedTuple
 
 PARTIAL = ".partial"
 SYNCS_AT_ONCE = 16
-BLOCK = 1 << 20  # bytes of what comes in pieces that are written at once
-QUIET_SECONDS = 86400.0  # without a change, after which a writer elsewhere counts as dead
-HERE = -100  # AT_FDCWD of openat(2)
-EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2)
-KINDS = (
+BLOCK = 1 << 20  # bytes per write of data that comes in pieces
+QUIET_SECONDS = 86400.0  # without a change, after which a writer on another machine counts as dead
+AT_FDCWD = -100  # openat(2): paths are relative to the working directory
+RENAME_EXCHANGE = 2  # renameat2(2)
+SPECIAL_KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
     (stat.S_ISSOCK, "a socket"),
@@ -44,11 +44,11 @@ KINDS = (
 
 
 class SpecialFileError(OSError):
-    """A named pipe, which would be waited for, a device, which need not end, or a folder, where a regular file belongs."""
+    """A named pipe, a device, a socket or a folder in place of a regular file."""
 
 
 class Stamp(NamedTuple):
-    """What tells a file from any other and from itself after a change."""
+    """Identity of a file and its contents: differs for another file and after a change."""
 
     inode: int
     size: int
@@ -56,7 +56,7 @@ class Stamp(NamedTuple):
 
 
 def stamp(path: Path) -> Stamp:
-    """The stamp of a file or folder, which is opened for it: network file systems then ask their server."""
+    """The stamp of a file or folder; opening it makes network file systems ask their server."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         status = os.fstat(descriptor)
@@ -66,16 +66,16 @@ def stamp(path: Path) -> Stamp:
 
 
 def special(path: Path) -> str:
-    """What stands at `path` where a regular file belongs, such as "a named pipe"; "" for a regular file, and for nothing."""
+    """The kind of special file at `path`, such as "a named pipe"; "" for a regular file, and where there is none."""
     try:
-        return _kind(os.stat(path).st_mode)
+        return _special_kind(os.stat(path).st_mode)
     except OSError:
         return ""
 
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[BinaryIO]:
-    """The regular file `path`, opened to be read; raises SpecialFileError for anything else, OSError where there is nothing."""
+    """The regular file `path`, open for reading; raises SpecialFileError for any other kind, OSError where it is absent."""
     _refuse_special(path, os.stat(path).st_mode)  # first: opening a device can have effects
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as stream:
@@ -91,20 +91,12 @@ def read(path: Path) -> bytes:
 
 def write(path: Path, data: bytes) -> None:
     """Write `data` to a new or existing file, neither synced nor atomic: for files nobody reads yet."""
-    try:
-        with open(path, "wb") as stream:
-            stream.write(data)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None  # a full disk's error names no file by itself
+    _put(path, "wb", data)
 
 
 def append(path: Path, data: bytes) -> None:
     """Add `data` to the end of a file, neither synced nor atomic."""
-    try:
-        with open(path, "ab") as stream:
-            stream.write(data)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None
+    _put(path, "ab", data)
 
 
 def sync(path: Path) -> None:
@@ -127,22 +119,22 @@ def link(source: Path, target: Path) -> None:
 
 
 def exchange(first: Path, second: Path) -> None:
-    """Atomically let two files or folders change places; raises OSError where the file system can't (renameat2(2))."""
+    """Atomically swap two files or folders; raises OSError where the file system can't (renameat2(2))."""
     library = ctypes.CDLL(None, use_errno=True)
     if not hasattr(library, "renameat2"):
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS), str(first))
-    if library.renameat2(HERE, os.fsencode(first), HERE, os.fsencode(second), EXCHANGE):
+    if library.renameat2(AT_FDCWD, os.fsencode(first), AT_FDCWD, os.fsencode(second), RENAME_EXCHANGE):
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(first), None, str(second))
 
 
 def opened_elsewhere(path: Path) -> bool:
-    """Whether anybody may have the file open; True, too, where the system can't tell (it has no leases, or not there)."""
+    """True where another process may have the file open, and where that can't be known because there are no leases."""
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     except OSError:
         return True
     try:  # fcntl(2): a write lease is granted only where no other descriptor is open
-        fcntl.fcntl(descriptor, fcntl.F_SETSIG, signal.SIGURG)  # who opens it now sends a signal: one that is ignored
+        fcntl.fcntl(descriptor, fcntl.F_SETSIG, signal.SIGURG)  # sent when somebody opens it now; ignored by default
         fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_WRLCK)
         fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
     except (OSError, AttributeError):
@@ -168,9 +160,9 @@ def copy(source: Path, target: Path) -> None:
 
 @contextlib.contextmanager
 def staged(path: Path, data: bytes | Iterable[bytes]) -> Iterator[None]:
-    """Put `data`, whole or in pieces, on disk beside `path` before the block, and in its place after.
+    """Write `data`, whole or in pieces, to a file beside `path` before the block, and rename it to `path` after.
 
-    A reader sees the old or the new contents and nothing between; an exception leaves `path` as it was.  A full disk is noticed
+    A reader sees the old or the new contents, never a mixture; an exception leaves `path` unchanged.  A full disk raises OSError
     before the block.
     """
     partial = partial_name(path)
@@ -189,7 +181,7 @@ def staged(path: Path, data: bytes | Iterable[bytes]) -> Iterator[None]:
 
 
 def holds(path: Path, pieces: Iterable[bytes]) -> bool:
-    """Whether the contents of a regular file are these pieces one after the other; False, too, where there is none."""
+    """True where a regular file exists and its contents are these pieces joined."""
     try:
         with opened(path) as stream:
             return all(stream.read(len(piece)) == piece for piece in pieces) and not stream.read(1)
@@ -212,10 +204,7 @@ def make_folder(path: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """Make everything in and below `folder` durable.
-
-    Files are synced side by side, so that the file system commits many at once.
-    """
+    """Make everything in and below `folder` durable; files in parallel, so that the file system commits many at once."""
     folders = [Path(inner) for inner, _, _ in os.walk(folder, topdown=False)]
     files = [path for inner in folders for path in sorted(inner.iterdir()) if path.is_file()]
     with ThreadPoolExecutor(SYNCS_AT_ONCE) as pool:
@@ -225,28 +214,28 @@ def sync_tree(folder: Path) -> None:
 
 
 def commit_folder(partial: Path, target: Path) -> None:
-    """Make everything below `partial` durable, then let it appear as `target`, whole."""
+    """Make everything below `partial` durable, then rename it to `target`."""
     sync_tree(partial)
     rename(partial, target)
     sync(target.parent)
 
 
 def partial_name(path: Path) -> Path:
-    """A hidden sibling of `path` that says which process writes it, so that others know when its writer is dead."""
+    """A hidden sibling of `path` whose name identifies the writing process, so that others can see when that is dead."""
     process = os.getpid()
     writer = f"{socket.gethostname()}~{_process_space()}~{process}~{_start_time(process)}"
     return path.with_name(f".{path.name}~{writer}~{secrets.token_hex(4)}{PARTIAL}")
 
 
 def partials(folder: Path) -> list[Path]:
-    """Files and folders in `folder` that are being written, or were when their writer died."""
+    """Files and folders in `folder` that are being written or whose writer died."""
     return sorted(folder.glob(f".*~*{PARTIAL}"))
 
 
 def remove_abandoned(folder: Path) -> list[Path]:
     """Remove and return the partial files and folders in `folder` whose writer is dead.
 
-    A writer of another host, container or boot can't be seen: it counts as dead when nothing changed for a day.
+    The writer on another host, in another container or before a reboot counts as dead when nothing changed for a day.
     """
     removed = []
     for path in partials(folder):
@@ -280,26 +269,33 @@ def locked(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def _put(path: Path, mode: str, data: bytes) -> None:
+    try:
+        with open(path, mode) as stream:
+            stream.write(data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from None  # a full disk's error names no file by itself
+
+
 def _blocks(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """The pieces, small ones joined."""
-    held, size = [], 0
+    """The pieces, joined to blocks of at least `BLOCK` bytes."""
+    block: list[bytes] = []
     for piece in pieces:
-        held.append(piece)
-        size += len(piece)
-        if size >= BLOCK:
-            yield b"".join(held)
-            held, size = [], 0
-    if held:
-        yield b"".join(held)
+        block.append(piece)
+        if sum(map(len, block)) >= BLOCK:
+            yield b"".join(block)
+            block = []
+    if block:
+        yield b"".join(block)
 
 
 def _refuse_special(path: Path, mode: int) -> None:
-    if kind := _kind(mode):
-        raise SpecialFileError(f"{path} is {kind}, where a regular file belongs")
+    if kind := _special_kind(mode):
+        raise SpecialFileError(f"{path} is {kind}, not a regular file")
 
 
-def _kind(mode: int) -> str:
-    return next((name for is_kind, name in KINDS if is_kind(mode)), "")
+def _special_kind(mode: int) -> str:
+    return next((name for is_kind, name in SPECIAL_KINDS if is_kind(mode)), "")
 
 
 def _abandoned(path: Path) -> bool:
@@ -312,7 +308,7 @@ def _abandoned(path: Path) -> bool:
     try:
         return time.time() - _last_change(path) > QUIET_SECONDS
     except FileNotFoundError:
-        return False  # its writer has just finished
+        return False  # just committed
 
 
 def _last_change(path: Path) -> float:
@@ -322,18 +318,18 @@ def _last_change(path: Path) -> float:
 
 @functools.cache
 def _process_space() -> str:
-    """Where process numbers are unique, as 8 hex digits: this boot of this machine, and this container."""
-    known = []
+    """8 hex digits for this boot of this machine and this container, within which process numbers are unique."""
+    parts = []
     with contextlib.suppress(OSError):
-        known.append(Path("/proc/sys/kernel/random/boot_id").read_text())
-        known.append(os.readlink("/proc/self/ns/pid"))
-    return hashlib.sha256("".join(known).encode()).hexdigest()[:8]
+        parts.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        parts.append(os.readlink("/proc/self/ns/pid"))
+    return hashlib.sha256("".join(parts).encode()).hexdigest()[:8]
 
 
 def _start_time(process: int) -> str:
-    """When a process started, in ticks since boot; "0" where the system doesn't say, "" where there is no such process.
+    """Start of a process in ticks since boot; "0" where the system has no /proc, "" for a dead process.
 
-    A number may be given to a new process soon after the old one's death; together with the start it is unique.
+    Process numbers are reused; number and start together are unique.
     """
     try:
         status = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()  # proc(5): fields 3, 4, ...

@@ -1,15 +1,15 @@
 """The store of an ensemble's images: a Cinema database that grows by whole members and survives crashes.
 
     x.cdb/data.csv                       the table (specification D), derived from the members
-          catalog.json                   what a table can't hold: parameter space, cameras, appearances, conventions
+          catalog.json                   parameter space, cameras, appearances, conventions
           members/<name>/member.json     parameters, split, provenance
-                         rows.csv        its part of the table
-                         cameras.json    its own cameras, where they are not shared
-                         field.npz       the summary of its field, or of each of its fields
+                         rows.csv        its rows of the table
+                         cameras.json    its own cameras, where cameras are not shared
+                         field.npz       summaries of its fields
                          <appearance>/<view>.png
 
-A member is written in a hidden folder and renamed into place when all of it is on disk, so it is there whole or not at all.
-How the table follows at a cost that does not grow, `catalogs.store.table` tells.
+A member is written in a hidden folder and renamed into place when all of it is on disk, so it is never incomplete.
+See `catalogs.store.table` for how `data.csv` is updated in constant time.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from catalogs.store.pictures import read_picture
 from catalogs.store.plan import CatalogError, CatalogPlan, name_problem, read_json
 from catalogs.store.splits import Splits
 from catalogs.store.summary import FieldSummary, save_summaries
-from catalogs.store.table import MEMBERS, UNFINISHED, Table, keys_of, member_paths
+from catalogs.store.table import MEMBERS, UNFINISHED, CatalogTable, keys_of, member_paths
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Outside
 from catalogs.vocabulary.words import counted, shortened
@@ -46,7 +46,7 @@ __all__ = ["Catalog", "CatalogError", "CatalogPlan", "Member", "MemberWriter"]
 
 
 class MemberWriter:
-    """Writes one member under a hidden name; leaving the `with` block commits it, an exception leaves nothing."""
+    """Writer of one member in a hidden folder; leaving the `with` block commits it, an exception discards it."""
 
     def __init__(self, catalog: Catalog, member: Member, *, replace: bool = False) -> None:
         self._catalog = catalog
@@ -56,7 +56,7 @@ class MemberWriter:
 
     @property
     def path(self) -> Path:
-        """The hidden folder that is being filled."""
+        """The hidden folder of the unfinished member."""
         return self.member.path
 
     def write_image(self, appearance: str, view: int, rgba: NDArray[Any]) -> None:
@@ -75,7 +75,7 @@ class MemberWriter:
             raise CatalogError(f"view {view} must be {camera.height}x{camera.width} RGBA, got shape {rgba.shape}")
         if plan.background is not None and (rgba[..., 3] < (255 if rgba.dtype == np.uint8 else 1.0)).any():
             raise CatalogError(
-                f"view {view} of {appearance} is transparent, but this catalog's images stand on the background "
+                f"view {view} of {appearance} is transparent, but this catalog's images are opaque on the background "
                 f"{plan.background}: composite it first, rgb + (1 - alpha) * background"
             )
         path = self.path / plan.image_name(appearance, view)
@@ -84,16 +84,16 @@ class MemberWriter:
         self._written.add((appearance, view))
 
     def write_summaries(self, summaries: Mapping[str, FieldSummary]) -> None:
-        """Keep the summaries of a member's fields, by name ("" for the only one), beside their images."""
-        only = len(self._catalog.plan.fields) == 1 == len(summaries)
-        save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if only else summaries)
+        """Store summaries of the member's fields, by name ("" for a single field), beside the images."""
+        single = len(self._catalog.plan.fields) == 1 == len(summaries)
+        save_summaries(self.path / SUMMARY, {"": next(iter(summaries.values()))} if single else summaries)
 
     def add_provenance(self, **values: Any) -> None:
-        """Record more about the member, JSON values, such as what its pictures turned out to be."""
+        """Add JSON values to the member's provenance."""
         self.member = dataclasses.replace(self.member, provenance={**self.member.provenance, **values})
 
     def missing(self) -> list[tuple[str, int]]:
-        """(appearance, view) pairs that were not written yet."""
+        """(appearance, view) pairs that are not written yet."""
         views = range(len(self.member.cameras))
         return [(a, v) for a in self.member.appearances for v in views if (a, v) not in self._written]
 
@@ -111,22 +111,22 @@ class MemberWriter:
 class Catalog:
     """An ensemble's Cinema database on disk.  `create` or `open` one; iterate its `members`.
 
-    Any number of processes may write at once, each its own members; on a network file system it must have file locks (NFS 4
-    and Lustre mounted with flock do).  Readers need no lock: what they see is whole at any moment.
+    Any number of processes may write at once, each its own members; a network file system must support file locks (NFS 4
+    and Lustre mounted with flock do).  Readers need no lock: they see complete members and a complete table at any moment.
     """
 
     def __init__(self, path: Path, plan: CatalogPlan, splits: Splits | None = None) -> None:
         self.path = path
         self.plan = plan
-        self.splits = splits  # of some members, as one run sees them; None: of all, as stored
-        self._table = Table(path, plan)
+        self.splits = splits  # the members of one run and their splits; None: all members, as stored
+        self._table = CatalogTable(path, plan)
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: CatalogPlan) -> Catalog:
-        """A new, empty catalog; or the one that is there, if it was made with the same plan (provenance aside).
+        """A new, empty catalog; or the existing one, if it was made with the same plan (provenance aside).
 
-        Raises CatalogError naming what differs otherwise, for a path that does not end with `.cdb`, and for a folder that
-        holds other things.
+        Raises CatalogError where plans differ, naming the differences, for a path that does not end with `.cdb`, and for a
+        folder that holds anything else.
         """
         path = Path(path)
         if path.suffix != ".cdb":
@@ -156,13 +156,13 @@ class Catalog:
             members = self.members
         except CatalogError as error:
             return f"<Catalog {self.path}: {error}>"
-        held = f"{len(members)} members ({counted(member.split for member in members)})"
         views = sorted({len(member.cameras) for member in members}) or [len(self.plan.cameras)]
-        shown = f"{'-'.join(map(str, views))} views of {shortened(self.appearance_names)}"
-        return f"<Catalog {self.path}: {held}; {self.plan.space}; {shown}>"
+        count = f"{len(members)} members ({counted(member.split for member in members)})"
+        images = f"{'-'.join(map(str, views))} views of {shortened(self.appearance_names)}"
+        return f"<Catalog {self.path}: {count}; {self.plan.space}; {images}>"
 
     def _repr_html_(self) -> str:
-        """The same for notebooks, with a few pictures."""
+        """Card for notebooks with a few images."""
         return catalog_html(self.path, self.plan, self.member_paths)
 
     @property
@@ -177,11 +177,11 @@ class Catalog:
 
     @property
     def missing(self) -> tuple[MissingMember, ...]:
-        """Members that should be here but could not be made, sorted by name."""
+        """Members that were reported missing, sorted by name."""
         return missing_members(self.path)
 
     def with_splits(self, splits: Splits) -> Catalog:
-        """The same catalog, of which `members` are those of `splits`, split so; nothing is written."""
+        """The same catalog restricted to the members of `splits`, with those splits; nothing is written."""
         return Catalog(self.path, self.plan, splits)
 
     def member_paths(self) -> list[Path]:
@@ -199,9 +199,9 @@ class Catalog:
         return name_problem(name) is None and (self.path / MEMBERS / name / RECORD).is_file()
 
     def find(self, parameters: Mapping[str, float]) -> str | None:
-        """The name of the member with exactly these parameters, None where there is none; costs the same for any number of members.
+        """The name of the member with exactly these parameters, None where there is none; takes constant time.
 
-        Brings table and journal up to date where they are not, or reads all records where it must not write.  Raises ValueError
+        Updates table and journal if necessary, or reads all records of a catalog that must not be written.  Raises ValueError
         for missing or unknown parameters.
         """
         parameters = self._ordered(parameters, "allow", 1)
@@ -227,13 +227,13 @@ class Catalog:
     ) -> MemberWriter:
         """A writer for a new member, used in a `with` block; `appearances` names those that it shows, all by default.
 
-        With `replace` it takes the place of the member with this name, if there is one: atomically, when it is whole; until then,
-        and where anything fails, the old one stays.  (Where the file system can't exchange two folders, network file systems for
-        one, it is missing for the moment between two renames; if a writer dies just there, the next one puts it back.)
+        With `replace` the new member atomically replaces the one of this name, if there is one, when it is complete; if anything
+        fails, the old one stays.  (Where the file system can't swap two folders, as many network file systems, the member is
+        missing between two renames; if its writer dies there, the next writer restores it.)
 
         Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
-        that is no JSON, unknown appearances, or cameras given twice or not at all; ValueError for wrong parameters (a value
-        out of bounds is recorded, with a warning unless `outside` is "allow").
+        other than JSON values, unknown appearances, and cameras given twice or not at all; ValueError for wrong parameters.  A
+        value out of bounds is recorded, with a warning unless `outside` is "allow".
         """
         if self.plan.packed:
             raise CatalogError(
@@ -241,9 +241,9 @@ class Catalog:
             )
         if (cameras is None) == (not self.plan.cameras):
             raise CatalogError(
-                "this catalog's cameras are shared: members bring none"
+                "this catalog's cameras are shared: give none for a member"
                 if self.plan.cameras
-                else "every member of this catalog must bring its cameras"
+                else "members of this catalog have their own cameras: give them"
             )
         member = Member(
             name=name,
@@ -261,22 +261,22 @@ class Catalog:
         return MemberWriter(self, dataclasses.replace(member, path=self.unfinished_folder(name)), replace=replace)
 
     def unfinished_folder(self, name: str) -> Path:
-        """A new hidden folder for the member `name`, which `adopt` lets appear; one that its writer leaves is removed later."""
+        """A new hidden folder for the member `name`, which `adopt` commits; it is removed later if its writer dies."""
         folder = durable.partial_name(self.path / UNFINISHED / name)
         folder.parent.mkdir(exist_ok=True)
         folder.mkdir()
         return folder
 
     def adopt(self, members: Sequence[Member]) -> None:
-        """Let members appear in one commit, whose folders, from `unfinished_folder`, hold all of them and are synced.
+        """Commit members whose folders, from `unfinished_folder`, are complete and synced, all at once.
 
-        Raises CatalogError where a name or parameters are taken; then none of them appears.
+        Raises CatalogError where a name or parameters are in use; then none of them is stored.
         """
         with self._ready_for(members):
             self._table.add(members)
 
     def image_path(self, member: Member | str, appearance: str, view: int) -> Path:
-        """Path of the file that holds an image: its own, or, in a packed catalog, the member's pack."""
+        """Path of the file that holds an image: in a packed catalog the member's pack."""
         name = member if isinstance(member, str) else member.name
         return self.path / MEMBERS / name / self.plan.file_name(appearance, view)
 
@@ -309,11 +309,11 @@ class Catalog:
             return np.stack(list(pool.map(lambda view: self.image(member, appearance, view, dtype=dtype), views)))
 
     def table(self) -> bytes:
-        """What `data.csv` holds after `rebuild_table`: the header, and the rows of every committed member, sorted by name."""
+        """Contents of `data.csv` after `rebuild_table`: the header and the rows of every committed member, sorted by name."""
         return b"".join(self._table.pieces())
 
     def update_table(self) -> None:
-        """Bring `data.csv` up to date where a writer was killed, or members were removed by hand; else at no cost."""
+        """Rebuild `data.csv` if a writer was killed or members were removed by hand; else in constant time."""
         if not self._table.is_current():
             with durable.locked(self.path / LOCK):
                 self._update_locked()
@@ -326,7 +326,7 @@ class Catalog:
     def repair(self, set_aside: Callable[[], Mapping[str, Path]] = dict) -> None:
         """`rebuild_table`, from rows that are derived anew from every member's record.
 
-        What `set_aside` names in `members/`, once nobody else writes, is moved to the paths that it gives.
+        `set_aside` is called under the lock and names members to move, each with its new path.
         """
         with durable.locked(self.path / LOCK):
             self._table.clean_up()
@@ -337,11 +337,11 @@ class Catalog:
             self._table.rebuild()
 
     def unfinished(self) -> list[Path]:
-        """Hidden folders of members whose writer is at work, or died."""
+        """Hidden folders of members that are being written or whose writer died."""
         return durable.partials(self.path / UNFINISHED)
 
     def _commit(self, writer: MemberWriter, *, replace: bool) -> None:
-        """Make the member and its rows visible; whatever can fill a disk is written before the first rename."""
+        """Commit the member and its rows; everything that can fill a disk is written before the first rename."""
         member, missing = writer.member, writer.missing()
         if missing:
             raise CatalogError(f"member {member.name} lacks {len(missing)} images, first {missing[0]}: not stored")
@@ -355,7 +355,7 @@ class Catalog:
 
     @contextlib.contextmanager
     def _ready_for(self, members: Sequence[Member], *, replace: bool = False) -> Iterator[None]:
-        """Hold the lock, with a current table, for a commit of members that must not be there already."""
+        """Hold the lock, with a current table, for a commit of members; raises CatalogError for duplicates."""
         with durable.locked(self.path / LOCK):
             self._update_locked()
             for member in members:
@@ -368,18 +368,18 @@ class Catalog:
             self._table.rebuild()
 
     def _ordered(self, parameters: Mapping[str, float], outside: Outside, depth: int) -> dict[str, float]:
-        """Checked parameters in the space's order; a warning points `depth` calls above this one."""
+        """Validated parameters in the space's order; a warning points `depth` calls above this one."""
         values = self.plan.space.values(parameters, outside=outside, stacklevel=depth + 1)
         return dict(zip(self.plan.space.names, values.tolist(), strict=True))
 
     def _refuse_duplicate(self, member: Member, replace: bool) -> None:
-        """Raise CatalogError where the name or the parameters of a member are taken, but by the one that it is to replace."""
-        same = self._table.find(member.parameters)
-        taken = same if same != member.name else None
-        taken = taken or (member.name if member.name in self and not replace else None)
-        if taken:
-            parameters = read_json(self.path / MEMBERS / taken / RECORD).get("parameters")
+        """Raise CatalogError where another member has the name or the parameters; with `replace`, its own name may be there."""
+        other = self._table.find(member.parameters)
+        if other in (None, member.name):
+            other = member.name if member.name in self and not replace else None
+        if other:
+            parameters = read_json(self.path / MEMBERS / other / RECORD).get("parameters")
             raise CatalogError(
-                f"member {taken} with parameters {parameters} is in {self.path} already: "
+                f"member {other} with parameters {parameters} is in {self.path} already: "
                 f"nothing was written for {member.name}"
             )

@@ -1,4 +1,4 @@
-"""`catalog.json`, which makes a folder a catalog: what a table can't hold, and the schema that says who can read it."""
+"""Reading and writing `catalog.json`, which makes a folder a catalog: its schema and its plan."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOCK = ".lock"
 
 
 def write_empty(path: Path, plan: CatalogPlan) -> None:
-    """Make the locked folder `path` a catalog without members; its description is written last: then all is there."""
+    """Make the locked folder `path` a catalog without members; its description is written last."""
     table = cinema.format_rows([plan.header]).encode()
     _refuse_foreign(path, table)
     durable.remove_abandoned(path)
@@ -44,10 +44,10 @@ def read_description(path: Path) -> CatalogPlan:
 
 
 def _refuse_foreign(path: Path, table: bytes) -> None:
-    """Raise CatalogError where the folder holds more than an interrupted `create` of the same `table` leaves."""
+    """Raise CatalogError where the folder holds anything but the remains of an interrupted `create` of the same `table`."""
     ours = {LOCK, MEMBERS, *HIDDEN, *(partial.name for partial in durable.partials(path))}
     foreign = {entry.name for entry in path.iterdir()} - ours
     if TABLE in foreign and (path / TABLE).read_bytes() == table:
         foreign.remove(TABLE)
     if foreign:
-        raise CatalogError(f"{path} holds other things ({', '.join(sorted(foreign)[:3])}): choose another path")
+        raise CatalogError(f"{path} holds other files ({', '.join(sorted(foreign)[:3])}): choose another path")

@@ -1,10 +1,10 @@
-"""What a growing catalog remembers of its commits: a hidden file with a line for each member, derived and never trusted unseen.
+"""The journal of a growing catalog: a hidden file with a line per member, derived from the members and checked before use.
 
-It answers in no time which member has some parameters, and whether `data.csv` is what the members make.  A line holds a member's
-name and a digest of its parameters; the last one of a commit also the stamps that the table and the members' folder had after it; a
-checksum that covers all lines before it stands first.  Where the last stamps are not those on disk (a writer was killed between two
-steps, somebody removed a member by hand), the journal is out of date and is written anew from the members.
-It is never synced: what a power cut leaves of it does not match and is not believed.
+It answers in constant time which member has given parameters, and whether `data.csv` is up to date.  A line holds a checksum over
+all lines so far, a digest of a member's parameters, and its name; the last line of a commit also the stamps of the table and of the
+members' folder.  Where the last stamps differ from those on disk (a writer was killed between two steps, or somebody removed a
+member by hand), the journal is out of date and is rebuilt from the members.  It is never synced: after a power cut it does not
+match and is rebuilt.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from catalogs.files.durable import Stamp
 
 
 def key_of(parameters: Mapping[str, float]) -> str:
-    """32 hexadecimal digits that are the same for equal values in the same order, and for no others."""
+    """32 hexadecimal digits, the same for equal values in the same order, and for no others."""
     text = ",".join(repr(float(value) + 0.0) for value in parameters.values())  # + 0.0: minus zero equals zero
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True)
 class Stamps:
-    """What tells one state of a catalog from all others: when its members last changed, and which file is its table."""
+    """State of a catalog: when its folder of members last changed, and the stamp of its table."""
 
     members: int
     table: Stamp
 
 
 @dataclass(frozen=True)
-class _Read:
-    """What was read so far, up to `end`, of the file with this inode."""
+class _Contents:
+    """The journal as read up to byte `end` of the file with this inode."""
 
     inode: int = 0
     end: int = 0
@@ -46,90 +46,91 @@ class _Read:
     last: Stamps | None = None
     table_before: Stamp | None = None
 
+    def damaged(self) -> _Contents:
+        """The same without stamps: nothing of it is believed."""
+        return replace(self, inode=0, last=None)
+
 
 class Journal:
-    """The journal in the file `path`, of which each reading takes in only what is new."""
+    """The journal in the file `path`; each reading takes in only new lines."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._read = _Read()
+        self._contents = _Contents()
 
     @property
     def names(self) -> Mapping[str, str]:
         """The members' names by the keys of their parameters, as of the last reading."""
-        return self._read.names
+        return self._contents.names
 
     @property
     def table_before(self) -> Stamp | None:
-        """The stamp of the table before the last one."""
-        return self._read.table_before
+        """The stamp of the table before the last commit."""
+        return self._contents.table_before
 
     def read(self) -> Stamps | None:
-        """Take in what was appended; returns the last line's stamps, None where there is no whole journal."""
+        """Read lines that were appended; returns the last line's stamps, None where the journal is absent or damaged."""
         try:
             with durable.opened(self._path) as stream:
-                known, inode = self._read, os.fstat(stream.fileno()).st_ino
-                if inode == known.inode:
-                    stream.seek(known.end)
-                    self._read = _taken_in(known, stream.read())
-                    if self._read.last is not None:
-                        return self._read.last
+                inode = os.fstat(stream.fileno()).st_ino
+                if inode == self._contents.inode:
+                    stream.seek(self._contents.end)
+                    self._contents = _extended(self._contents, stream.read())
+                    if self._contents.last is not None:
+                        return self._contents.last
                     stream.seek(0)  # replaced by another file with the same inode
-                self._read = _taken_in(_Read(inode=inode), stream.read())
+                self._contents = _extended(_Contents(inode=inode), stream.read())
         except OSError:
-            self._read = _Read()
-        return self._read.last
+            self._contents = _Contents()
+        return self._contents.last
 
     def append(self, members: Sequence[tuple[str, str]], stamps: Stamps) -> None:
-        """Add a commit of (key, name) of one or more members to a journal that was read to its end.
+        """Append a commit, (key, name) of one or more members, to a journal that was read to its end.
 
-        Does nothing where the disk refuses.  Only the last line has stamps: without it, what stands before is not believed.
+        Does nothing where the disk refuses.  Only the last line has stamps: without it, the lines before are not believed.
         """
-        lines, checksum = [], self._read.checksum
-        for number, (key, name) in enumerate(members, start=1):
-            lines.append(_line(checksum, key, name, stamps if number == len(members) else None))
-            checksum = zlib.crc32(lines[-1], checksum)
+        *first, last = members
+        data = _lines(self._contents.checksum, first, (*last, stamps))
         with contextlib.suppress(OSError):
-            durable.append(self._path, b"".join(lines))
-            self._read = _taken_in(self._read, b"".join(lines))
+            durable.append(self._path, data)
+            self._contents = _extended(self._contents, data)
 
     def write(self, members: Iterable[tuple[str, str]], stamps: Stamps) -> None:
-        """Replace the journal: (key, name) of every member, and the stamps that they have now."""
-        lines, checksum = [], 0
-        for key, name in members:
-            lines.append(_line(checksum, key, name))
-            checksum = zlib.crc32(lines[-1], checksum)
-        lines.append(_line(checksum, "-", "-", stamps))
+        """Replace the journal by one of all members, (key, name), and the present stamps; does nothing where the disk refuses."""
         partial = durable.partial_name(self._path)
         try:
-            durable.write(partial, b"".join(lines))
+            durable.write(partial, _lines(0, members, ("-", "-", stamps)))
             durable.rename(partial, self._path)
         except OSError:
             partial.unlink(missing_ok=True)
         self.read()
 
 
-def _line(checksum: int, key: str, name: str, stamps: Stamps | None = None) -> bytes:
-    numbers = [] if stamps is None else [stamps.members, *stamps.table]
-    body = " ".join(map(str, [key, name, *numbers]))
-    return f"{zlib.crc32(body.encode(), checksum):08x} {body}\n".encode()
+def _lines(checksum: int, members: Iterable[tuple[str, str]], last: tuple[str, str, Stamps]) -> bytes:
+    key, name, stamps = last
+    bodies = [*(f"{k} {n}" for k, n in members), " ".join(map(str, [key, name, stamps.members, *stamps.table]))]
+    lines = []
+    for body in bodies:
+        lines.append(f"{zlib.crc32(body.encode(), checksum):08x} {body}\n".encode())
+        checksum = zlib.crc32(lines[-1], checksum)
+    return b"".join(lines)
 
 
-def _taken_in(known: _Read, data: bytes) -> _Read:
-    """What is known after `data`; without stamps where that is damaged."""
-    names, checksum, last, before = known.names, known.checksum, known.last, known.table_before
+def _extended(contents: _Contents, data: bytes) -> _Contents:
+    """The journal with further lines; without stamps where they are damaged."""
+    names, checksum, last, before = contents.names, contents.checksum, contents.last, contents.table_before
     for line in data.splitlines(keepends=True):
         written, _, body = line.rstrip(b"\n").partition(b" ")
-        key, name, *numbers = body.decode(errors="replace").split(" ") if body.count(b" ") in (1, 5) else ("", "")
         if not line.endswith(b"\n") or written != b"%08x" % zlib.crc32(body, checksum):
-            return replace(known, inode=0, last=None)
+            return contents.damaged()
+        key, name, *numbers = body.decode(errors="replace").split(" ") if body.count(b" ") in (1, 5) else ("", "")
         if name != "-":
             names[key] = name
         if numbers:
             if not all(number.isdecimal() for number in numbers):
-                return replace(known, inode=0, last=None)
+                return contents.damaged()
             stamps = Stamps(int(numbers[0]), Stamp(*map(int, numbers[1:])))
             before = last.table if last is not None and last.table != stamps.table else before
             last = stamps
         checksum = zlib.crc32(line, checksum)
-    return _Read(known.inode, known.end + len(data), checksum, names, last, before)
+    return _Contents(contents.inode, contents.end + len(data), checksum, names, last, before)

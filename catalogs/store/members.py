@@ -1,4 +1,4 @@
-"""One member of an ensemble on disk: a folder of images, its rows of the table, and a record of what these can't say."""
+"""One member of an ensemble on disk: a folder of images, its rows of the table, and its record."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class Member:
     def __post_init__(self) -> None:
         problem = name_problem(self.name)
         if problem:
-            raise CatalogError(f"a member can't be called so: {problem}")
+            raise CatalogError(f"invalid member name: {problem}")
         if self.split not in SPLITS:
             raise CatalogError(f"split must be one of {SPLITS}, got {self.split!r}")
         if not self.cameras:
-            raise CatalogError(f"member {self.name} has no cameras: every member of this catalog must bring its own")
+            raise CatalogError(f"member {self.name} has no cameras: members of this catalog have their own")
         check_views(self.cameras, self.view_splits)
         object.__setattr__(self, "provenance", json_values(self.provenance, f"the provenance of member {self.name}"))
 
@@ -68,25 +68,25 @@ class Member:
     def summary(self, field: str = "") -> FieldSummary | None:
         """The summary of a field, by default of the first; None where there is none.
 
-        A member of a single field does not know that field's name.
+        A member of a single field gives its summary for any name, since that field's own is not stored.
         """
-        kept = self.summaries()
-        if field in kept or not kept:
-            return kept.get(field)
-        return next(iter(kept.values())) if not field or "" in kept else None
+        summaries = self.summaries()
+        if field in summaries or not summaries:
+            return summaries.get(field)
+        return next(iter(summaries.values())) if not field or "" in summaries else None
 
     def summaries(self) -> dict[str, FieldSummary]:
-        """The summary of each field by name, "" for a single one; empty for images that were imported without any."""
+        """The summary of each field by name, "" for a single one; empty for imported images."""
         path = self.path / SUMMARY
         return load_summaries(path) if path.exists() else {}
 
     def row_split(self, view: int, setting: Setting | None = None) -> str:
-        """The split of one image: the strictest of its member's, its view's and its setting's; test over validation over train."""
+        """The split of one image: test if its member, its view or its setting is for testing, else validation, else train."""
         return max(self.split, self.view_splits[view], setting.split if setting else "train", key=SPLITS.index)
 
 
 def known_appearances(names: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
-    """`names` in the order of the catalog's `known` ones; all for None.  Raises CatalogError for an unknown name, or no name."""
+    """`names` in the order of the catalog's own, `known`; all for None.  Raises CatalogError for an unknown name, or no name."""
     if names is None:
         return tuple(known)
     wanted = {names} if isinstance(names, str) else set(names)
@@ -100,7 +100,7 @@ def known_appearances(names: Sequence[str] | None, known: Sequence[str]) -> tupl
 
 
 def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
-    """The member's part of the table: a row per appearance and view."""
+    """The member's rows of the table: one per appearance and view."""
     low, high = np.array(plan.bounds)
     for appearance in (a for a in plan.appearances if a.name in set(member.appearances)):
         varied, setting = plan.varied(appearance.name).values(), plan.setting(appearance.name)
@@ -120,7 +120,7 @@ def rows_of(member: Member, plan: CatalogPlan) -> Iterator[list[cinema.Cell]]:
 
 
 def write_record(member: Member, plan: CatalogPlan) -> None:
-    """Write into the member's folder everything but its images and summary; not synced yet."""
+    """Write the member's record, rows and own cameras into its folder; not synced."""
     durable.write(member.path / ROWS, cinema.format_rows(rows_of(member, plan)).encode())
     if not plan.cameras:
         cameras = [camera.to_json() for camera in member.cameras]
@@ -162,6 +162,6 @@ def read_record(path: Path, plan: CatalogPlan) -> Member:
 
 
 def _shared(splits: Sequence[str], known: tuple[str, ...]) -> tuple[str, ...]:
-    """The splits of a member's views; the plan's own tuple where they are the same, of which 100,000 members need no copies."""
+    """The splits of a member's views; where equal, the plan's own tuple, so that 100,000 members share it."""
     own = tuple(map(sys.intern, splits))
     return known if own == known else own

@@ -1,8 +1,8 @@
-"""Members that should be in a catalog but could not be made: a small file each, beside the members.
+"""Members that could not be made: a small file each, beside the members.
 
-    x.cdb/.missing/<name>.json     its parameters, why it is missing, and when that was found
+    x.cdb/.missing/<name>.json     parameters, reason and time
 
-Whoever renders the member later removes the file.  Nothing depends on these files, so they need no lock.
+Rendering the member later removes the file.  Nothing depends on these files, so they need no lock.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LONGEST_REASON = 2000  # characters
 
 @dataclass(frozen=True)
 class MissingMember:
-    """A member that was reported missing: its name, its parameters as far as they were numbers, why, and when (UTC)."""
+    """A member that was reported missing: its name, its parameters as far as they were numbers, the reason, and the time (UTC)."""
 
     name: str
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -33,17 +33,17 @@ class MissingMember:
     when: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.reason.splitlines()[0] if self.reason else 'for no reason that was told'}"
+        return f"{self.name}: {self.reason.splitlines()[0] if self.reason else 'no reason recorded'}"
 
 
 def report_missing(catalog: Path, name: str, parameters: Any, reason: str) -> None:
-    """Record in the catalog at this path that a member is missing; raises OSError where the disk refuses."""
+    """Record that a member of the catalog at this path is missing; raises OSError where the disk refuses."""
     if name_problem(name):
-        return  # no member could be called so
+        return
     folder = catalog / MISSING
     folder.mkdir(exist_ok=True)
-    known = parameters if isinstance(parameters, Mapping) else {}
-    numbers = {str(key): float(value) for key, value in known.items() if isinstance(value, int | float)}
+    values = parameters.items() if isinstance(parameters, Mapping) else ()
+    numbers = {str(key): float(value) for key, value in values if isinstance(value, int | float)}
     record = {
         "parameters": {key: value for key, value in numbers.items() if math.isfinite(value)},
         "reason": reason[:LONGEST_REASON],
@@ -53,19 +53,17 @@ def report_missing(catalog: Path, name: str, parameters: Any, reason: str) -> No
 
 
 def no_longer_missing(catalog: Path, name: str) -> None:
-    """Remove what `report_missing` recorded of a member."""
+    """Remove the file that `report_missing` wrote for a member."""
     with suppress(OSError):
         (catalog / MISSING / f"{name}.json").unlink(missing_ok=True)
 
 
 def missing_members(catalog: Path) -> tuple[MissingMember, ...]:
-    """What was reported missing and is not there, sorted by name; damaged records are left out."""
-    found = []
+    """Members that were reported missing and are still absent, sorted by name; damaged records are left out."""
+    reported = []
     for path in sorted((catalog / MISSING).glob("[!.]*.json")):
-        with suppress(CatalogError, OSError, ValueError, TypeError):
+        with suppress(CatalogError, OSError, KeyError, ValueError, TypeError, AttributeError):
             record = read_json(path)
-            parameters = {str(key): float(value) for key, value in dict(record.get("parameters", {})).items()}
-            found.append(
-                MissingMember(path.stem, parameters, str(record.get("reason", "")), str(record.get("when", "")))
-            )
-    return tuple(member for member in found if not (catalog / "members" / member.name / "member.json").is_file())
+            parameters = {str(key): float(value) for key, value in record["parameters"].items()}
+            reported.append(MissingMember(path.stem, parameters, str(record["reason"]), str(record["when"])))
+    return tuple(member for member in reported if not (catalog / "members" / member.name / "member.json").is_file())

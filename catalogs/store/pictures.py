@@ -1,4 +1,4 @@
-"""The pictures of a stored member, wherever its catalog keeps them: a file for each, or one for all."""
+"""Images of a stored member: a file each, or one pack for all."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from catalogs.store.plan import CatalogPlan
 def read_picture(
     member: Member, plan: CatalogPlan, appearance: str, view: int, *, dtype: str = "uint8"
 ) -> NDArray[Any]:
-    """Premultiplied RGBA [H, W, 4] of one of the member's pictures, as "uint8" or "float32".
+    """One of the member's images: premultiplied RGBA [H, W, 4], "uint8" or "float32".
 
     Raises ImageError naming the file when it is absent, damaged or of another size than its camera.
     """
@@ -33,26 +33,26 @@ def read_picture(
 
 
 def stored_picture(member: Member, plan: CatalogPlan, appearance: str, view: int) -> NDArray[Any]:
-    """One of the member's pictures as it is stored, [H, W, C]; raises ImageError or PackError where it is absent or damaged."""
+    """One of the member's images as stored, [H, W, C]; raises ImageError or PackError where it is absent or damaged."""
     if plan.packed:
         return pack_of(member).pixels(number_of(member, appearance, view))
     return read_stored(member.path / plan.image_name(appearance, view))
 
 
 def picture_size(member: Member, plan: CatalogPlan, appearance: str, view: int) -> int:
-    """Bytes of a picture's own file: the same in a folder and packed.  Raises OSError or PackError where it is absent."""
+    """Bytes of an image's own file, also where it is packed; raises OSError or PackError where it is absent."""
     if plan.packed:
         return int(pack_of(member).entries[number_of(member, appearance, view)]["size"])
     return (member.path / plan.image_name(appearance, view)).stat().st_size
 
 
 def pack_of(member: Member) -> Pack:
-    """The pack of a member of a packed catalog; raises PackError where it is absent, damaged, or another one."""
+    """The pack of a member of a packed catalog; raises PackError where it is absent, damaged, or not this member's."""
     camera = member.cameras[0]
     count = len(member.appearances) * len(member.cameras)
     return open_pack(member.path / PACK, count, camera.height, camera.width)
 
 
 def number_of(member: Member, appearance: str, view: int) -> int:
-    """Which picture of a member's pack this is."""
+    """Number of an image in its member's pack."""
     return member.appearances.index(appearance) * len(member.cameras) + view

@@ -1,4 +1,4 @@
-"""What is fixed for a whole ensemble before its first member is written: the contents of `catalog.json`."""
+"""The plan of an ensemble, fixed before its first member is written: the contents of `catalog.json`."""
 
 from __future__ import annotations
 
@@ -30,39 +30,32 @@ from catalogs.vocabulary.variations import ISOVALUE, Setting, Variation, variati
 from catalogs.vocabulary.words import shortened
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+=-]{0,99}")
-PACKED = "packed"  # the layout of a catalog whose members keep their pictures in one file each
-KEPT_NAMES = (
-    "member.json",
-    "rows.csv",
-    "cameras.json",
-    "field.npz",
-    PACK,
-)  # what a member's folder holds beside images
+PACKED = "packed"  # layout with one file of images per member
+RESERVED_NAMES = ("member.json", "rows.csv", "cameras.json", "field.npz", PACK)  # in a member's folder, beside images
 VIEW_COLUMNS = ("member", "view", "phi", "theta", "split", "member_split", "view_split")
 
 
 class CatalogError(ValueError):
-    """A catalog can't be made, read or written as it should: the message names the place and the remedy."""
+    """A catalog can't be created, read or written; the message names the place and the remedy."""
 
 
 @dataclass(frozen=True)
 class CatalogPlan:
-    """What is fixed for the whole ensemble before its first member.
+    """Everything that is fixed for the whole ensemble before its first member.
 
     Attributes
     ----------
     space : the simulation parameters.
     appearances : the visualization parameters, each with its own name.
-    cameras : shared by all members; () when every member brings its own.
+    cameras : shared by all members; () where every member has its own.
     view_splits : "train", "validation" or "test" per camera.
-    bounds : world box (low, high) that holds the volume.
-    background : None: images have alpha; else they are opaque and stand on this RGB colour in [0, 1].
+    bounds : world box (low, high) of the volume.
+    background : None for images with alpha; else the RGB colour in [0, 1] behind opaque images.
     image_format : "png" (8 bits) or "exr" (float32).
     provenance : JSON values: software, sample distances, scene.
-    variations : which of the appearances sample visualization parameters.
-    quantities : what the shown fields are called, and their units, by the names in `fields`; of some, of all, or of none.
-    packed : whether the pictures of each member are in one HDF5 file (`catalogs.files.packed`); such a catalog takes
-    no further members.
+    variations : the appearances that sample visualization parameters.
+    quantities : names and units of the shown fields, by the names in `fields`; for some, all or none of them.
+    packed : True where each member's images are in one HDF5 file (`catalogs.files.packed`); such a catalog is read-only.
     """
 
     space: ParameterSpace
@@ -86,12 +79,9 @@ class CatalogPlan:
         if not names or len(set(names)) != len(names):
             raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
         for problem in filter(None, map(name_problem, names)):
-            raise CatalogError(f"an appearance can't be called so: {problem}")
+            raise CatalogError(f"invalid appearance name: {problem}")
         try:
             check_fields(self.appearances)
-        except ValueError as error:
-            raise CatalogError(str(error)) from None
-        try:
             object.__setattr__(self, "quantities", quantities_of(quantities_from(self.quantities), self.fields))
         except ValueError as error:
             raise CatalogError(str(error)) from None
@@ -115,41 +105,41 @@ class CatalogPlan:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of the fields that are shown, the first appearance's first; ("",) where no appearance names one."""
+        """Names of the shown fields in the order of the appearances; ("",) for a single unnamed field."""
         return shown_fields(self.appearances)
 
     def quantity(self, field: str = "") -> Quantity:
-        """Name and unit of a shown field, by default of the first; empty where nothing is known."""
+        """Name and unit of a shown field, by default of the first; empty where not recorded."""
         name = field or (self.fields[0] if self.fields else "")
         return self.quantities.get(name, Quantity(name))
 
     def field_label(self, field: str = "") -> str:
-        """Name and unit of a shown field as an axis says them, such as "Q (1/s²)"; "" where nothing is known."""
+        """Axis label of a shown field, such as "Q (1/s²)"; "" where name and unit are not recorded."""
         return str(self.quantity(field))
 
     def in_field_units(self, variations: Sequence[Variation]) -> tuple[Variation, ...]:
-        """Variations of this catalog's appearances, their values in the unit of the field that they show."""
+        """Variations of this catalog's appearances, with the units of the fields that they show."""
         fields = {appearance.name: field_of(appearance) for appearance in self.appearances}
         return tuple(v.with_unit(self.quantity(fields[v.settings[0].appearance]).unit) for v in variations)
 
     @property
     def header(self) -> list[str]:
-        """The labels of the table, in their order."""
+        """The labels of the table's columns, in order."""
         return [*self.space.names, "appearance", *self.varied_names, *VIEW_COLUMNS, "FILE"]
 
     @property
     def varied_names(self) -> list[str]:
-        """The visualization parameters, which have columns in the table; first the isovalue, wherever a surface is shown."""
+        """The visualization parameters with a column in the table; first the isovalue, if a surface is shown."""
         isovalue = [ISOVALUE] * any(isinstance(appearance, Isosurface) for appearance in self.appearances)
         varied = [name for variation in self.variations if variation.continuous for name in variation.space.names]
         return list(dict.fromkeys([*isovalue, *varied]))
 
     def setting(self, appearance: str) -> Setting | None:
-        """The setting that this appearance shows; None for one of no variation, and for a base."""
+        """The variation setting of this appearance; None for a base, and for an appearance outside variations."""
         return next(filter(None, (variation.setting(appearance) for variation in self.variations)), None)
 
     def varied(self, appearance: str) -> dict[str, float]:
-        """All of `varied_names` of an appearance by name, zero where it does not have one."""
+        """The values of `varied_names` for an appearance, by name; zero where it has none."""
         values = dict.fromkeys(self.varied_names, 0.0)
         for surface in (a for a in self.appearances if isinstance(a, Isosurface) and a.name == appearance):
             values[ISOVALUE] = float(surface.isovalue)
@@ -160,16 +150,16 @@ class CatalogPlan:
 
     @property
     def plain_appearances(self) -> tuple[Appearance, ...]:
-        """The appearances that no continuous variation made."""
-        made = {s.appearance for v in self.variations if v.continuous for s in v.settings}
-        return tuple(a for a in self.appearances if a.name not in made)
+        """The appearances outside continuous variations."""
+        varied = {s.appearance for v in self.variations if v.continuous for s in v.settings}
+        return tuple(a for a in self.appearances if a.name not in varied)
 
     def image_name(self, appearance: str, view: int) -> str:
-        """Path of an image below its member's folder."""
+        """Path of an image, relative to its member's folder."""
         return f"{appearance}/{view:03d}{FORMATS[self.image_format]}"
 
     def file_name(self, appearance: str, view: int) -> str:
-        """Path below its member's folder of the file that holds an image: its own, or the member's pack."""
+        """Path of the file that holds an image, relative to its member's folder: its own, or the member's pack."""
         return PACK if self.packed else self.image_name(appearance, view)
 
     def to_json(self) -> dict[str, Any]:
@@ -193,8 +183,7 @@ class CatalogPlan:
     def from_json(cls, record: Mapping[str, Any]) -> CatalogPlan:
         """The plan of a `to_json` record.
 
-        Unknown keys beside the known ones are ignored, so that additions which change no meaning stay readable; what changes
-        the meaning of a catalog raises its schema, and unknown keys inside appearances and parameters are errors.
+        Unknown keys are ignored, since changes of meaning raise the schema; inside appearances and parameters they are errors.
         """
         if record.get("layout") not in (None, PACKED):
             raise ValueError(f"its layout is {record['layout']!r}")
@@ -213,43 +202,40 @@ class CatalogPlan:
         )
 
     def check_recordable(self) -> None:
-        """Raise CatalogError unless JSON gives this plan back as it is: nothing may be written that can't be read."""
+        """Raise CatalogError unless this plan survives a round trip through JSON."""
         try:
             again = CatalogPlan.from_json(json.loads(json.dumps(self.to_json(), allow_nan=False)))
         except (KeyError, TypeError, ValueError) as error:
-            raise CatalogError(f"this plan can't be written down: {error}") from error
-        differing = again.differences(self)
-        if differing:
-            raise CatalogError(
-                f"this plan can't be written down: {', '.join(differing)} would be read as something else"
-            )
+            raise CatalogError(f"this plan can't be recorded: {error}") from error
+        if differing := again.differences(self):
+            raise CatalogError(f"this plan can't be recorded: {', '.join(differing)} would be read differently")
 
     def differences(self, other: CatalogPlan) -> list[str]:
-        """Names of what differs, provenance aside."""
+        """Keys of `to_json` that differ, provenance aside."""
         mine, theirs = json.loads(json.dumps(self.to_json())), json.loads(json.dumps(other.to_json()))
         return [key for key in {**mine, **theirs} if key != "provenance" and mine.get(key) != theirs.get(key)]
 
 
 def _check_variations(variations: Sequence[Variation], appearances: Sequence[Appearance]) -> None:
-    """Raise CatalogError unless the variations differ in kind and the appearance of every setting shows what it says."""
+    """Raise CatalogError unless the variations differ in kind and every setting agrees with its appearance."""
     kinds = [variation.kind for variation in variations]
     if len(set(kinds)) != len(kinds):
-        raise CatalogError(f"a catalog has one variation of a kind, whose columns are named once, got {kinds}")
+        raise CatalogError(f"a catalog takes one variation of each kind, got {kinds}")
     settings = [setting.appearance for variation in variations for setting in variation.settings]
     unknown = sorted({*settings, *(variation.base for variation in variations)} - {a.name for a in appearances})
     twice = sorted(name for name, count in Counter(settings).items() if count > 1)
     if unknown or twice:
         raise CatalogError(
-            f"every setting of a variation, and its base, is one appearance of the catalog: {shortened(unknown) or 'none'} "
-            f"are no appearances, {shortened(twice) or 'none'} stand twice"
+            "every setting of a variation, and its base, must be an appearance of the catalog and occur once; unknown: "
+            f"{shortened(unknown) or 'none'}; repeated: {shortened(twice) or 'none'}"
         )
     wrong = [problem for variation in variations for problem in variation.mismatches(appearances)]
     if wrong:
-        raise CatalogError(f"appearances are not what their variation says: {'; '.join(wrong[:3])}")
+        raise CatalogError(f"appearances contradict their variation: {'; '.join(wrong[:3])}")
 
 
 def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
-    """Raise CatalogError unless every camera has one of the known splits."""
+    """Raise CatalogError unless every camera has a valid split."""
     if len(cameras) != len(view_splits):
         raise CatalogError(f"{len(cameras)} cameras need as many splits, got {len(view_splits)}")
     unknown = sorted(set(view_splits) - set(SPLITS))
@@ -258,18 +244,18 @@ def check_views(cameras: Sequence[Camera], view_splits: Sequence[str]) -> None:
 
 
 def name_problem(name: str) -> str | None:
-    """Why a member or an appearance can't have this name, which becomes a folder and a cell of the table; None where it can."""
+    """The reason why a member or an appearance can't have this name, a folder and a cell of the table; None for a valid one."""
     if not isinstance(name, str) or not NAME.fullmatch(name):
         return f"a name must be 1 to 100 letters, digits and _.+=-, a letter or digit first, got {name!r}"
     if cinema.reads_as_number(name):
-        return f"the name {name!r} reads as a number, for which clients would take it: put a letter first"
-    if name in KEPT_NAMES:
-        return f"the name {name!r} is kept for a file of the catalog"
+        return f"{name!r} would be read as a number by Cinema viewers: put a letter first"
+    if name in RESERVED_NAMES:
+        return f"{name!r} is a reserved name"
     return None
 
 
 def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
-    """A copy of `values` as JSON gives them back; raises CatalogError naming `what` where JSON can't hold them."""
+    """A copy of `values` after a round trip through JSON; raises CatalogError naming `what` for values beyond JSON."""
     try:
         return json.loads(json.dumps(dict(values), allow_nan=False))
     except (TypeError, ValueError) as error:
@@ -277,7 +263,7 @@ def json_values(values: Mapping[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_json(path: Path, kind: type = dict) -> Any:
-    """What a JSON file holds; raises CatalogError naming it where it is absent, damaged, or holds no `kind`."""
+    """Contents of a JSON file; raises CatalogError naming it where it is absent, damaged, or not of `kind`."""
     try:
         record = json.loads(durable.read(path).decode("utf-8"))
     except FileNotFoundError:

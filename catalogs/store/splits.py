@@ -1,4 +1,4 @@
-"""Which members of a catalog a run learns from, and which judge it; the catalog itself does not change."""
+"""Train, validation and test splits of a catalog's members for one run; the catalog itself does not change."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from catalogs.store.members import Member
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 
 SURROUNDED, NEARLY = 1e-6, 0.5  # distances to the others' convex hull, bounds being [-1, 1]
-MOST_CANDIDATES = 500  # looked at, drawn from more
-FEWEST_TO_SPARE = 8  # training members, with which some can validate
+MOST_CANDIDATES = 500  # for being held out, drawn at random from more
+FEWEST_TO_SPARE = 8  # training members; with fewer, views validate
 VALIDATION_SHARE, MOST_VALIDATION = 0.08, 12
-VALIDATION_VIEWS = 16  # with fewer members every so many-th training view validates
+VALIDATION_VIEWS = 16  # every 16th training view validates
 
 
 @dataclass(frozen=True)
 class Splits:
-    """Some members of a catalog, each with its split; what the catalog has beside them does not belong to the run.
+    """The members of a run, each with its split; other members of the catalog do not belong to the run.
 
     Attributes
     ----------
     members : "train", "validation" or "test" by member name.
-    validation_views : every so many-th training view of each member validates, beside those that do; 0 for none.
+    validation_views : every n-th training view of each member validates as well; 0 for none.
     """
 
     members: Mapping[str, str] = field(repr=False)
@@ -40,7 +40,7 @@ class Splits:
             raise ValueError(f"validation_views must be a count, got {self.validation_views!r}")
 
     def of(self, member: Member) -> Member | None:
-        """The member as the run sees it; None where it does not belong to the run."""
+        """The member with its splits in the run; None where it does not belong to the run."""
         if member.name not in self.members:
             return None
         views = list(member.view_splits)
@@ -51,25 +51,25 @@ class Splits:
         return replace(member, split=self.members[member.name], view_splits=tuple(views))
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values that `from_json` reads."""
+        """JSON values for `from_json`."""
         return {"members": dict(self.members), "validation_views": self.validation_views}
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any]) -> Splits:
-        """The splits of a `to_json` record; raises ValueError, KeyError or TypeError for another."""
+        """The splits of a `to_json` record; raises ValueError, KeyError or TypeError for a malformed one."""
         return cls(dict(record["members"]), record["validation_views"])
 
 
 def choose_splits(
     members: Sequence[Member], space: ParameterSpace, appearance: str, *, hold_out: float | None = None, seed: int = 0
 ) -> Splits:
-    """The members' own splits, completed: test members where `hold_out` asks for a share of the training members, and validation.
+    """The members' own splits, completed by test members, a share `hold_out` of the training members, and by validation.
 
-    Held out are members that show `appearance`, that lie between others, and that are spread as evenly over the parameters as the
-    members are.  Without validation members, 8 % of the training members become such; of fewer than 8 none, but
-    some of their training views where no view validates yet.  The choice is a function of the members and the `seed`.
+    Held-out members show `appearance`, lie between others, and are spread as evenly over the parameters as all members.  Without
+    validation members, 8 % of the training members become validation members; with fewer than 8 training members, some of their
+    views validate instead.  The choice depends only on the members and the `seed`.
 
-    Raises ValueError where nothing can be held out, or the catalog has test members already.
+    Raises ValueError where no member can be held out, or the catalog has test members already.
     """
     splits = {member.name: member.split for member in members}
     random = np.random.default_rng(seed)
@@ -83,46 +83,46 @@ def choose_splits(
         if not chosen:
             raise ValueError(
                 f"none of the {len(spare())} training members lies between others, so none can be held out to test the "
-                "surrogate: leave hold_out away, or render more members"
+                "surrogate: omit hold_out, or render more members"
             )
         splits |= {spare()[i].name: "test" for i in chosen}
     if "validation" in splits.values():
         return Splits(splits)
-    left, chosen = spare(), list[int]()
-    if len(left) >= FEWEST_TO_SPARE:
-        count = min(MOST_VALIDATION, max(1, round(VALIDATION_SHARE * len(left))))
-        chosen = held_out(_places(left, space), count, random)
+    training, chosen = spare(), list[int]()
+    if len(training) >= FEWEST_TO_SPARE:
+        count = min(MOST_VALIDATION, max(1, round(VALIDATION_SHARE * len(training))))
+        chosen = held_out(_places(training, space), count, random)
     lacking = not chosen and not any("validation" in m.view_splits for m in members)
-    return Splits(splits | {left[i].name: "validation" for i in chosen}, VALIDATION_VIEWS if lacking else 0)
+    return Splits(splits | {training[i].name: "validation" for i in chosen}, VALIDATION_VIEWS if lacking else 0)
 
 
 def held_out(places: NDArray[np.float64], count: int, random: np.random.Generator) -> list[int]:
-    """Rows of the normalized parameters (M, P) to hold out: at most `count`, each between others, spread as evenly as all are.
+    """Rows of the normalized parameters (M, P) to hold out: at most `count`, each between others, spread as evenly as all rows.
 
-    A row lies between others where it is no corner of their convex hull, which then stays the same without it.  Where too few
-    lie so, as in many dimensions, those nearest to the hull of the others come next, up to a quarter of the bounds away.  The first
-    is drawn from the inner half, and every next one brings the rows nearest to one that is held out (greedy k-medians).
+    A row lies between others if it is inside their convex hull.  Where too few do, as in many dimensions, those nearest to the
+    hull of the others follow, up to a quarter of the bounds away.  The first row is drawn from the inner half; each next one
+    minimizes the sum of distances from all rows to the nearest chosen one (greedy k-medians).
     """
     if len(places) < 3 or not places.shape[1]:
         return []
-    looked_at = random.permutation(len(places))[: max(MOST_CANDIDATES, 2 * count)]
-    outside = np.array([_distance_to_hull(np.delete(places, i, axis=0), places[i]) for i in looked_at])  # [C]
+    candidates = random.permutation(len(places))[: max(MOST_CANDIDATES, 2 * count)]
+    outside = np.array([_distance_to_hull(np.delete(places, i, axis=0), places[i]) for i in candidates])  # [C]
     order = np.argsort(outside, kind="stable")
     between = int((outside <= SURROUNDED).sum())
     nearly = min(count, int((outside <= NEARLY).sum())) if places.shape[1] > 1 else 0
-    able = looked_at[order[: max(between, nearly)]]
-    if not len(able):
+    candidates = candidates[order[: max(between, nearly)]]
+    if not len(candidates):
         return []
-    count = min(count, len(able), len(places) - 2)
-    apart = np.linalg.norm(places[:, None] - places[able], axis=2)  # [M, C]
-    inner = apart.sum(axis=0).argsort(kind="stable")[: -(-len(able) // 2)]
+    count = min(count, len(candidates), len(places) - 2)
+    apart = np.linalg.norm(places[:, None] - places[candidates], axis=2)  # [M, C]
+    inner = apart.sum(axis=0).argsort(kind="stable")[: -(-len(candidates) // 2)]
     chosen = [int(random.choice(inner))]
     while len(chosen) < count:
         nearest = apart[:, chosen].min(axis=1, keepdims=True)  # [M, 1]
         total = np.minimum(apart, nearest).sum(axis=0)  # [C]
         total[chosen] = np.inf
         chosen.append(int(total.argmin()))
-    return sorted(int(able[i]) for i in chosen)
+    return sorted(int(candidates[i]) for i in chosen)
 
 
 def _check_hold_out(hold_out: float, members: Sequence[Member]) -> None:
@@ -132,7 +132,7 @@ def _check_hold_out(hold_out: float, members: Sequence[Member]) -> None:
         )
     tests = sum(member.split == "test" for member in members)
     if tests:
-        raise ValueError(f"the catalog has {tests} test members already: leave hold_out away")
+        raise ValueError(f"the catalog has {tests} test members already: omit hold_out")
 
 
 def _places(members: Sequence[Member], space: ParameterSpace) -> NDArray[np.float64]:
@@ -142,10 +142,10 @@ def _places(members: Sequence[Member], space: ParameterSpace) -> NDArray[np.floa
 
 
 def _distance_to_hull(points: NDArray[np.float64], place: NDArray[np.float64]) -> float:
-    """How far a place (P,) is from the convex hull of points (M, P); 0 within.
+    """Distance d of a place (P,) from the convex hull of points (M, P); 0 inside.
 
-    By non-negative least squares, with the sum of the weights as one more equation: at the distance d its residual r is the least
-    of (s d)^2 + (1 - s)^2 over all sums s, d / sqrt(1 + d^2).
+    By non-negative least squares, with the sum s of the weights as one more equation: its squared residual is the minimum of
+    (s d)^2 + (1 - s)^2 over s, which is d^2 / (1 + d^2).
     """
     from scipy.optimize import nnls
 

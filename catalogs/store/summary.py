@@ -1,8 +1,8 @@
-"""What is kept of a field when the field itself is thrown away: kilobytes on how its values were spread and where they were seen.
+"""Summaries of fields that are not stored themselves: kilobytes on the distribution of values and where they were visible.
 
-A member's sidecar is one numpy archive of plain arrays, called like the attributes of `FieldSummary`.  Where a member has several
-fields they are those of the first one; the others' follow as "1/minimum" and so on, and `fields` holds the names of all.  Programs
-skip arrays that they do not know, so an archive may gain some.
+A member's summary file is one numpy archive of plain arrays, named like the attributes of `FieldSummary`.  For several fields these
+are the arrays of the first; those of the others are called "1/minimum" and so on, and `fields` holds all names.  Unknown arrays are
+ignored.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ DAMAGED = KeyError, ValueError, TypeError, OSError, EOFError, RuntimeError, Memo
 
 @dataclass(frozen=True, eq=False)
 class FieldSummary:
-    """What is kept of one field of a member.
+    """Summary of one field of a member.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class FieldSummary:
     histogram : (256,) int64, samples per bin over a range that is fixed for the ensemble.
     bin_edges : (257,) float64.
     points : (M, 3) world coordinates sampled in proportion to opacity (isosurface: on the surface).
-    point_values, point_opacities : (M,), the field and its opacity there; points, values and opacities are float32, or float64
-        where that would round by a thousandth of a grid spacing or of the histogram's range.
-    even_points : (E, 3) world coordinates that fill the field's box evenly, at other places for every field; none in its holes.
+    point_values, point_opacities : (M,), the field and its opacity there; all float32, or float64 where that would round by a
+        thousandth of a grid spacing or of the histogram's range.
+    even_points : (E, 3) world coordinates that fill the field's box evenly, different for every field; none in holes.
     even_values : (E,), the field there, interpolated between its samples; types as above.
     """
 
@@ -64,9 +64,9 @@ class FieldSummary:
             raise ValueError(f"even_points must be [E, 3] with E even_values, got {shapes}")
 
     def __repr__(self) -> str:
-        share = f"{100 * self.clipped_fraction:.2f} % clipped"
         points = f"{len(self.points):,} points by opacity, {len(self.even_points):,} evenly"
-        return f"<FieldSummary from {self.minimum:.5g} to {self.maximum:.5g}, {share}, {points}>"
+        clipped = f"{100 * self.clipped_fraction:.2f} % clipped"
+        return f"<FieldSummary from {self.minimum:.5g} to {self.maximum:.5g}, {clipped}, {points}>"
 
     @classmethod
     def _of_arrays(cls, archive: Mapping[str, Any], prefix: str) -> FieldSummary:
@@ -76,7 +76,7 @@ class FieldSummary:
 
 
 def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
-    """Write the summaries of a member's fields, by name, as one numpy archive of plain arrays; "" names a single one."""
+    """Write the summaries of a member's fields, by name ("" for a single field), as one numpy archive."""
     arrays: dict[str, Any] = {} if list(summaries) == [""] else {FIELDS: np.array(list(summaries), dtype=np.str_)}
     for number, summary in enumerate(summaries.values()):
         arrays |= {f"{_prefix(number)}{name}": value for name, value in vars(summary).items()}
@@ -86,21 +86,21 @@ def save_summaries(path: Path, summaries: Mapping[str, FieldSummary]) -> None:
 
 
 def load_summaries(path: Path) -> dict[str, FieldSummary]:
-    """The summaries in an archive, at least one, by the names of their fields; "" for a single one.
+    """The summaries in an archive, at least one, by the names of their fields; "" for a single field.
 
-    Raises ValueError naming a file that is none.  Never runs code from it.
+    Raises ValueError naming a file that is absent or damaged.  Never unpickles.
     """
     try:
         with durable.opened(path) as stream, np.load(stream, allow_pickle=False) as archive:
             names = [str(name) for name in archive[FIELDS]] if FIELDS in archive else [""]
-            found = {name: FieldSummary._of_arrays(archive, _prefix(number)) for number, name in enumerate(names)}
+            summaries = {name: FieldSummary._of_arrays(archive, _prefix(number)) for number, name in enumerate(names)}
     except durable.SpecialFileError as error:
         raise ValueError(str(error)) from None
     except DAMAGED as error:
-        raise ValueError(f"{path} is no field summary: {error}") from error
-    if len(found) != len(names) or not found:
-        raise ValueError(f"{path} is no field summary: it is of the fields {names}")
-    return found
+        raise ValueError(f"{path} is not a field summary: {error}") from error
+    if len(summaries) != len(names) or not summaries:
+        raise ValueError(f"{path} is not a field summary: its fields are {names}")
+    return summaries
 
 
 def _prefix(number: int) -> str:

@@ -1,22 +1,24 @@
-"""The table of a growing catalog: at every moment a whole one, and a commit costs the same however many members there are.
+"""The table of a growing catalog: complete at every moment, with commits at constant cost.
 
     x.cdb/data.csv        the table
           .spare.csv      the table before the last commit
-          .journal        what a commit left, see `catalogs.store.journal`
+          .journal        state after the last commit, see `catalogs.store.journal`
           .unfinished/    members that are being written
 
-A commit needs a new file that holds all of the old table.  It takes the spare one, which lacks a single member, appends what is
-missing, syncs it, and renames it to `data.csv`; the file that had this name becomes the spare.  So whoever opens `data.csv` gets a
-file that is synced and changes no more while it is open: a spare that a reader has still open is not touched but replaced by a
-copy of the table, and so it is where the file system can't tell (`durable.opened_elsewhere`).  Everything hidden is
-derived; where it does not match what is on disk, the table is rebuilt from the members.
+A commit takes the spare table, which lacks only the last member, appends the missing rows, syncs it, and renames it to `data.csv`;
+the file that had this name becomes the spare.  A spare that a reader still has open is replaced by a copy of the table; so it is
+where the file system can't tell, because it has no leases (`durable.opened_elsewhere`).  Everything hidden is derived; where it
+does not match the disk, the table is rebuilt from the members.
 
-What holds: whoever opens `data.csv`, whenever, after a kill and after a power cut, too, gets a whole table of whole members.  It
-lacks a member whose writer died between the member's rename and the table's (nobody had been told that it was stored), until the
-next writer, or the end of the next session, comes by.  Where a file system has no leases (network file systems, mostly) each commit
-copies the table; where writers on several machines share one, a stale cache may cost a rebuild.  Both are slower, none is wrong.
+Appending to `data.csv` itself would be simpler, but a writer killed within the append, or a power cut, would leave half a row to
+every reader until the next writer comes; and copying the table for each commit would take time in proportion to the members.
 
-Rows of members stand in the order of their commits; `rebuild` sorts them by the members' names.
+Guarantee: whoever opens `data.csv`, also after a kill or a power cut, gets a complete table of complete members, which does not
+change while it is open.  It may lack a member whose writer died between the member's rename and the table's, until the next writer
+comes.  Without leases (network file systems, mostly) each commit copies the table; with writers on several machines, a stale cache
+may cost a rebuild.  Both are slower, neither is wrong.
+
+Rows are in the order of commits; `rebuild` sorts them by the members' names.
 """
 
 from __future__ import annotations
@@ -39,11 +41,11 @@ UNFINISHED = ".unfinished"
 SPARE = ".spare.csv"
 JOURNAL = ".journal"
 HIDDEN = {UNFINISHED, SPARE, JOURNAL, MISSING}
-REPLACED = ".replaced"  # of a member's folder that waits, where two can't change places at once
+REPLACED = ".replaced"  # suffix of an old member's folder while a new one takes its place in two renames
 
 
-class Table:
-    """The table of the catalog at `path`.  Whoever changes it holds the catalog's lock."""
+class CatalogTable:
+    """The table of the catalog at `path`.  Methods that change it need the catalog's lock."""
 
     def __init__(self, path: Path, plan: CatalogPlan) -> None:
         self._path, self._plan = path, plan
@@ -51,9 +53,9 @@ class Table:
         self._journal = Journal(path / JOURNAL)
 
     def is_current(self) -> bool:
-        """Whether the table is of the members that are there; costs the same however many there are.
+        """True where the table has the rows of all present members, found in constant time.
 
-        A table that is being written, or was when its writer died, says no: the clock of the stamps ticks too slowly to tell.
+        False while a table is being written, and where its writer died: the clock of the stamps is too coarse to tell.
         """
         last = self._journal.read()
         try:
@@ -62,7 +64,7 @@ class Table:
             return False
 
     def find(self, parameters: Mapping[str, float]) -> str | None:
-        """The member with these parameters, in the space's order, as of the last `is_current`."""
+        """The member with these parameters, given in the space's order, as of the last `is_current`."""
         return self._journal.names.get(key_of(parameters))
 
     def pieces(self, *, also: Member | None = None, without: Collection[str] = ()) -> Iterator[bytes]:
@@ -76,7 +78,7 @@ class Table:
             yield rows_in(folder, self._plan)
 
     def clean_up(self) -> None:
-        """Remove what dead writers of members left, and put back what one of them had taken aside."""
+        """Remove the remains of dead writers, and put back the old member of an interrupted replacement."""
         durable.remove_abandoned(self._path / UNFINISHED)
         for aside in (self._path / UNFINISHED).glob(f"*{REPLACED}"):
             target = self._members / aside.name.removesuffix(REPLACED)
@@ -87,7 +89,7 @@ class Table:
                 durable.sync(self._members)
 
     def rebuild(self) -> None:
-        """Make table and journal anew from the members."""
+        """Write table and journal anew from the members, unless they are up to date."""
         self.clean_up()
         changed = durable.stamp(self._members).changed
         same = durable.holds(self._table, self.pieces())
@@ -101,15 +103,15 @@ class Table:
             partial.unlink(missing_ok=True)
 
     def derive_rows(self, without: Collection[str] = ()) -> None:
-        """Make every member's file of rows what follows from its record."""
+        """Rewrite every member's file of rows that differs from its record."""
         for folder in (path for path in member_paths(self._path) if path.name not in without):
-            durable.remove_abandoned(folder)  # rows that a dead repair was writing
+            durable.remove_abandoned(folder)  # of a repair that died
             path, rows = folder / ROWS, derived_rows(read_record(folder, self._plan), self._plan)
             if not path.is_file() or durable.read(path) != rows:
                 durable.replace(path, rows)
 
     def set_aside(self, moves: Mapping[str, Path]) -> None:
-        """Move what stands among the members under these names elsewhere in the catalog; first the table lets go of it."""
+        """Remove these members from the table, then move their folders elsewhere in the catalog."""
         durable.replace(self._table, self.pieces(without=moves))
         for name, target in moves.items():
             durable.make_folder(target.parent)
@@ -119,7 +121,7 @@ class Table:
         self._write_journal(durable.stamp(self._members).changed)
 
     def add(self, members: Sequence[Member]) -> None:
-        """Let the whole, synced folders of new members and their rows appear in one commit; the table must be current."""
+        """Commit new members, whose folders are complete and synced, with their rows; the table must be current."""
         with self._grown(b"".join(durable.read(member.path / ROWS) for member in members)):
             for member in members:
                 durable.rename(member.path, self._members / member.name)
@@ -127,10 +129,9 @@ class Table:
         self._record(members)
 
     def replace(self, member: Member) -> None:
-        """Let the whole, synced folder of a member take the place of the one with its name; `member.path` then holds the old one.
+        """Replace the member of this name by one whose folder is complete and synced; `member.path` then holds the old one.
 
-        Where the rows differ, the table is written twice, and between the two it lacks the member: it never names
-        an image that is not there.
+        Where the rows differ, the table is written twice and lacks the member in between, so that it never names a missing image.
         """
         rows = b""
         with contextlib.suppress(OSError, CatalogError):  # a damaged member may be replaced, too
@@ -145,10 +146,14 @@ class Table:
         self._write_journal(durable.stamp(self._members).changed)
 
     def _exchange(self, member: Member) -> None:
+        """Swap the member's folder with the stored one.
+
+        Where the file system can't swap at once, the member is missing between two renames; `clean_up` ends what a kill leaves.
+        """
         target = self._members / member.name
         try:
             durable.exchange(member.path, target)
-        except OSError:  # a file system without it: for a moment the member is missing
+        except OSError:
             aside = self._path / UNFINISHED / f"{member.name}{REPLACED}"
             durable.rename(target, aside)
             durable.rename(member.path, target)
@@ -158,7 +163,7 @@ class Table:
 
     @contextlib.contextmanager
     def _grown(self, rows: bytes) -> Iterator[None]:
-        """Put a table with further `rows` on disk before the block, and in its place after; an exception leaves the old one."""
+        """Write a table with further `rows` before the block, and rename it into place after; an exception leaves the old one."""
         partial, spare = durable.partial_name(self._table), self._path / SPARE
         try:
             self._take_spare(spare, partial)
@@ -167,7 +172,7 @@ class Table:
                 durable.append(partial, stream.read() + rows)
             durable.sync(partial)
             yield
-            with contextlib.suppress(OSError):  # no hard links here: the next commit copies
+            with contextlib.suppress(OSError):  # without hard links the next commit copies
                 spare.unlink(missing_ok=True)
                 durable.link(self._table, spare)
             durable.rename(partial, self._table)
@@ -177,7 +182,7 @@ class Table:
             raise
 
     def _take_spare(self, spare: Path, partial: Path) -> None:
-        """Make `partial` a beginning of the table that nobody reads: the spare one, or else a copy."""
+        """Move the spare table to `partial`, or copy the table there if the spare is out of date or being read."""
         if spare.is_file():
             durable.rename(spare, partial)
             if durable.stamp(partial) == self._journal.table_before and not durable.opened_elsewhere(partial):
@@ -194,7 +199,7 @@ class Table:
         self._journal.write(names.items(), Stamps(changed, durable.stamp(self._table)))
 
     def _partials(self) -> list[Path]:
-        """Tables that are being written; under the lock all their writers are dead."""
+        """Unfinished tables; for the holder of the lock, all of dead writers."""
         return [path for path in durable.partials(self._path) if path.name.startswith(f".{TABLE}~")]
 
     def _stamps(self) -> Stamps:
@@ -207,7 +212,7 @@ def member_names(catalog: Path) -> list[str]:
 
 
 def stray_names(catalog: Path) -> list[str]:
-    """Names of what stands among the members and is none, sorted."""
+    """Names of entries among the members that hold no record, sorted."""
     return [name for name, is_member in _entries(catalog) if not is_member]
 
 
@@ -217,16 +222,16 @@ def member_paths(catalog: Path) -> list[Path]:
 
 
 def _entries(catalog: Path) -> Iterator[tuple[str, bool]]:
-    """What stands among the members, sorted by name, and whether it holds a record; hidden things aside."""
+    """Visible entries among the members, sorted by name, and for each True where it holds a record."""
     names: list[str] = []
-    with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(catalog / MEMBERS) as found:
-        names = sorted(entry.name for entry in found if not entry.name.startswith("."))
-    for name in names:
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        names = os.listdir(catalog / MEMBERS)
+    for name in sorted(name for name in names if not name.startswith(".")):
         yield name, os.path.exists(os.path.join(catalog, MEMBERS, name, RECORD))
 
 
 def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:
-    """Name and parameters' key of every member, as their folders say; raises CatalogError naming a damaged record."""
+    """Name and parameters' key of every member from its record; raises CatalogError naming a damaged one."""
     for path in member_paths(catalog):
         stored = read_json(path / RECORD).get("parameters")
         try:
@@ -236,7 +241,7 @@ def keys_of(catalog: Path, plan: CatalogPlan) -> Iterator[tuple[str, str]]:
 
 
 def rows_in(folder: Path, plan: CatalogPlan) -> bytes:
-    """The rows of the member in `folder`; where their file is lost, they follow from its record."""
+    """The rows of the member in `folder`, from their file or, where that is lost, from its record."""
     try:
         return durable.read(folder / ROWS)
     except FileNotFoundError:
@@ -244,5 +249,5 @@ def rows_in(folder: Path, plan: CatalogPlan) -> bytes:
 
 
 def derived_rows(member: Member, plan: CatalogPlan) -> bytes:
-    """What a member's file of rows must hold."""
+    """Contents of a member's file of rows."""
     return cinema.format_rows(rows_of(member, plan)).encode()

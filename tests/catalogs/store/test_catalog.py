@@ -84,8 +84,8 @@ def test_creating_twice_opens_and_another_plan_is_refused(catalog: Catalog) -> N
         ("third", {"Re": float("nan"), "Pr": 1.0}, {}, "finite"),
         ("../third", {"Re": 150.0, "Pr": 1.0}, {}, "name"),
         (".third", {"Re": 150.0, "Pr": 1.0}, {}, "name"),
-        ("007", {"Re": 150.0, "Pr": 1.0}, {}, "reads as a number"),
-        ("nan", {"Re": 150.0, "Pr": 1.0}, {}, "reads as a number"),
+        ("007", {"Re": 150.0, "Pr": 1.0}, {}, "would be read as a number"),
+        ("nan", {"Re": 150.0, "Pr": 1.0}, {}, "would be read as a number"),
         ("x" * 101, {"Re": 150.0, "Pr": 1.0}, {}, "100 letters"),
         ("third", {"Re": 150.0, "Pr": 1.0}, {"provenance": {"time": float("nan")}}, "provenance of member third"),
         ("third", {"Re": 150.0, "Pr": 1.0}, {"provenance": {"field": np.zeros(3)}}, "provenance of member third"),
@@ -409,6 +409,6 @@ def test_a_poisoned_catalog_says_in_one_sentence_what_is_wrong(
 def test_a_plan_that_json_cannot_hold_leaves_nothing(tmp_path: Path) -> None:
     plan = make_plan()
     object.__setattr__(plan.appearances[1], "isovalue", float("nan"))  # past its constructor
-    with pytest.raises(CatalogError, match="this plan can't be written down"):
+    with pytest.raises(CatalogError, match="this plan can't be recorded"):
         Catalog.create(tmp_path / "a.cdb", plan)
     assert list(tmp_path.iterdir()) == []

@@ -100,7 +100,7 @@ def test_the_only_field_needs_no_name(tmp_path: Path) -> None:
 
 MIXED: dict[str, tuple[dict[str, Any], str]] = {
     "some do not say": ({"appearances": (Q, SPEED, replace(SURFACE, field=""))}, r"\['surface'\] do not"),
-    "an absent appearance": ({"appearances": (Q, SPEED)}, "surface are no appearances"),
+    "an absent appearance": ({"appearances": (Q, SPEED)}, "unknown: surface"),
     "two of a kind": (
         {
             "variations": (
@@ -108,7 +108,7 @@ MIXED: dict[str, tuple[dict[str, Any], str]] = {
                 field_variation("dvr", appearances=["surface"]),
             )
         },
-        "one variation of a kind",
+        "one variation of each kind",
     ),
     "functions of another field": (
         {

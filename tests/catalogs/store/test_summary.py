@@ -39,7 +39,7 @@ def test_six_thousand_points_take_kilobytes(tmp_path: Path) -> None:
 def test_an_archive_that_lacks_an_array_is_refused(tmp_path: Path, name: str) -> None:
     save_summaries(tmp_path / "field.npz", {"": summary()})
     without(tmp_path / "field.npz", name)
-    with pytest.raises(ValueError, match=r"field\.npz is no field summary"):
+    with pytest.raises(ValueError, match=r"field\.npz is not a field summary"):
         load_summaries(tmp_path / "field.npz")
 
 
@@ -109,7 +109,7 @@ def test_an_archive_whose_names_do_not_fit_is_refused(tmp_path: Path, names: lis
     save_summaries(path, {"a": summary(1), "b": summary(2)})
     with np.load(path) as archive:
         np.savez(path, **{**archive, "fields": np.array(names, dtype=np.str_)})
-    with pytest.raises(ValueError, match=r"field\.npz is no field summary"):
+    with pytest.raises(ValueError, match=r"field\.npz is not a field summary"):
         load_summaries(path)
 
 

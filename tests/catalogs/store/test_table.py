@@ -14,7 +14,7 @@ import pytest
 
 from catalogs.files import cinema, durable
 from catalogs.store.catalog import Catalog, CatalogError
-from catalogs.store.table import JOURNAL, SPARE, Table
+from catalogs.store.table import JOURNAL, SPARE, CatalogTable
 from catalogs.tools.check import check
 from tests.catalogs.conftest import add_member, make_plan, picture
 from tests.support.damage import memory_at_most
@@ -171,7 +171,7 @@ def test_killed_between_a_member_and_its_rows_is_noticed_within_one_tick_of_the_
     kept, journal = (small.path / "data.csv").read_bytes(), (small.path / JOURNAL).read_bytes()
     stamp = os.stat(small.path / "members")
     if os.fork() == 0:
-        Table.add.__globals__["durable"].link = lambda *_: os._exit(0)
+        CatalogTable.add.__globals__["durable"].link = lambda *_: os._exit(0)
         add_member(small, "b", 120.0)
         os._exit(1)
     os.wait()
@@ -347,7 +347,7 @@ def test_rebuilding_holds_no_table_in_memory(small: Catalog, monkeypatch: pytest
     monkeypatch.setattr("catalogs.store.table.rows_in", lambda folder, plan: folder.name.encode() * (1 << 20))
     names = [f"{number:016d}" for number in range(4)]
     monkeypatch.setattr("catalogs.store.table.member_names", lambda catalog: names)
-    table = Table(small.path, small.plan)
+    table = CatalogTable(small.path, small.plan)
     with memory_at_most(40 << 20):
         durable.replace(small.path / "data.csv", table.pieces())
         assert durable.holds(small.path / "data.csv", table.pieces())

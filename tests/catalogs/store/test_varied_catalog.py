@@ -197,10 +197,10 @@ SWAPPED = (BASE, replace(FUNCTIONS.appearances[1], name="dvr-train-01"), *FUNCTI
 MISMATCHED: dict[str, tuple[dict[str, Any], str]] = {
     "absent settings": (
         {"appearances": (BASE, *ISOVALUES.appearances)},
-        r"dvr-test-01, .* \(79 in all\) are no appear",
+        r"unknown: dvr-test-01, .* \(79 in all\)",
     ),
-    "absent base": ({"appearances": FUNCTIONS.appearances, "variations": (FUNCTIONS.variation,)}, "dvr are no appear"),
-    "two of a kind": ({"variations": (FUNCTIONS.variation, FUNCTIONS.variation)}, "one variation of a kind"),
+    "absent base": ({"appearances": FUNCTIONS.appearances, "variations": (FUNCTIONS.variation,)}, "unknown: dvr"),
+    "two of a kind": ({"variations": (FUNCTIONS.variation, FUNCTIONS.variation)}, "one variation of each kind"),
     "another transfer function": (
         {"appearances": SWAPPED, "variations": (FUNCTIONS.variation,)},
         "dvr-train-01 does not show",
@@ -218,7 +218,7 @@ MISMATCHED: dict[str, tuple[dict[str, Any], str]] = {
                 replace(ISOVALUES.variation, settings=(*ISOVALUES.variation.settings, ISOVALUES.variation.settings[4])),
             )
         },
-        r"iso=0\.5 stand twice",
+        r"repeated: iso=0\.5",
     ),
 }
 

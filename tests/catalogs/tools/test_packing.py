@@ -175,7 +175,7 @@ def test_the_command_says_what_it_did(catalog: Catalog, tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["pack", str(catalog.path), paths[0]])
     assert (result.exit_code, "2 members packed, 0 were there" in result.output) == (0, True)
     result = CliRunner().invoke(main, ["unpack", *paths])
-    assert (result.exit_code, "2 members unpacked, 0 were there; all the bytes" in result.output) == (0, True)
+    assert (result.exit_code, "2 members unpacked, 0 were there" in result.output) == (0, True)
     result = CliRunner().invoke(main, ["unpack", *paths[::-1]])
     assert (result.exit_code, "Error: " in result.output, "Traceback" in result.output) == (1, True, False)
 

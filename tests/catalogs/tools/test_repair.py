@@ -56,7 +56,7 @@ LASTING: dict[str, tuple[Callable[[Path], object], str]] = {
         "member.json is damaged",
     ),
     "no record": (lambda c: (c / FOLDER / "member.json").unlink(), "member.json is missing"),
-    "summary": (lambda c: cut(c / FOLDER / "field.npz"), "no field summary"),
+    "summary": (lambda c: cut(c / FOLDER / "field.npz"), "not a field summary"),
 }
 MENDED: dict[str, Callable[[Path], object]] = {
     "no table": lambda c: (c / "data.csv").unlink(),

@@ -134,7 +134,7 @@ def test_unknown_appearances_are_refused_and_nothing_is_written(
 
 def test_variations_that_do_not_fit_are_refused_before_anything_is_written(tmp_path: Path) -> None:
     for changes, message in (
-        ({"appearances": (BASE, *FUNCTIONS.appearances)}, r"iso=0\.2, iso=0\.5, iso=0\.8 are no appearances"),
+        ({"appearances": (BASE, *FUNCTIONS.appearances)}, r"unknown: iso=0\.2, iso=0\.5, iso=0\.8"),
         ({"appearances": (BASE, *FUNCTIONS.appearances, *shifted())}, r"iso=0\.2 does not show"),
     ):
         with pytest.raises(CatalogError, match=message):
