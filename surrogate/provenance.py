@@ -67,9 +67,9 @@ def in_words(machine: Mapping[str, Any]) -> str:
 
 
 def _instructions() -> str:
-    from surrogate import kernels
-
     try:
+        from surrogate import kernels
+
         return os.environ.get("GS_SURROGATE_INSTRUCTION_SET") or kernels.instruction_sets()[0]
     except ImportError:  # the kernels were not built
         return ""
@@ -128,5 +128,5 @@ def _folder(package: str) -> Path:
     """Where a package of this project lies."""
     found = importlib.util.find_spec(package)
     if found is None or not found.submodule_search_locations:
-        raise ModuleNotFoundError(f"the package {package} is not installed: run `make setup`, or `pip install .`")
+        raise ModuleNotFoundError(f"the package {package} is not installed: run `pip install gs-surrogate`")
     return Path(next(path for path in found.submodule_search_locations if (Path(path) / "__init__.py").is_file()))

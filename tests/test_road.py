@@ -6,11 +6,8 @@ can help; only what it depends on, and its compiled kernels, are taken from the 
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,9 +18,9 @@ import pytest
 
 from catalogs import Catalog
 from catalogs.tools.check import check
-from surrogate.kernels import _kernels
 from tests.support.browsers import pixels
 from tests.support.explorer_process import address_in
+from tests.support.installed import environment, run_installed
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -54,38 +51,13 @@ def blocks(language: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The commands' folder of a fresh environment that holds the project; its kernels were compiled when it was set up here."""
-    folder = tmp_path_factory.mktemp("fresh")
-    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder)]
-    built = subprocess.run(
-        [*wheel, "--config-settings", "wheel.cmake=false", str(PROJECT)], capture_output=True, text=True
-    )
-    if built.returncode != 0 and re.search("connection|No matching distribution|network", built.stderr, re.IGNORECASE):
-        pytest.skip("the tools that build a wheel can't be had: no network")
-    assert built.returncode == 0, built.stderr
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
-    (packages,) = (folder / "venv").glob("lib/python*/site-packages")
-    (packages / "dependencies.pth").write_text(f"{Path(np.__file__).parent.parent}\n")
-    target = [str(folder / "venv" / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
-    subprocess.run([*target, *map(str, folder.glob("*.whl"))], check=True)
-    shutil.copy(_kernels.__file__, packages / "surrogate" / "kernels")
-    return folder / "venv" / "bin"
-
-
-@pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An empty folder to work in."""
     return tmp_path_factory.mktemp("work")
 
 
-def environment(installed: Path) -> dict[str, str]:
-    own = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    return own | {"PATH": f"{installed}{os.pathsep}{own['PATH']}"}
-
-
 def run(command: list[str], installed: Path, place: Path) -> str:
-    done = subprocess.run(command, cwd=place, env=environment(installed), capture_output=True, text=True, timeout=300)
+    done = run_installed(command, installed, place)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

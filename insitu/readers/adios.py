@@ -154,7 +154,7 @@ def _process(request: Mapping[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
     if find_spec("adios2") is None:
         raise ModuleNotFoundError(ADIOS2)
     words = json.dumps({**request, "memory": BASE + psutil.virtual_memory().available})
-    command = [sys.executable, "-m", "insitu.readers.adios_process", words]
+    command = [sys.executable, "-P", "-m", "insitu.readers.adios_process", words]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL, bufsize=0, env=environment

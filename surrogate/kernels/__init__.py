@@ -68,4 +68,4 @@ blend read the Gaussians' arrays again in the backward pass: they must not have 
 try:
     from surrogate.kernels._kernels import *  # noqa: F403, names and types: _kernels.pyi
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError("the C++ kernels are not built: run `make setup`, or `pip install .`") from error
+    raise ModuleNotFoundError("the C++ kernels are not built: `pip install .` in the checkout builds them") from error

@@ -15,7 +15,7 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for package in provenance.PACKAGES:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").write_text("")
-    (tmp_path / "surrogate" / "kernels" / "src").mkdir()
+    (tmp_path / "surrogate" / "kernels" / "src").mkdir(parents=True)
     (tmp_path / "surrogate" / "kernels" / "src" / "kernels.cpp").write_text("int one() { return 1; }")
     (tmp_path / "surrogate" / "run.py").write_text("import numpy\ndef train():\n    from catalogs import store\n")
     (tmp_path / "catalogs" / "store.py").write_text('"""Keeps."""\nSIZE = 1\n')
