@@ -99,7 +99,7 @@ def in_markdown(text: str) -> Iterator[Found]:
     for number, row in enumerate(text.split("\n"), start=1):
         code ^= row.startswith("```")
         lone = re.fullmatch(r"\s*(?:[-*] )?!?\[[^\]]*\]\([^)]*\)[.,]?", row)
-        if len(row) > WIDTH and not (code or lone or row.lstrip().startswith(("|", "<!--", "<sub>", "#"))):
+        if len(row) > WIDTH and not (code or lone or row.startswith(("|", "<!--", "<sub>", "#", "    "))):
             yield number, f"line of {len(row)} characters"
 
 
