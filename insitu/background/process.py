@@ -28,9 +28,11 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 from socket import socketpair
-from typing import Any
 
 from insitu.background.segments import new_memory, pack
+from insitu.fields.member_fields import LocalField
+from insitu.members.planning import PlanOptions
+from insitu.members.request import MemberArguments
 from insitu.members.result import RenderedMember
 
 WAITING = 2  # members that may be held: one being rendered and one waiting
@@ -73,22 +75,21 @@ class _RendererProcess:
 class Background:
     """Members of one session that are rendered elsewhere, at most `waiting` of them held at any time.
 
-    `options` are the arguments of the renderer's own `Session`.  `settled` is called, whenever the loop comes by, with a member's
-    name, its parameters, and what became of it: a `RenderedMember`, or why it is missing.  Each held member takes the memory
-    of its fields.
+    `settled` is called, whenever the loop calls the session, with a member's name, its parameters, and its `RenderedMember`, or
+    the reason why it is missing.  Each queued member takes the memory of its fields.
     """
 
     def __init__(
         self,
         catalog: Path,
-        options: Mapping[str, Any],
+        options: PlanOptions,
         waiting: int,
         *,
         settled: Settled,
         warn: Warn,
         progress: Callable[[int], None],
     ) -> None:
-        self.catalog, self._options, self._settled = catalog.absolute(), dict(options), settled
+        self.catalog, self._options, self._settled = catalog.absolute(), options, settled
         self._warn, self._progress = warn, progress
         self._memories = [new_memory() for _ in range(waiting)]
         self._free = list(range(waiting))
@@ -110,10 +111,10 @@ class Background:
         with self._lock:
             return next((t for t in self._tasks if t.name == name or t.parameters == parameters), None)
 
-    def submit(self, name: str, parameters: Mapping[str, float], data: Any, arguments: Mapping[str, Any]) -> None:
-        """Copy a member's fields and let it be rendered; waits, which is said once, while `waiting` others are held.
+    def submit(self, member: MemberArguments, field: LocalField) -> None:
+        """Copy the fields of a member, whose name is set, and queue it; blocks, with one warning, while the queue is full.
 
-        `arguments` are those of the renderer's `Session.render_member`.  Raises OSError where there is no memory for the copy.
+        Raises OSError where there is no memory for the copy.
         """
         if self._owner != os.getpid() or not self._open:
             raise ValueError(
@@ -126,13 +127,11 @@ class Background:
                 self._take_results(wait=True)
             memory = self._free.pop()
             try:
-                packed = pack(
-                    (data, {**arguments, "parameters": dict(parameters), "name": name}), self._memories[memory]
-                )
+                packed = pack((field, member), self._memories[memory])
             except BaseException:
                 self._free.append(memory)
                 raise
-            self._tasks.append(QueuedMember(name, dict(parameters), memory, packed))
+            self._tasks.append(QueuedMember(str(member.name), member.parameters, memory, packed))
             self._send()
 
     def take_results(self) -> None:
@@ -286,11 +285,11 @@ class Background:
             renderer.process.wait()
 
 
-def members_held(background: bool | int) -> int:
-    """How many members a session holds that is told `background`; raises ValueError for what says neither whether nor how many."""
+def queue_length(background: bool | int) -> int:
+    """The number of members that a session may queue; raises ValueError where `background` is neither a bool nor a number."""
     if not isinstance(background, int) or background < 0:
         raise ValueError(
-            f"background must be True, False, or how many members may wait to be rendered, got {background!r}"
+            f"background must be True, False, or the number of members that may be queued, got {background!r}"
         )
     return WAITING if background is True else int(background)
 

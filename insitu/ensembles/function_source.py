@@ -16,6 +16,7 @@ from typing import Any
 from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.scene import PlannedMember
 from insitu.ensembles.dumps import TIME, but_time, runs_in_time
+from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import Fields, as_fields
 
 FUNCTION = "simulate"
@@ -90,7 +91,7 @@ class HookedSource:
         return next(self.dumps([member], progress))
 
     def _taken(self, data: Any) -> Fields:
-        return as_fields(data, self.appearances, nan=self.nan)
+        return as_fields(data, self.appearances, FieldLocation(nan=self.nan))
 
 
 @dataclass(frozen=True)

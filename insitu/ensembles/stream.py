@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from insitu.hook.session import Session
-from insitu.members.conflicts import Existing
 from insitu.members.planning import PlanOptions
-from insitu.members.request import member_name
+from insitu.members.request import Existing, member_name
 from insitu.readers.files import volume
 from insitu.readers.placement import placed_field
 

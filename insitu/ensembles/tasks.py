@@ -14,11 +14,11 @@ from catalogs.vocabulary.scene import PlannedMember
 from insitu.ensembles.dumps import Dump, FieldSource, MemberRun, dumps_of, identity_of, record_of
 from insitu.ensembles.workers import WorkerReport, send
 from insitu.fields.cache import save_field
+from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import as_fields, time_of
 from insitu.hook.session import Session
-from insitu.members.conflicts import Existing
 from insitu.members.planning import Pilot, PlanOptions, measure_pilot
-from insitu.members.request import TIMES
+from insitu.members.request import TIMES, Existing
 from insitu.members.result import RenderedMember
 
 STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the next member would meet too
@@ -61,7 +61,7 @@ def measure_pilots(
                 _keep(source, dump, cache)
                 send(WorkerReport(name, "stored", 1.0))
                 continue
-            fields = as_fields(dump.field, options.appearances or (), nan=nan)
+            fields = as_fields(dump.field, options.appearances or (), FieldLocation(nan=nan))
             _keep(source, dump, cache)
             send(WorkerReport(name, "pilot", 0.0))
             pilot = measure_pilot(fields, options)

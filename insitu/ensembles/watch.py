@@ -16,9 +16,8 @@ from catalogs.vocabulary.words import shortened
 from insitu.ensembles.ensemble import EnsembleResult, available_cores, local_engine, run_ensemble
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.workers import single_threaded
-from insitu.members.conflicts import Existing
 from insitu.members.planning import PlanOptions, is_catalog
-from insitu.members.request import member_name
+from insitu.members.request import Existing, member_name
 from insitu.readers.identity import stamp
 from insitu.readers.tables import TableRow, matching, pattern_names
 

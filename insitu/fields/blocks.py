@@ -6,7 +6,7 @@ Every rank makes `Blocks` of what it has; rank 0 asks for pictures and summaries
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -25,7 +25,8 @@ from catalogs.vocabulary.appearance import (
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.boxes import Box, checked_box
-from insitu.fields.share import Ghosts, Share, share_of
+from insitu.fields.member_fields import LocalField
+from insitu.fields.share import Share, share_of
 from insitu.fields.summarize import FieldPart, summarize_shown
 from insitu.mpi.layout import BlockExtent, BlockLayout, UnevenBlocks, layout
 from insitu.mpi.neighbours import block_of
@@ -43,43 +44,18 @@ from render.volume import drawn_range
 AT_ONCE = 1 << 28  # bytes of layers that a rank draws before it sends them
 
 
-@dataclass(frozen=True)
-class Description:
-    """What rank 0 knows of a member in blocks: `box`, `ranges`, `quantities` and `notes` as
-    `insitu.fields.member_fields.Fields` has them."""
-
-    whole: Lattice
-    box: Box
-    ranges: Mapping[str, tuple[float, float]]
-    quantities: Mapping[str, Quantity]
-    notes: tuple[str, ...]
-
-
 class Blocks:
     """This rank's share of a member; `commands` is what rank 0 may ask of it, `take` how it begins.
 
-    `field` is what the simulation has here, or a function that returns it: called where the member is rendered.
+    `field` is what the simulation has here.
     """
 
     def __init__(
         self,
         ranks: RankGroup,
-        field: Any,
-        *,
-        spacing: Sequence[float] | None = None,
-        origin: Sequence[float] | None = None,
-        array: str | None = None,
-        dims: Sequence[str] | None = None,
-        ghosts: Ghosts = 0,
+        field: LocalField,
     ) -> None:
         self.ranks, self.field = ranks, field
-        self._place: dict[str, Any] = {
-            "spacing": spacing,
-            "origin": origin,
-            "array": array,
-            "dims": dims,
-            "ghosts": ghosts,
-        }
         self._blocks: dict[str, Block | None] = {}
         self._ranges: Mapping[str, tuple[float, float]] = {}
         self._laid: BlockLayout
@@ -95,6 +71,11 @@ class Blocks:
             "summarize": self._summarize,
         }
 
+    @property
+    def whole(self) -> Lattice:
+        """The grid that all blocks fill."""
+        return self._laid.whole
+
     def __enter__(self) -> Self:
         return self
 
@@ -107,22 +88,22 @@ class Blocks:
             self._renderer.close()
             self._renderer = None
 
-    def take(self, appearances: Sequence[Appearance], *, known: Sequence[Appearance], nan: str) -> DecomposedFields:
+    def take(self, appearances: Sequence[Appearance], known: Sequence[Appearance]) -> BlockFields:
         """The fields that `appearances` show, for rank 0 within `insitu.mpi.ranks.lead`; see
         `insitu.fields.member_fields.as_fields`.
 
         Raises ValueError or TypeError naming the rank whose block is not acceptable.
         """
-        return DecomposedFields(self, self.call_all("take", tuple(appearances), tuple(known), nan))
+        fields: BlockFields = self.call_all("take", tuple(appearances), tuple(known), self.field.location.nan)
+        return fields
 
     def call_all(self, name: str, *arguments: Any) -> Any:
         """Let every rank do a command; see `insitu.mpi.ranks.call_all`."""
         return call_all(self.ranks, self.commands, name, *arguments)
 
-    def _take(self, appearances: Sequence[Appearance], known: Sequence[Appearance], nan: str) -> Description:
+    def _take(self, appearances: Sequence[Appearance], known: Sequence[Appearance], nan: str) -> BlockFields:
         names = shown_fields(appearances) or ("",)
-        field = self.field() if callable(self.field) else self.field
-        share = share_of(field, appearances, known=known, nan=nan, **self._place)
+        share = share_of(self.field.loaded, appearances, replace(self.field.location, nan=nan), known)
         quantities: Mapping[str, Quantity] = next(
             (q for q in self.ranks.gather(share and share.quantities) if q is not None), {}
         )
@@ -141,8 +122,7 @@ class Blocks:
         self._order = space_partition(self._laid.boxes)
         self._pieces = pieces_of(self._order)
         self._ranges = {name: _range(self._parts([name])[name], self.ranks) for name in names}
-        whole = self._laid.whole
-        return Description(whole, checked_box(whole.bounds), self._ranges, quantities, notes)
+        return BlockFields(self, checked_box(self._laid.whole.bounds), notes, self._ranges, quantities)
 
     def _on_one_grid(
         self, share: Share | None, names: Sequence[str], nan: str, reason: str
@@ -224,35 +204,18 @@ class Blocks:
 
 
 @dataclass(frozen=True, eq=False)
-class DecomposedFields:
-    """The fields of a member in blocks, for rank 0; see `insitu.fields.member_fields.MemberFields`."""
+class BlockFields:
+    """The fields of a member in blocks, for rank 0; attributes as in `insitu.fields.member_fields.MemberFields`."""
 
     blocks: Blocks
-    told: Description
+    box: Box
+    notes: tuple[str, ...]
+    ranges: Mapping[str, tuple[float, float]]
+    quantities: Mapping[str, Quantity]
 
-    @property
-    def box(self) -> Box:
+    def drawable(self, appearance: Appearance) -> BlockField:
         """See `MemberFields`."""
-        return self.told.box
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """See `MemberFields`."""
-        return self.told.notes
-
-    @property
-    def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """See `MemberFields`."""
-        return self.told.ranges
-
-    @property
-    def quantities(self) -> Mapping[str, Quantity]:
-        """See `MemberFields`."""
-        return self.told.quantities
-
-    def drawable(self, appearance: Appearance) -> DecomposedField:
-        """See `MemberFields`."""
-        return DecomposedField(self.blocks, field_of(appearance), self.told.whole.spacing)
+        return BlockField(self.blocks, field_of(appearance))
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """See `MemberFields`."""
@@ -261,12 +224,16 @@ class DecomposedFields:
 
 
 @dataclass(frozen=True, eq=False)
-class DecomposedField:
+class BlockField:
     """One field in blocks, for rank 0; see `render.quality.Drawable`."""
 
     blocks: Blocks
     name: str
-    spacing: Triple
+
+    @property
+    def spacing(self) -> Triple:
+        """See `Drawable`."""
+        return self.blocks.whole.spacing
 
     def pictures(
         self, appearance: Appearance, cameras: Sequence[Camera], sample_distance: float | None, *, float_output: bool

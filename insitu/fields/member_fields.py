@@ -14,6 +14,7 @@ from catalogs.vocabulary.appearance import Appearance, check_fields, field_of, s
 from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.boxes import Box, box_of, same_box
+from insitu.fields.location import FieldLocation
 from insitu.fields.summarize import FieldPart, summarize_shown
 from render.datasets import to_grid
 from render.xarray_fields import chosen as one_of_set
@@ -48,6 +49,13 @@ class MemberFields(Protocol):
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
         """What is kept of the fields of these names."""
+
+
+class MemberInput(Protocol):
+    """A member's field that nobody has looked at yet."""
+
+    def take(self, appearances: Sequence[Appearance], known: Sequence[Appearance]) -> MemberFields:
+        """The fields that `appearances` show; `known` are all of the catalog's.  Raises as `as_fields` does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,18 +101,31 @@ class Fields:
         return summarize_shown({name: FieldPart.all_of(self.grids[name]) for name in names}, plan)
 
 
+@dataclass(frozen=True, eq=False)
+class LocalField:
+    """A member's field in this process, as the caller gave it: `data`, or a function that returns them, and their place."""
+
+    data: Any
+    location: FieldLocation = FieldLocation()  # noqa: RUF009 - frozen
+
+    def take(self, appearances: Sequence[Appearance], known: Sequence[Appearance]) -> Fields:
+        """See `MemberInput`."""
+        return as_fields(self.loaded, appearances, self.location, known=known)
+
+    @property
+    def loaded(self) -> Any:
+        """The data, from the function where there is one."""
+        return self.data() if callable(self.data) else self.data
+
+
 def as_fields(
     data: Any,
     appearances: Sequence[Appearance],
+    location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     *,
     known: Sequence[Appearance] | None = None,
-    spacing: Sequence[float] | None = None,
-    origin: Sequence[float] | None = None,
-    array: str | None = None,
-    dims: Sequence[str] | None = None,
-    nan: str = "refuse",
 ) -> Fields:
-    """What `appearances` show of a member.
+    """The fields that `appearances` show of a member.
 
     Parameters
     ----------
@@ -112,8 +133,8 @@ def as_fields(
         set or an xarray.Dataset, whose arrays are chosen by the names of the fields, each loaded when its turn comes.  `Fields`
         are returned as they are.
     appearances : those that the member is shown with.
+    location : where all of them lie.
     known : all of the catalog's, by default the same; a mapping may hold what one of these shows.
-    spacing, origin, array, dims, nan : as in `to_grid`, for all fields.
 
     Raises ValueError or TypeError naming the field and the appearance that shows it where one is missing, of another shape or
     place, or not acceptable; ValueError where a mapping holds a field that none shows, or several of which none is named.
@@ -126,15 +147,23 @@ def as_fields(
     if several:
         check_names(list(data), appearances, known or appearances)
     elif names != ("",):
-        _check_nameable(data, appearances, array)
+        _check_nameable(data, appearances, location.array)
     grids, quantities = {}, {}
     for name in names:
         held = data if not several else data[name] if name else next(iter(data.values()))
-        chosen = array if several or is_labelled(held) else name or array
+        chosen = location.array if several or is_labelled(held) else name or location.array
         try:
             if is_labelled_set(held):
                 held, chosen = one_of_set(held, chosen), None
-            grids[name] = to_grid(held, spacing=spacing, origin=origin, array=chosen, dims=dims, nan=nan, warn=False)
+            grids[name] = to_grid(
+                held,
+                spacing=location.spacing,
+                origin=location.origin,
+                array=chosen,
+                dims=location.dims,
+                nan=location.nan,
+                warn=False,
+            )
         except (TypeError, ValueError) as error:
             if not name:
                 raise

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.quantity import Quantity
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation, Ghosts
 from insitu.fields.member_fields import as_fields
 from insitu.mpi.layout import BlockExtent
 from insitu.mpi.neighbours import BlockSamples
 from render.grids import Grid
 from render.partition import Index
 
-Ghosts = int | Sequence[int | tuple[int, int]]
 Layers = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # before and after, along x, y, z
 
 
@@ -50,44 +50,29 @@ class Share:
 def share_of(
     data: Any,
     appearances: Sequence[Appearance],
-    *,
+    location: FieldLocation,
     known: Sequence[Appearance],
-    nan: str,
-    ghosts: Ghosts = 0,
-    spacing: Sequence[float] | None = None,
-    origin: Sequence[float] | None = None,
-    array: str | None = None,
-    dims: Sequence[str] | None = None,
 ) -> Share | None:
     """This rank's share; None of a rank without a block, whose `data` are None.
 
-    `data`, `spacing`, `array`, `dims` and `nan` are as in `insitu.fields.member_fields.as_fields`; `origin` is that
-    of the first sample, ghost
-    layers included, of which there are `ghosts` (see `insitu.Session.render_member`).
+    Arguments as in `insitu.fields.member_fields.as_fields`; `location.origin` is that of the first sample, ghost layers
+    included.
 
     Raises ValueError or TypeError where the block is not acceptable.
     """
     if data is None:
         return None
-    layers = ghost_layers(ghosts)
+    layers = ghost_layers(location.ghosts)
     has_ghosts = any(map(any, layers))
-    missing = "transparent" if has_ghosts else nan
-    fields = as_fields(
-        _each(data, partial(_acceptable, missing)),
-        appearances,
-        known=known,
-        spacing=spacing,
-        origin=origin,
-        array=array,
-        dims=dims,
-        nan=missing,
-    )
+    missing = "transparent" if has_ghosts else location.nan
+    acceptable = _each(data, partial(_acceptable, missing))
+    fields = as_fields(acceptable, appearances, replace(location, nan=missing), known=known)
     if fields.notes:
         raise ValueError(
             f"{fields.notes[0]}; a block must hold samples of a uniform grid: resample it, then pass the result"
         )
     grid = next(iter(fields.grids.values()))
-    shape = _shape(data, grid.shape, dims)
+    shape = _shape(data, grid.shape, location.dims)
     held = BlockExtent(shape, grid.spacing, grid.origin)
     share = Share(
         {name: _samples(g, shape, _taken(data, name)) for name, g in fields.grids.items()},
@@ -95,7 +80,7 @@ def share_of(
         _without(held, layers),
         fields.quantities,
     )
-    if has_ghosts and nan == "refuse":
+    if has_ghosts and location.nan == "refuse":
         _check_no_holes(share)
     return share
 

@@ -1,6 +1,6 @@
-"""The other side of `insitu.background.process`: an interpreter that renders the members that it is given, one after the other.
+"""The process that `insitu.background.process` starts: an interpreter that renders queued members, one after the other.
 
-    python -m insitu.hook.renderer PARENT SOCKET PULSE MEMORY...
+    python -P -m insitu.hook.renderer PARENT SOCKET PULSE MEMORY...
 
 The numbers are the parent's process and descriptors that it has left open.
 """
@@ -22,44 +22,44 @@ from insitu.background.segments import unpack
 
 
 def main(arguments: list[str]) -> None:
-    """Render until the parent closes its end of the socket; end with it, whatever it dies of."""
+    """Render until the parent closes its end of the socket; end with it, however it ends."""
     parent, socket, pulse, *memories = map(int, arguments)
-    way = Connection(socket)
+    connection = Connection(socket)
     messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(way, messages), daemon=True).start()
+    threading.Thread(target=_listen, args=(connection, messages), daemon=True).start()
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     catalog, options = messages.get()
-    with contextlib.suppress(Exception):  # told where the first member needs it
+    with contextlib.suppress(Exception):  # reported where the first member needs it
         import render.window  # noqa: F401
     notes: list[str] = []
 
     def beat(images: int = 0) -> None:
         os.pwrite(pulse, PULSE.pack(clock.monotonic(), images), 0)
 
-    session = None
+    writer = None
     while True:
         number, packed = messages.get()
         beat()
         notes.clear()
         try:
-            if session is None:
-                from insitu.hook.session import Session
+            if writer is None:
+                from insitu.hook.writer import CatalogWriter
 
-                session = Session(catalog, **options, progress=beat, warn=lambda note: notes.append(str(note)))
-            data, asked = unpack(packed, memories[number])
-            outcome: Any = session.render_member(data, **asked)
+                writer = CatalogWriter(catalog, options, progress=beat, warn=lambda note: notes.append(str(note)))
+            field, member = unpack(packed, memories[number])
+            outcome: Any = writer.write(field, member)
         except Exception as error:
             outcome = f"{type(error).__name__}: {error}"
-        data = asked = None
-        gc.collect()  # nothing may look at the memory when it is given back
-        way.send((outcome, tuple(notes)))
+        field = member = None
+        gc.collect()  # nothing may refer to the memory when it is given back
+        connection.send((outcome, tuple(notes)))
 
 
-def _listen(way: Connection, messages: queue.SimpleQueue[Any]) -> None:
-    """Read all the time, so that the parent never waits; without it this process ends."""
+def _listen(connection: Connection, messages: queue.SimpleQueue[Any]) -> None:
+    """Read all the time, so that the parent never waits; end this process when the parent closes the connection."""
     try:
         while True:
-            messages.put(way.recv())
+            messages.put(connection.recv())
     except (EOFError, OSError):
         os._exit(0)
 

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 from catalogs.store.catalog import Catalog
 from catalogs.store.plan import CatalogError
-from insitu.members.request import TIMES, MemberRequest
-
-Existing = Literal["error", "skip", "replace"]
-EXISTING = ("error", "skip", "replace")
+from insitu.members.request import TIMES, Existing, MemberRequest
 
 
 def stored_name(catalog: Catalog, request: MemberRequest, existing: Existing) -> str | None:

@@ -6,14 +6,11 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from catalogs.store.missing import no_longer_missing, report_missing
 from insitu.members.request import member_name
 from insitu.members.result import RenderedMember
-
-OnError = Literal["raise", "warn"]
-ON_ERROR = ("raise", "warn")
 
 
 class MissingMemberWarning(UserWarning):
@@ -43,7 +40,9 @@ class Failures:
         """The same for a member whose name is known to be right, and why it is missing."""
         self._found[name] = (dict(parameters) if isinstance(parameters, Mapping) else {}, reason)
         self.record()
-        tell(MissingMemberWarning(f"member {name} is missing: {reason}. The run goes on; render it again later"), warn)
+        warn_safely(
+            MissingMemberWarning(f"member {name} is missing: {reason}. The run goes on; render it again later"), warn
+        )
         return RenderedMember(name, self._catalog, error=reason)
 
     def forget(self, name: str) -> None:
@@ -68,7 +67,7 @@ def _called(name: Any, parameters: Any) -> str:
     return "without a name"
 
 
-def tell(note: Warning, warn: Callable[[Warning], None]) -> None:
+def warn_safely(note: Warning, warn: Callable[[Warning], None]) -> None:
     """Warn of `note`.  Never raises."""
     try:
         warn(note)

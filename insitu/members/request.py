@@ -1,4 +1,4 @@
-"""What a caller asks of one member, checked before anything is rendered or written."""
+"""The arguments that describe one member, and the request they make, checked before anything is rendered or written."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, TypeVar, get_args
 
 from catalogs.store.members import known_appearances
 from catalogs.store.plan import CatalogError, json_values, name_problem
@@ -17,11 +17,42 @@ from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 TIMES = ("time", "t")  # a parameter of this name is the simulation's time
 SAME_TIME = 1e-6  # relative: times that went through single precision
 LONGEST_NAME = 80
+Existing = Literal["error", "skip", "replace"]
+EXISTING = get_args(Existing)
+OnError = Literal["raise", "warn"]
+ON_ERROR = get_args(OnError)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class MemberArguments:
+    """Arguments of the hook that describe one member, as the caller gave them; see `insitu.render_member`."""
+
+    parameters: Mapping[str, float]
+    name: str | None = None
+    split: str = "train"
+    time: float | None = None
+    provenance: Mapping[str, Any] | None = None
+    appearances: Sequence[str] | None = None
+    existing: Existing = "error"
+    on_error: OnError = "raise"
+
+    def check_policies(self) -> None:
+        """Raise ValueError for an `existing` or `on_error` that is none of the choices."""
+        one_of(self.existing, EXISTING, "existing")
+        one_of(self.on_error, ON_ERROR, "on_error")
+
+
+def one_of(value: T, choices: Sequence[str], name: str) -> T:
+    """`value` of the argument `name`; raises ValueError unless it is one of the choices."""
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {tuple(choices)}, got {value!r}")
+    return value
 
 
 @dataclass(frozen=True)
 class MemberRequest:
-    """One member to be rendered.
+    """One member to be rendered, checked.
 
     Attributes
     ----------
@@ -43,30 +74,25 @@ class MemberRequest:
 def member_request(
     space: ParameterSpace,
     known: Sequence[Appearance],
-    parameters: Mapping[str, float],
-    *,
-    name: str | None = None,
-    split: str = "train",
-    time: float | None = None,
-    provenance: Mapping[str, Any] | None = None,
-    appearances: Sequence[str] | None = None,
+    asked: MemberArguments,
 ) -> MemberRequest:
-    """The request of a member of an ensemble of this space and these `known` appearances.
+    """The checked request of a member of an ensemble of this space and these `known` appearances.
 
     Raises ValueError or CatalogError naming what is wrong: parameters, time, name, split, provenance or appearances.
     """
-    parameters, time = with_time(parameters, time, space)
+    parameters, time = with_time(asked.parameters, asked.time, space)
     ordered = dict(zip(space.names, space.values(parameters, outside="allow").tolist(), strict=True))
-    wanted = set(known_appearances(appearances, [a.name for a in known]))
-    if split not in SPLITS:
-        raise ValueError(f"split must be one of {SPLITS}, got {split!r}")
-    chosen = member_name(ordered) if name is None else name
+    wanted = set(known_appearances(asked.appearances, [a.name for a in known]))
+    if asked.split not in SPLITS:
+        raise ValueError(f"split must be one of {SPLITS}, got {asked.split!r}")
+    chosen = member_name(ordered) if asked.name is None else asked.name
     problem = name_problem(chosen)
     if problem:
-        raise CatalogError(f"a member can't be called so: {problem}")
-    told = {**(provenance or {}), **({} if time is None else {"time": time})}
-    record = json_values(told, f"the provenance of member {chosen}")
-    return MemberRequest(chosen, name is not None, ordered, split, record, tuple(a for a in known if a.name in wanted))
+        raise CatalogError(f"invalid member name: {problem}")
+    stated = {**(asked.provenance or {}), **({} if time is None else {"time": time})}
+    record = json_values(stated, f"the provenance of member {chosen}")
+    shown = tuple(a for a in known if a.name in wanted)
+    return MemberRequest(chosen, asked.name is not None, ordered, asked.split, record, shown)
 
 
 def with_time(

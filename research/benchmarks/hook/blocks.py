@@ -78,6 +78,8 @@ class Counted:
 def in_blocks(ranks: Counted, size: int, appearance: Appearance, views: Sequence[Camera]) -> dict[str, Any]:
     """On rank 0 what drawing in blocks took and its pictures."""
     from insitu.fields.blocks import Blocks
+    from insitu.fields.location import FieldLocation
+    from insitu.fields.member_fields import LocalField
     from insitu.mpi.ranks import run_on_root
     from insitu.mpi.resampling import even_layout
     from render.blocks import Lattice
@@ -86,11 +88,11 @@ def in_blocks(ranks: Counted, size: int, appearance: Appearance, views: Sequence
     piece = even_layout(whole, ranks.size).owned[ranks.number]
     assert piece is not None
     block = np.ascontiguousarray(gyroid(size)[tuple(map(slice, piece.start, piece.stop))])
-    with Blocks(ranks, block, spacing=whole.spacing, origin=whole.place(piece.start)) as blocks:
+    with Blocks(ranks, LocalField(block, FieldLocation(whole.spacing, whole.place(piece.start)))) as blocks:
 
         def work() -> dict[str, Any]:
             started = time.perf_counter()
-            fields = blocks.take((appearance,), known=(appearance,), nan="refuse")
+            fields = blocks.take((appearance,), (appearance,))
             pictures = list(fields.drawable(appearance).pictures(appearance, views, None, float_output=True))
             seconds = time.perf_counter() - started
             return {"seconds": seconds, "pictures": pictures}

@@ -100,7 +100,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "type": ({"field": np.zeros((4, 4, 4), complex)}, "real numbers"),
     "one sample": ({"field": np.zeros((1, 4, 4))}, "at least 2"),
     "spacing": ({"spacing": (1.0, -1.0, 1.0)}, "spacing"),
-    "name": ({"name": "../a"}, "called so"),
+    "name": ({"name": "../a"}, "invalid member name"),
     "split": ({"split": "tran"}, "split"),
     "provenance": ({"provenance": {"a": object()}}, "provenance"),
     "the same name": ({"name": "first", "parameters": {"width": 0.6}}, "first"),

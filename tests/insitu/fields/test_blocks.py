@@ -82,7 +82,7 @@ def test_a_mistake_on_one_rank_is_an_error_on_all(tmp_path: Path) -> None:
         "transparent": "rendered",
         "right": "rendered",
         "twice": "CatalogError: member p-0.0 ",
-        "background": "ValueError: background= and comm= can't be had together",
+        "background": "ValueError: background= and comm= can't be combined",
         "other plan": "ValueError: catalog ",
     }.items():
         assert len({one[name] for one in told}) == 1, name

@@ -9,6 +9,7 @@ import pytest
 
 from insitu.fields.cache import drop_field, load_field, save_field
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import Fields, as_fields
 from render.grids import Grid
 
@@ -35,7 +36,10 @@ def test_samples_without_a_value_stay_without_one(tmp_path: Path, kind: type) ->
     holed = values.copy()
     holed[1, 2, 3] = np.nan
     save_field(
-        tmp_path, "a", IDENTITY, as_fields(Field(holed, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0)), (), nan="transparent")
+        tmp_path,
+        "a",
+        IDENTITY,
+        as_fields(Field(holed, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0)), (), FieldLocation(nan="transparent")),
     )
     back = load_field(tmp_path, "a", IDENTITY)
     assert back is not None

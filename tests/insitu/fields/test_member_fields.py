@@ -10,6 +10,7 @@ import pytest
 
 from catalogs.vocabulary.appearance import Isosurface
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import as_fields, check_names, time_of
 from render import to_grid
 
@@ -58,7 +59,7 @@ HOLDERS = {
 @pytest.mark.parametrize("case", HOLDERS)
 def test_fields_are_found_by_name_whatever_holds_them(case: str) -> None:
     data, placed = HOLDERS[case]
-    found = as_fields(data, NAMED, **placed)
+    found = as_fields(data, NAMED, FieldLocation(**placed))
     assert list(found.grids) == ["q", "speed"]
     for appearance, scale in zip(NAMED, (1, 2, 1), strict=True):
         grid = found.shown_by(appearance)
@@ -69,7 +70,7 @@ def test_fields_are_found_by_name_whatever_holds_them(case: str) -> None:
 
 @pytest.mark.parametrize("data", [VALUES, {"q": VALUES}, {"whatever": VALUES}])
 def test_the_only_field_needs_no_name(data: Any) -> None:
-    found = as_fields(data, UNNAMED, **PLACED)
+    found = as_fields(data, UNNAMED, FieldLocation(**PLACED))
     assert list(found.grids) == [""]
     assert found.shown_by(UNNAMED[0]) is found.shown_by(UNNAMED[1])
     assert np.array_equal(found.grids[""].values, VALUES)
@@ -77,14 +78,14 @@ def test_the_only_field_needs_no_name(data: Any) -> None:
 
 def test_only_what_a_member_shows_is_looked_at() -> None:
     broken = {"q": np.full((3, 4, 5), np.nan), "speed": VALUES}
-    assert list(as_fields(broken, NAMED[1:2], known=NAMED, **PLACED).grids) == ["speed"]
-    assert list(as_fields({"speed": VALUES}, NAMED[1:2], known=NAMED, **PLACED).grids) == ["speed"]
+    assert list(as_fields(broken, NAMED[1:2], FieldLocation(**PLACED), known=NAMED).grids) == ["speed"]
+    assert list(as_fields({"speed": VALUES}, NAMED[1:2], FieldLocation(**PLACED), known=NAMED).grids) == ["speed"]
 
 
 def test_holes_are_each_fields_own() -> None:
     holed = VALUES.copy()
     holed[1, 2, 3] = np.nan
-    found = as_fields({"q": VALUES, "speed": holed}, NAMED, nan="transparent")
+    found = as_fields({"q": VALUES, "speed": holed}, NAMED, FieldLocation(nan="transparent"))
     assert found.grids["q"].holes is None
     assert found.grids["speed"].holes is not None
     assert found.grids["speed"].holes.sum() == 1
@@ -158,7 +159,7 @@ WRONG: dict[str, tuple[Any, list[Isosurface], dict[str, Any], list[str]]] = {
 def test_what_is_wrong_is_named_with_its_remedy(case: str) -> None:
     data, appearances, options, said = WRONG[case]
     with pytest.raises((ValueError, TypeError)) as caught:
-        as_fields(data, appearances, **options)
+        as_fields(data, appearances, FieldLocation(**options))
     for words in said:
         assert words in str(caught.value)
 

@@ -7,6 +7,7 @@ import pytest
 
 from catalogs.vocabulary.appearance import Isosurface
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.fields.share import ghost_layers, share_of
 from insitu.mpi.layout import BlockExtent
 from render.grids import Grid
@@ -17,13 +18,13 @@ VALUES = np.arange(5 * 6 * 7, dtype=np.float64).reshape(5, 6, 7)
 
 
 def share(data, appearances=SURFACE, nan="refuse", **place):
-    found = share_of(data, appearances, known=appearances, nan=nan, **{"spacing": (1.0, 2.0, 3.0), **place})
+    found = share_of(data, appearances, FieldLocation(**{"spacing": (1.0, 2.0, 3.0), "nan": nan, **place}), appearances)
     assert found is not None
     return found
 
 
 def test_a_rank_without_a_block_has_no_share() -> None:
-    assert share_of(None, SURFACE, known=SURFACE, nan="refuse") is None
+    assert share_of(None, SURFACE, FieldLocation(), SURFACE) is None
 
 
 @pytest.mark.parametrize(
@@ -89,11 +90,11 @@ def test_nan_in_ghost_layers_is_nobodys_business() -> None:
 
 def test_fields_that_know_their_place_and_name() -> None:
     field = Field(VALUES.astype(np.float32), (0.5, 0.5, 0.5), (1.0, 2.0, 3.0), name="speed", unit="m/s")
-    found = share_of(field, SURFACE, known=SURFACE, nan="refuse")
+    found = share_of(field, SURFACE, FieldLocation(), SURFACE)
     assert found.own == BlockExtent(VALUES.shape, (0.5, 0.5, 0.5), (1.0, 2.0, 3.0))
     assert found.quantities[""].unit == "m/s"
     grid = Grid(VALUES, (1.0, 1.0, 1.0), (0.0, 0.0, 9.0))
-    assert share_of(grid, SURFACE, known=SURFACE, nan="refuse").own.origin == (0.0, 0.0, 9.0)
+    assert share_of(grid, SURFACE, FieldLocation(), SURFACE).own.origin == (0.0, 0.0, 9.0)
 
 
 def test_data_that_would_be_resampled_are_refused() -> None:
@@ -102,4 +103,4 @@ def test_data_that_would_be_resampled_are_refused() -> None:
     grid = pyvista.RectilinearGrid([0.0, 1.0, 3.0], [0.0, 1.0], [0.0, 1.0])
     grid["q"] = np.arange(12.0)
     with pytest.raises(ValueError, match="a block must hold samples of a uniform grid"):
-        share_of(grid, SURFACE, known=SURFACE, nan="refuse")
+        share_of(grid, SURFACE, FieldLocation(), SURFACE)

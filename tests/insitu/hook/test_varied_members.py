@@ -20,6 +20,7 @@ from catalogs.vocabulary.scene import PlannedMember, ViewPlan
 from catalogs.vocabulary.variations import isovalue_family, transfer_function_family
 from insitu.cli import main
 from insitu.ensembles.dataset import make_dataset
+from insitu.fields.location import FieldLocation
 from insitu.fields.member_fields import as_fields
 from insitu.members.agreement import disagreements, misplaced
 from insitu.members.planning import Pilot, PlanOptions, measure_pilot, plan_catalog
@@ -193,7 +194,7 @@ def test_a_variation_is_sampled_as_finely_as_its_measured_settings_need(monkeypa
     asked = PlanOptions(
         **options(appearances=appearances, variations=variations, sample_distance=None, target_decibels=35.0)
     )
-    pilot = measure_pilot(as_fields(blob(), appearances, spacing=SPACING), asked)
+    pilot = measure_pilot(as_fields(blob(), appearances, FieldLocation(spacing=SPACING)), asked)
     assert 5 <= len(measured) <= 10
     assert {"dvr", "other"} < set(measured)
     assert set(pilot.distances) == {a.name for a in appearances if a not in ISOVALUES.appearances}

@@ -9,7 +9,7 @@ import pytest
 
 from catalogs.vocabulary.appearance import Isosurface
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
-from insitu.members.request import member_request
+from insitu.members.request import MemberArguments, member_request
 
 RUN = ParameterSpace((Parameter("Re", 100.0, 200.0),))
 DUMPS = ParameterSpace((*RUN.parameters, Parameter("time", 0.0, 10.0, "s")))
@@ -41,7 +41,7 @@ KNOWN = (Isosurface("one", 0.5), Isosurface("two", 0.6))
 def test_time_is_a_parameter_where_the_space_has_it(
     space: ParameterSpace, parameters: dict[str, float], time: Any, filled: dict[str, float], recorded: float | None
 ) -> None:
-    request = member_request(space, KNOWN, parameters, time=time)
+    request = member_request(space, KNOWN, MemberArguments(parameters, time=time))
     assert dict(request.parameters) == filled
     assert list(request.parameters) == list(space.names)
     assert request.record.get("time") == recorded
@@ -77,4 +77,4 @@ def test_what_is_wrong_with_a_request_is_named(
     space: ParameterSpace, parameters: Any, changes: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        member_request(space, KNOWN, parameters, **changes)
+        member_request(space, KNOWN, MemberArguments(parameters, **changes))

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from catalogs.vocabulary.appearance import Isosurface
-from insitu.background.handover import prepared
+from insitu.background.queue import handed_over
 from insitu.fields.field import Field
-from insitu.fields.member_fields import Fields, as_fields
+from insitu.fields.location import FieldLocation
+from insitu.fields.member_fields import Fields, LocalField
 
 SHAPE = (5, 6, 7)
 VALUES = np.linspace(0.0, 1.0, 5 * 6 * 7).reshape(SHAPE)
@@ -32,9 +33,10 @@ TAKEN: dict[str, tuple[Any, list[Isosurface], dict[str, Any], bool]] = {
 @pytest.mark.parametrize("case", TAKEN)
 def test_what_comes_out_is_what_the_loop_would_have_made(case: str) -> None:
     data, appearances, place, plain = TAKEN[case]
-    handed, left, box = prepared(data, appearances, known=appearances, **place)
-    assert isinstance(handed, Fields) != plain
-    wanted, found = as_fields(data, appearances, **place), as_fields(handed, appearances, **left)
+    given = LocalField(data, FieldLocation(**place))
+    handed, box = handed_over(given, appearances, appearances)
+    assert isinstance(handed.data, Fields) != plain
+    wanted, found = given.take(appearances, appearances), handed.take(appearances, appearances)
     assert box == found.box == wanted.box
     assert list(found.grids) == list(wanted.grids)
     for one, other in zip(found.grids.values(), wanted.grids.values(), strict=True):
@@ -44,13 +46,13 @@ def test_what_comes_out_is_what_the_loop_would_have_made(case: str) -> None:
 
 
 def test_only_what_is_shown_is_handed_over() -> None:
-    handed, _, _ = prepared({"u": VALUES, "v": -VALUES}, TWO[:1], known=TWO)
-    assert list(handed) == ["u"]
+    handed, _ = handed_over(LocalField({"u": VALUES, "v": -VALUES}), TWO[:1], TWO)
+    assert list(handed.data) == ["u"]
 
 
 def test_values_are_not_looked_at() -> None:
-    handed, _, _ = prepared(np.full(SHAPE, np.nan), ONE, known=ONE)
-    assert np.isnan(handed).all()
+    handed, _ = handed_over(LocalField(np.full(SHAPE, np.nan)), ONE, ONE)
+    assert np.isnan(handed.data).all()
 
 
 @pytest.mark.parametrize(
@@ -69,4 +71,4 @@ def test_values_are_not_looked_at() -> None:
 )
 def test_what_is_wrong_is_told_at_once(data: Any, appearances: list[Isosurface], place: Any, message: str) -> None:
     with pytest.raises((ValueError, TypeError), match=message):
-        prepared(data, appearances, known=appearances, **place)
+        handed_over(LocalField(data, FieldLocation(**place)), appearances, appearances)

@@ -1,0 +1,143 @@
+"""The hook for one member: `render_member`."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypedDict, Unpack
+
+from catalogs.store.plan import CatalogError
+from catalogs.vocabulary.appearance import Appearance
+from catalogs.vocabulary.scene import ViewPlan
+from catalogs.vocabulary.variations import Variation
+from insitu.fields.boxes import Box
+from insitu.fields.location import Ghosts
+from insitu.hook.session import Session
+from insitu.members.callers import warn_caller
+from insitu.members.failures import Failures
+from insitu.members.planning import Space
+from insitu.members.request import Existing, OnError
+from insitu.members.result import RenderedMember
+
+
+class OneMember(TypedDict, total=False):
+    """Keyword arguments that `render_member` passes to the method of its name."""
+
+    name: str | None
+    split: str
+    time: float | None
+    spacing: Sequence[float] | None
+    origin: Sequence[float] | None
+    array: str | None
+    dims: Sequence[str] | None
+    ghosts: Ghosts
+
+
+class HookArguments(OneMember, total=False):
+    """Further keyword arguments, which it passes to `Session`."""
+
+    space: Space | None
+    appearances: Appearance | Iterable[Appearance] | None
+    views: ViewPlan | None
+    bounds: Box | None
+    target_decibels: float | None
+    sample_distance: float | Mapping[str, float] | None
+    image_format: str | None
+    provenance: Mapping[str, Any] | None
+    variations: Iterable[Variation] | None
+    fields: Mapping[str, Any] | None
+    nan: str
+    existing: Existing
+    on_error: OnError
+    background: bool | int
+    progress: Callable[[int], None] | None
+    warn: Callable[[Warning], None] | None
+    comm: Any
+
+
+def render_member(
+    field: Any,
+    parameters: Mapping[str, float],
+    *,
+    catalog: str | os.PathLike[str],
+    **arguments: Unpack[HookArguments],
+) -> RenderedMember:
+    """Render one member of an ensemble into a Cinema catalog; the field may be freed afterwards.
+
+    The first call makes the catalog and fixes its plan; later calls, from this process or another, may leave the plan's
+    arguments out, and must agree with the catalog where they state them.  A one-member `Session`.
+
+    Parameters
+    ----------
+    field : numpy array (z, y, x), with `spacing`; a pyvista or VTK data set; or xarray's, taken by the names and coordinates
+        of its axes; see `render.to_grid`.  Several fields are a mapping {name: array}, all of one shape, or a data set: every
+        appearance then names its own, `field="..."`.  A function of no arguments that returns one of these is called only
+        where the member is rendered.
+    parameters : the member's simulation parameters by name, in the units of `space`.  A value out of bounds is
+        rendered, with a warning that is also recorded.
+    catalog : the `.cdb` directory.
+    space : the ensemble's parameters, `{name: (low, high)}`, `{name: (low, high, unit)}`, `Parameter` objects, which have a
+        scale too, or a `ParameterSpace`; needed by the first call.
+    fields : what the shown field is called, and its unit, `{"Q": "1/s²"}`; of several, `{name: unit}` by the names that
+        appearances give them, or `{name: Quantity(name, unit)}` where they are called otherwise.
+    appearances : transfer functions and isovalues, in the field's physical units; needed by the first call.
+    views : viewpoints and frame, by default 252 on the icosphere at 256 x 256 pixels.
+    spacing, origin : of an array, (x, y, z), world units.
+    array : which array of a data set, where appearances name no field.
+    dims : what an array's axes are, in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as
+        xarray's are called.
+    name : the member's name in the catalog, by default from its parameters.
+    split : "train", "validation" or "test".
+    nan : "refuse" NaN and infinity, or show them "transparent".
+    target_decibels, sample_distance : how exact volume rendering must be, as PSNR against a converged reference (50 dB), or the
+        step of its rays in world units, one for all or by appearance.
+    time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump of a run is
+        a member.
+    existing : what to do where the catalog has a member with these parameters: raise an "error", "skip" it, before the field is
+        looked at, or "replace" it, atomically.
+    on_error : "raise"; or "warn", and report the member missing (see `Session`).
+    bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
+    variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
+        (`catalogs.vocabulary.variations.isovalue_family`, `transfer_function_family`), or are to be learnt beside a
+        base (`field_variation`).
+    image_format : "png" (8 bits, the default) or "exr" (float32).
+    provenance : further JSON values to record in a new catalog.
+    progress, warn : as in `Session`.
+    comm, ghosts : of a field in blocks, one on each rank of an MPI communicator; see `Session` and its `render_member`.
+
+    Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
+    to the transfer function's range, and the texture), once each further field, and one image at a time.  Where float32 does not
+    hold the field exactly, the samples take its own size: with float64 four times the field in float32.  Transparent values
+    take three quarters of it more.  All of it is freed again but the first.
+
+    Raises
+    ------
+    ValueError : the field, the parameters or the plan are not acceptable; nothing was written.
+    OSError : the disk is full or not writable; nothing of the member was kept.
+    """
+    of_session: Any = dict(arguments)
+    of_member: Any = {name: of_session.pop(name) for name in OneMember.__annotations__ if name in of_session}
+    try:
+        session = Session(catalog, **of_session)
+    except (CatalogError, OSError) as error:  # of an existing catalog; an argument's own mistake is always raised
+        if of_session.get("on_error") != "warn":
+            raise
+        name, warn = of_member.get("name"), of_session.get("warn") or warn_caller
+        return Failures(Path(catalog)).add(name, parameters, error, warn)
+    with session:
+        return session.render_member(field, parameters, **of_member)
+
+
+def _signature() -> inspect.Signature:
+    """The signature of `render_member`, its `**arguments` spelt out with the defaults of `Session` and its method."""
+    own = inspect.signature(render_member)
+    of_session, of_member = (inspect.signature(f).parameters for f in (Session, Session.render_member))
+    named = [p for p in own.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
+    spelt_out = [p for p in of_session.values() if p.name not in own.parameters]
+    spelt_out += [of_member[name] for name in OneMember.__annotations__]
+    return own.replace(parameters=[*named, *spelt_out])
+
+
+render_member.__signature__ = _signature()  # type: ignore[attr-defined]

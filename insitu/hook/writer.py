@@ -1,0 +1,122 @@
+"""Members rendered into one catalog, one after the other, in this process."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from catalogs.store.catalog import Catalog
+from catalogs.vocabulary.appearance import Appearance
+from catalogs.vocabulary.parameters import ParameterSpace
+from insitu.fields.distances import member_distances
+from insitu.fields.member_fields import MemberFields, MemberInput
+from insitu.members.agreement import agreeing_catalog, create_catalog, notes_on_member
+from insitu.members.conflicts import stored_name, under_stored_name
+from insitu.members.drawing import write_member
+from insitu.members.failures import named_disk_errors
+from insitu.members.planning import PlanOptions, check_complete, measure_pilot
+from insitu.members.request import Existing, MemberArguments, MemberRequest, member_request
+from insitu.members.result import PeakMemory, RenderedMember
+from render.datasets import ResamplingWarning
+
+
+class CatalogWriter:
+    """The catalog at `path`, as `options` plan it; its first member makes it.
+
+    `progress` is called with the number of images drawn of a member, `warn` with each warning, and `created` once there is a new
+    catalog.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        options: PlanOptions,
+        *,
+        progress: Callable[[int], None],
+        warn: Callable[[Warning], None],
+        created: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.path, self.options = path, options
+        self.catalog: Catalog | None = None
+        self._progress, self._warn, self._created = progress, warn, created
+        self._noted: set[tuple[str, str]] = set()
+
+    def find_catalog(self) -> Catalog | None:
+        """The catalog, if there is one, made by this process or another; raises ValueError where it has another plan."""
+        if self.catalog is None:
+            self.catalog = agreeing_catalog(self.path, self.options)
+        return self.catalog
+
+    def vocabulary(self) -> tuple[ParameterSpace, Sequence[Appearance]]:
+        """The parameters and all appearances; raises ValueError where neither a catalog nor the options say."""
+        catalog = self.find_catalog()
+        return check_complete(self.options) if catalog is None else (catalog.plan.space, catalog.plan.appearances)
+
+    def request(self, member: MemberArguments) -> MemberRequest:
+        """See `insitu.members.request.member_request`."""
+        return member_request(*self.vocabulary(), member)
+
+    def skipped(self, request: MemberRequest, existing: Existing) -> RenderedMember | None:
+        """The result for a stored member that may stay; None for one to render.  Raises CatalogError for a conflict."""
+        catalog = self.find_catalog()
+        name = None if catalog is None else stored_name(catalog, request, existing)
+        return None if name is None else RenderedMember(name, self.path / "members" / name, skipped=True)
+
+    def write(self, field: MemberInput, member: MemberArguments) -> RenderedMember:
+        """Render a member, or skip it; raises what is wrong with it."""
+        request = self.request(member)
+        return self.skipped(request, member.existing) or self.render(field, request, member.existing)
+
+    def render(self, field: MemberInput, request: MemberRequest, existing: Existing) -> RenderedMember:
+        """Render a member that is not stored yet, or is to be replaced."""
+        started, memory, replace = clock.perf_counter(), PeakMemory(), existing == "replace"
+        _, known = self.vocabulary()
+        # A new catalog's sample distances need all fields.
+        fields = field.take(known if self.catalog is None else request.shown, known)
+        memory.sample()
+        with named_disk_errors(request.name, self.path):
+            catalog = self.catalog or self._create(fields)
+            request = under_stored_name(catalog, request) if replace else request
+            distances, coarse = member_distances(fields, request.shown, catalog.plan)
+            notes = [*notes_on_member(fields.box, request.parameters, catalog.plan), *coarse]
+            for note in [*map(ResamplingWarning, fields.notes), *map(UserWarning, notes)]:
+                self._warn(note)
+            warnings: tuple[str, ...] = (*fields.notes, *notes)
+            record = {"bounds": fields.box, **({"sample_distances": distances} if coarse else {})}
+            with catalog.begin_member(
+                request.name,
+                request.parameters,
+                split=request.split,
+                provenance={**request.record, **record},
+                appearances=[appearance.name for appearance in request.shown],
+                outside="allow",
+                replace=replace,
+            ) as writer:
+                figures, of_images = write_member(
+                    fields, request, distances, catalog.plan, writer, memory, self._progress
+                )
+                warnings = (*warnings, *map(str, of_images))
+                if warnings:
+                    writer.add_provenance(warnings=warnings)
+        for image_note in of_images:
+            if image_note[:2] not in self._noted:  # once, whatever the numbers
+                self._noted.add(image_note[:2])
+                self._warn(UserWarning(str(image_note)))
+        return RenderedMember(
+            name=request.name,
+            path=catalog.path / "members" / request.name,
+            **figures,
+            seconds=clock.perf_counter() - started,
+            extra_memory=memory.extra_bytes,
+            warnings=warnings,
+        )
+
+    def _create(self, fields: MemberFields) -> Catalog:
+        """The catalog, made for its first member's fields."""
+        pilot = measure_pilot(fields, self.options)
+        for note in pilot.notes:
+            self._warn(UserWarning(note))
+        self.catalog = create_catalog(self.path, pilot, self.options)
+        self._created()
+        return self.catalog
