@@ -15,8 +15,8 @@ from insitu.ensembles.ensemble import EnsembleResult as EnsembleResult
 from insitu.ensembles.ensemble import run_ensemble as run_ensemble
 from insitu.ensembles.probe import probe_fields as probe_fields
 from insitu.fields.field import Field as Field
-from insitu.hook.session import Session as Session
 from insitu.hook.member import render_member as render_member
+from insitu.hook.session import Session as Session
 from insitu.members.result import RenderedMember as RenderedMember
 
 __version__: str

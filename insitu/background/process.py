@@ -202,7 +202,7 @@ class Background:
                 pass_fds=descriptors,
                 stdin=subprocess.DEVNULL,
                 stdout=2,  # what it prints is not the program's output
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
+                env={**os.environ, "PYTHONPATH": _search_path()},
                 start_new_session=True,  # Ctrl-C is for the loop, which decides
             )
         except OSError as error:
@@ -301,6 +301,11 @@ def python() -> str:
         return sys.executable
     found = [Path(sys.prefix) / "bin" / name for name in names]
     return next((str(path) for path in found if path.exists()), shutil.which("python3") or "python3")
+
+
+def _search_path() -> str:
+    """The loop's, behind the folder of this package: no file in the working folder takes the name of one of ours."""
+    return os.pathsep.join([str(Path(__file__).parents[2]), *(path or os.getcwd() for path in sys.path)])
 
 
 def _cause(code: int) -> str:

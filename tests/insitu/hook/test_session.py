@@ -25,6 +25,7 @@ from catalogs.store.plan import name_problem
 from catalogs.tools.check import check
 from catalogs.vocabulary.appearance import Isosurface, VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
+from insitu.hook.member import HookArguments
 from insitu.hook.session import Session
 from insitu.members.request import member_name
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
@@ -458,3 +459,8 @@ def test_members_are_rendered_from_other_threads(tmp_path: Path) -> None:
     pictures = [Catalog.open(tmp_path / "a.cdb").images(member, "dvr") for member in (first, *others)]
     assert all(np.array_equal(picture, pictures[0]) for picture in pictures)
     assert check(tmp_path / "a.cdb") == []
+
+
+def test_the_hooks_types_name_every_argument_that_it_takes() -> None:
+    shown = set(inspect.signature(insitu.render_member).parameters)
+    assert set(HookArguments.__annotations__) == shown - {"field", "parameters", "catalog"}

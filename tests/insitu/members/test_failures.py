@@ -18,7 +18,7 @@ from catalogs.tools.check import check
 from catalogs.tools.show import describe
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.scene import ViewPlan
-from insitu.hook import session as hook
+from insitu.hook import writer as hook
 from insitu.members.failures import MissingMemberWarning
 from tests.support.hooked import FUNCTION, SPACING, blob, tree
 
