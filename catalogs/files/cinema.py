@@ -4,13 +4,13 @@ The rules (https://cinemasciencewebsite.readthedocs.io/en/latest/specD.html; "Di
 
 - RFC 4180: commas, cells quoted where needed, no stray quotes; rows may end with LF, as most such tables do;
 - one header row of unique, non-empty labels, none of which reads as a number; at least one row below it;
-- columns that name files start with FILE and come last; a cell names one by a POSIX path (here: inside the database) or a URL;
-- every column has one type, integers, floats or words, set by its first cell that is not empty; empty cells and, but for integers,
-  NaN mean that nothing is known.
+- columns of file names start with FILE and come last; a cell is a POSIX path (here: inside the database) or a URL;
+- every column has one type, integers, floats or words, set by its first cell that is not empty; empty cells and, except for
+  integers, NaN mean an unknown value.
 
-Stricter than the specification, because clients trip over it: a FILE cell is never empty, no other label contains "file",
+Stricter than the specification, because viewers fail otherwise: a FILE cell is never empty, no other label contains "file",
 and nothing is padded with blanks.  A float is written with the fewest digits that read back as the same double, and always with a
-point, so that a column of floats is never taken for integers.
+point, so that a column of floats is never read as integers.
 """
 
 from __future__ import annotations
@@ -20,31 +20,34 @@ import io
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 import numpy as np
+
+from catalogs.files import durable
 
 Cell = str | int | float
 
 NEWLINE = "\r\n"  # RFC 4180, section 2.1
 CELL = re.compile(r'(?:"([^"]*+(?:""[^"]*+)*+)"|([^",\r\n]*+))(,|\r\n|\n|\Z)')  # RFC 4180, section 2
-LONGEST_CELL = 1 << 20  # characters, of a table that comes in pieces
+PIECE = 1 << 16  # characters of a table's file per read
+LONGEST_CELL = 1 << 20  # characters, in a table that is read in pieces
 TYPE_NAMES = {int: "integers", float: "floats", str: "words"}
 NO_ROW = "the table has no row: specification D wants at least one"
 URL = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]*://")
 
 
 class TableError(ValueError):
-    """A table breaks a rule of the specification; the message says which rule and where."""
+    """A table breaks a rule of the specification; the message names the rule and the place."""
 
 
 def format_cell(value: Cell) -> str:
     """The text of a cell before quoting; raises TableError for truth values, NaN and infinities."""
     if isinstance(value, bool | np.bool_):
-        raise TableError(f"a truth value ({value}) has no place in a table: write it as a word")
+        raise TableError(f"truth value ({value}) in a table: write it as a word")
     if isinstance(value, float | np.floating):
         if not math.isfinite(value):
-            raise TableError(f"{value} has no place in a table: every value is known")
+            raise TableError(f"{value} in a table: every value must be finite")
         mantissa, exponent, power = repr(float(value)).partition("e")
         return f"{mantissa}{'' if '.' in mantissa else '.0'}{exponent}{power}"
     return str(value)
@@ -59,17 +62,24 @@ def format_rows(rows: Iterable[Sequence[Cell]]) -> str:
     return stream.getvalue()
 
 
+def rows_of(path: Path) -> Iterator[list[str]]:
+    """Header and rows of a table's file, read in pieces; raises OSError, UnicodeDecodeError, and TableError as `read_rows` does."""
+    with durable.opened(path) as stream:
+        text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
+        yield from read_rows(iter(lambda: text.read(PIECE), ""))
+
+
 def parse(text: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a table; raises TableError where it is no RFC 4180 or rows differ in length."""
+    """Header and rows of a table; raises TableError where it breaks RFC 4180 or rows differ in length."""
     rows = read_rows([text])
     return next(rows), list(rows)
 
 
 def read_rows(chunks: Iterable[str]) -> Iterator[list[str]]:
-    """The header and then each row of a table that comes in pieces, in the memory of a piece and a row.
+    """The header and then each row of a table given in pieces, in the memory of a piece and a row.
 
-    Raises TableError where it is no RFC 4180, has rows of another length than the header, or, if it comes in several pieces, a
-    cell of more than a million characters.
+    Raises TableError where it breaks RFC 4180, for a row of another length than the header, and for a cell of more than a
+    million characters in a table of several pieces.
     """
     header: list[str] = []
     for number, row in enumerate(_records(chunks), start=1):
@@ -90,7 +100,7 @@ def _records(chunks: Iterable[str]) -> Iterator[list[str]]:
     pieces = iter(chunks)
     following: str | None = next(pieces, "")
     if following and following.startswith("\ufeff"):
-        raise TableError("it begins with a byte order mark, which clients take for a part of the first label")
+        raise TableError("it begins with a byte order mark, which viewers read as part of the first label")
     while following is not None:
         line += text.count("\n", 0, place)
         text, place = text[place:] + following, 0
@@ -102,7 +112,7 @@ def _records(chunks: Iterable[str]) -> Iterator[list[str]]:
             if cell is None or (following is not None and not cell[3]):
                 around = text[place : place + 30]
                 where = f"row {number}, line {line + text.count(chr(10), 0, place)}"
-                raise TableError(f"{where}: no RFC 4180: a stray quote or line end near {around!r}")
+                raise TableError(f"{where}: not valid CSV (RFC 4180): unexpected quote or newline near {around!r}")
             quoted, plain, end = cell.groups()
             row.append(plain if quoted is None else quoted.replace('""', '"'))
             place = cell.end()
@@ -114,27 +124,27 @@ def _records(chunks: Iterable[str]) -> Iterator[list[str]]:
 
 
 def is_file_column(label: str) -> bool:
-    """Whether a client takes the column for file names: labels that start with FILE."""
+    """True for labels of file names, which start with FILE."""
     return label.startswith("FILE")
 
 
 def header_problems(header: Sequence[str]) -> list[str]:
-    """Every rule that the labels break, as sentences."""
+    """A sentence for every rule that the labels break."""
     problems = []
     for number, label in enumerate(header, start=1):
         if not label.strip():
             problems.append(f"column {number} has no label")
         elif label != label.strip():
-            problems.append(f"label {label!r} is padded with blanks, which clients take for a part of it")
+            problems.append(f"label {label!r} is padded with blanks, which viewers read as part of it")
         elif reads_as_number(label):
-            problems.append(f"label {label!r} reads as a number: a label must be a word")
+            problems.append(f"label {label!r} would be read as a number: a label must be a word")
     repeated = sorted({label for label in header if header.count(label) > 1})
     problems += [f"label {label!r} occurs more than once" for label in repeated]
     files = [is_file_column(label) for label in header]
     if files != sorted(files):
         problems.append("FILE columns must be the last ones")
     problems += [
-        f"label {label!r} contains 'file': clients match it in any case and would take its cells for paths"
+        f"label {label!r} contains 'file': viewers ignore case and would read its cells as paths"
         for label, file in zip(header, files, strict=True)
         if not file and "file" in label.lower()
     ]
@@ -142,7 +152,7 @@ def header_problems(header: Sequence[str]) -> list[str]:
 
 
 def cell_type(text: str) -> type[int] | type[float] | type[str]:
-    """int, float or str: what a client takes the cell for."""
+    """Type of a cell as viewers read it: int, float or str."""
     for kind in (int, float):
         try:
             kind(text)
@@ -153,12 +163,12 @@ def cell_type(text: str) -> type[int] | type[float] | type[str]:
 
 
 def reads_as_number(text: str) -> bool:
-    """Whether a client could take a word for a number ("007", "1e5", "nan")."""
+    """True for words that viewers would read as numbers ("007", "1e5", "nan")."""
     return cell_type(text) is not str
 
 
 def column_problems(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Every rule that the cells break, as sentences with row numbers (the header is row 1)."""
+    """A sentence with row number for every rule that the cells break (the header is row 1)."""
     columns, problems, number = Columns(header), [], 1
     for number, row in enumerate(rows, start=2):
         problems += columns.problems(number, row)
@@ -166,20 +176,20 @@ def column_problems(header: Sequence[str], rows: Iterable[Sequence[str]]) -> lis
 
 
 class Columns:
-    """The rules that hold for the cells of a table's columns, of which rows are seen one after the other."""
+    """Rules for the cells of a table's columns, applied row by row."""
 
     def __init__(self, header: Sequence[str]) -> None:
         self._labels = list(header)
-        self._types: list[type | None] = [None] * len(self._labels)  # of each column's first cell that is not empty
+        self._types: list[type | None] = [None] * len(self._labels)  # of the first cell that is not empty
 
     def problems(self, number: int, row: Sequence[str]) -> list[str]:
-        """Every rule that the next row, with this number, breaks, as sentences."""
-        found = []
+        """A sentence for every rule that the next row, with this number, breaks."""
+        sentences = []
         for index, (label, cell) in enumerate(zip(self._labels, row, strict=True)):
             problem = path_problem(cell) if is_file_column(label) else self._type_problem(index, cell)
             if problem:
-                found.append(f"row {number}, column {label}: {problem}")
-        return found
+                sentences.append(f"row {number}, column {label}: {problem}")
+        return sentences
 
     def _type_problem(self, index: int, cell: str) -> str | None:
         if not cell:
@@ -191,14 +201,14 @@ class Columns:
         if kind is float and first is not int and math.isnan(float(cell)):
             return None
         if kind is not first:
-            return f"{cell!r} stands among {TYPE_NAMES[first]}: a column has one type"
+            return f"{cell!r} is among {TYPE_NAMES[first]}: a column has one type"
         if kind is float and math.isinf(float(cell)):
-            return f"{cell} is no number that a client can place"
+            return "infinite value: Cinema viewers cannot show it"
         return None
 
 
 def path_problem(cell: str) -> str | None:
-    """Why a FILE cell is neither a URL nor a path inside the database, or None."""
+    """The problem of a FILE cell that is neither a URL nor a path inside the database, or None."""
     if not cell:
         return "a FILE cell must not be empty"
     if is_url(cell):
@@ -210,5 +220,5 @@ def path_problem(cell: str) -> str | None:
 
 
 def is_url(cell: str) -> bool:
-    """Whether a FILE cell names something on a network: allowed by the specification, never fetched here."""
+    """True for a FILE cell that is a URL: allowed by the specification, never fetched here."""
     return URL.match(cell) is not None

@@ -1,13 +1,10 @@
-"""Whether a Cinema database is what it says: every rule of specification D, and every image, one by one.
+"""Validation of a Cinema database: every rule of specification D, and every image.
 
-Table and members are gone through side by side, a row and a member at a time: of a catalog nothing stays in memory but the members'
-names.
+Table and members are read side by side, a row and a member at a time, so that large catalogs need little memory.
 """
 
 from __future__ import annotations
 
-import io
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,27 +12,26 @@ from dataclasses import dataclass
 from itertools import groupby, islice, zip_longest
 from pathlib import Path
 
-import numpy as np
-
 from catalogs.files import cinema, durable
 from catalogs.store.catalog import Catalog, CatalogError, Member
 from catalogs.store.description import DESCRIPTION
 from catalogs.store.journal import key_of
 from catalogs.store.members import read_record
 from catalogs.store.table import MEMBERS, TABLE, derived_rows, member_names, stray_names
-from catalogs.tools.damage import Wanted, file_problem, images_of, rows_problem, summary_problem
+from catalogs.tools.damage import ExpectedImage, file_problem, images_of, rows_problem, summary_problem
 
 Progress = Callable[[int, int], None]
-READERS, AT_ONCE, AHEAD = 2, 16, 4  # threads, files that one takes, and how often so many wait
-PIECE = 1 << 16  # bytes of a table that are read at once
+NumberedRow = tuple[int, list[str]]
+READERS, AT_ONCE, AHEAD = 2, 16, 4  # threads, files per task, and waiting tasks
+MEMBER_IMAGE = "a member's image"
 REPAIR = "`catalogs check --repair` rebuilds the table"
-ROWS_REPAIR = "`catalogs check --repair` writes it anew"
+ROWS_REPAIR = "`catalogs check --repair` rewrites it"
 TAKE_OUT = "take the folder of one of them out of members/, then `catalogs check --repair` rebuilds the table"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong: where (file, row, column) and what; and the member that only rendering it again can mend."""
+    """One problem: its place (file, row, column), and the member that must be rendered again to solve it, or ""."""
 
     place: str
     problem: str
@@ -47,21 +43,20 @@ class Finding:
 
 @dataclass(frozen=True)
 class _File:
-    """A file that must be there: what says so; of a member's image also the member and what it must hold."""
+    """A file that must exist: the place that names it and, for a member's image, the member and the expected image."""
 
     name: str
     place: str
     member: str = ""
-    wanted: Wanted | None = None
+    image: ExpectedImage | None = None
 
 
 def check(path: Path, *, decode: bool = True, progress: Progress = lambda done, total: None) -> list[Finding]:
-    """Everything that is wrong with the Cinema database at `path`, whoever made it; empty where nothing is.
+    """All problems of the Cinema database at `path`, whichever program made it.
 
-    The table is held to specification D (see `catalogs.files.cinema`); every image is decoded whole, once, or only
-    looked for without
-    `decode`; where a `catalog.json` stands beside the table, members, rows, image sizes and summaries must agree with it
-    too.  URLs are not fetched, and nothing is written.
+    The table is validated against specification D (see `catalogs.files.cinema`).  Every image is decoded once; without `decode`
+    it only has to exist.  Where a `catalog.json` is beside the table, members, rows, image sizes and summaries must agree with it.
+    URLs are not fetched, and nothing is written.
     """
     if not path.is_dir():
         return [Finding(str(path), "is no folder")]
@@ -77,11 +72,11 @@ def check(path: Path, *, decode: bool = True, progress: Progress = lambda done, 
 
 
 def _count(path: Path) -> int:
-    """How many files the table names, as far as lines tell."""
+    """Number of files in the table, estimated from its lines."""
     try:
         with durable.opened(path / TABLE) as stream:
-            columns = stream.readline(PIECE).count(b"FILE")
-            return columns * sum(piece.count(b"\n") for piece in iter(lambda: stream.read(PIECE), b""))
+            columns = stream.readline(cinema.PIECE).count(b"FILE")
+            return columns * sum(piece.count(b"\n") for piece in iter(lambda: stream.read(cinema.PIECE), b""))
     except OSError:
         return 0
 
@@ -89,14 +84,14 @@ def _count(path: Path) -> int:
 def _examined(
     pool: ThreadPoolExecutor, root: Path, decode: bool, files: Iterable[_File]
 ) -> Iterator[tuple[_File, str | None]]:
-    """The files and what is wrong with each, in their order; few wait at a time, however many there are."""
+    """The files and the problem of each, in order; at most `AHEAD` tasks wait."""
 
     def examine(some: Sequence[_File]) -> list[tuple[_File, str | None]]:
-        return [(file, file_problem(root, file.name, file.wanted, decode=decode)) for file in some]
+        return [(file, file_problem(root, file.name, file.image, decode=decode)) for file in some]
 
     waiting: deque[Future[list[tuple[_File, str | None]]]] = deque()
-    given = iter(files)
-    while some := list(islice(given, AT_ONCE)):
+    remaining = iter(files)
+    while some := list(islice(remaining, AT_ONCE)):
         waiting.append(pool.submit(examine, some))
         if len(waiting) > AHEAD:
             yield from waiting.popleft().result()
@@ -105,7 +100,7 @@ def _examined(
 
 
 class _Check:
-    """Goes once through a database's table and members; what is wrong with them goes to `findings`."""
+    """One pass over a database's table and members; problems other than those of files are appended to `findings`."""
 
     def __init__(self, path: Path, findings: list[Finding]) -> None:
         self._path, self._findings = path, findings
@@ -114,165 +109,139 @@ class _Check:
             try:
                 self._catalog = Catalog.open(path)
             except CatalogError as error:
-                self._find(DESCRIPTION, str(error))
-        self._names = member_names(path) if self._catalog else []  # sorted
-        self._seen = bytearray(len(self._names))  # 1 for those that were looked at
-        self._keys = np.zeros(len(self._names), np.uint64)  # a part of each one's parameters' key
-        self._table_is_whole = True
-        self._strangers: set[str] = set()  # files that are no member's
+                self._add(DESCRIPTION, str(error))
+        self._examined = dict.fromkeys(member_names(path) if self._catalog else (), False)  # by name, sorted
+        self._names: dict[str, str] = {}  # members by the keys of their parameters
+        self._table_is_readable = True
+        self._difference = ""  # the first one between the table and the members' rows
+        self._other_cells: set[str] = set()  # files outside the members' folders
 
     def files(self) -> Iterator[_File]:
         """Every file that table or members name, once."""
+        header, rows = self._table()
         if self._catalog is None:
-            yield from self._strange_files(*self._table())
+            yield from self._other_files(header, rows)
             return
         for name in stray_names(self._path):
-            self._find(f"{MEMBERS}/{name}", "is no member: it holds no member.json", name)
-        header, rows = self._table()
-        listed = header == self._catalog.plan.header
+            self._add(f"{MEMBERS}/{name}", "is no member: it holds no member.json", name)
+        labels = self._catalog.plan.header
+        listed = header == labels
         if listed:
             yield from self._listed(self._catalog, header, rows)
         else:
             if header:
-                labels = self._catalog.plan.header
-                self._find(TABLE, f"has the columns {header}, the catalog makes {labels}: {REPAIR}")
-            yield from self._strange_files(header, rows)
-        for number, name in enumerate(self._names):
-            if not self._seen[number]:
-                if listed and self._table_is_whole:
-                    self._find(f"member {name}", f"is stored but not in the table: {REPAIR}")
-                member = self._member(self._catalog, number)
-                if member is not None:
-                    for file, wanted in images_of(self._catalog, member):
-                        yield _File(file, "a member's image", name, wanted)
-        self._find_duplicates(self._catalog)
+                self._add(TABLE, f"has the columns {header}, the catalog makes {labels}: {REPAIR}")
+            yield from self._other_files(header, rows)
+        for name in [name for name, examined in self._examined.items() if not examined]:
+            if listed and self._table_is_readable:
+                self._add(f"member {name}", f"is stored but not in the table: {REPAIR}")
+            member = self._member(self._catalog, name)
+            if member is not None:
+                yield from (_File(file, MEMBER_IMAGE, name, image) for file, image in images_of(self._catalog, member))
 
-    def _find(self, place: str, problem: str, member: str = "") -> None:
+    def _add(self, place: str, problem: str, member: str = "") -> None:
         self._findings.append(Finding(place, problem, member))
 
-    def _table(self) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
-        """Header and numbered rows of the table, empty where there is none; what is wrong with each is found as it comes."""
+    def _table(self) -> tuple[list[str], Iterator[NumberedRow]]:
+        """Header and numbered rows of the table, empty where it is missing; rows are checked as they are read."""
         rows = self._readable_rows()
         header = next(rows, [])
         for problem in cinema.header_problems(header):
-            self._find(TABLE, problem)
+            self._add(TABLE, problem)
         return header, self._checked(header, rows)
 
     def _readable_rows(self) -> Iterator[list[str]]:
-        """Header and rows up to where the table can't be read."""
+        """Header and rows up to the first place that can't be read."""
         try:
-            with durable.opened(self._path / TABLE) as stream:
-                text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
-                yield from cinema.read_rows(iter(lambda: text.read(PIECE), ""))
-                return
+            yield from cinema.rows_of(self._path / TABLE)
+            return
         except FileNotFoundError:
-            self._find(TABLE, "is missing: it is the one file that every Cinema database has")
+            self._add(TABLE, "is missing: it is the one file that every Cinema database has")
         except (durable.SpecialFileError, UnicodeDecodeError, cinema.TableError) as error:
-            self._find(TABLE, str(error))
-        self._table_is_whole = False
+            self._add(TABLE, str(error))
+        self._table_is_readable = False
 
-    def _checked(self, header: list[str], rows: Iterator[list[str]]) -> Iterator[tuple[int, list[str]]]:
+    def _checked(self, header: list[str], rows: Iterator[list[str]]) -> Iterator[NumberedRow]:
         columns, number = cinema.Columns(header), 1
         for number, row in enumerate(rows, start=2):
             for problem in columns.problems(number, row):
-                self._find(TABLE, problem)
+                self._add(TABLE, problem)
             yield number, row
-        if number == 1 and self._table_is_whole:
-            self._find(TABLE, cinema.NO_ROW)
+        if number == 1 and self._table_is_readable:
+            self._add(TABLE, cinema.NO_ROW)
 
-    def _strange_files(self, header: list[str], rows: Iterable[tuple[int, list[str]]]) -> Iterator[_File]:
-        """The files that rows name, each once, but for what lies in members' folders, which is looked at with them."""
+    def _other_files(self, header: list[str], rows: Iterable[NumberedRow]) -> Iterator[_File]:
+        """Files that rows name outside the members' folders, each once."""
         for number, row in rows:
             for label, cell in zip(header, row, strict=True):
-                known = not cinema.is_file_column(label) or cinema.path_problem(cell) or cinema.is_url(cell)
-                if known or cell in self._strangers or self._is_of_a_member(cell):
+                if not cinema.is_file_column(label) or cinema.path_problem(cell) or cinema.is_url(cell):
                     continue
-                self._strangers.add(cell)
-                yield _File(cell, f"{TABLE} row {number}, column {label}")
+                root, *below = cell.split("/")
+                of_member = root == MEMBERS and len(below) > 1 and below[0] in self._examined
+                if not of_member and cell not in self._other_cells:
+                    self._other_cells.add(cell)
+                    yield _File(cell, f"{TABLE} row {number}, column {label}")
 
-    def _is_of_a_member(self, name: str) -> bool:
-        parts = name.split("/")
-        return len(parts) > 2 and parts[0] == MEMBERS and self._number(parts[1]) is not None
-
-    def _number(self, name: str) -> int | None:
-        """Which of the stored members this is."""
-        place = bisect_left(self._names, name)
-        return place if place < len(self._names) and self._names[place] == name else None
-
-    def _listed(self, catalog: Catalog, header: list[str], rows: Iterator[tuple[int, list[str]]]) -> Iterator[_File]:
-        """The files of the members that the table lists, in its order.
-
-        Tells which members it invents, and else where it first differs from what the members make.
-        """
+    def _listed(self, catalog: Catalog, header: list[str], rows: Iterator[NumberedRow]) -> Iterator[_File]:
+        """The files of the members in the table, in its order; finds unknown members and the first differing row."""
         column = header.index("member")
         unknown: dict[str, None] = {}
-        differences: list[str] = []
         for name, lines in groupby(rows, key=lambda line: line[1][column]):
-            number = self._number(name)
-            if number is None:
+            member = None
+            if name not in self._examined:
                 unknown[name] = None
-                yield from self._strange_files(header, lines)
-            elif self._seen[number]:
-                differences += [f"member {name} has rows in several places"] * (not differences)
-                yield from self._strange_files(header, lines)
+            elif self._examined[name]:
+                self._differs(f"member {name} has rows in several places")
             else:
-                member = self._member(catalog, number)
-                if member is None:
-                    yield from self._strange_files(header, lines)
-                else:
-                    yield from self._member_files(catalog, member, header, lines, differences)
+                member = self._member(catalog, name)
+            if member is None:
+                yield from self._other_files(header, lines)
+            else:
+                yield from self._member_files(catalog, member, header, lines)
         for name in unknown:
-            self._find(f"member {name}", f"is in the table but not stored: {REPAIR}")
-        if differences and not unknown and all(self._seen):
-            self._find(TABLE, f"differs from what the members make ({differences[0]}): {REPAIR}")
+            self._add(f"member {name}", f"is in the table but not stored: {REPAIR}")
+        if self._difference and not unknown and all(self._examined.values()):
+            self._add(TABLE, f"differs from what the members make ({self._difference}): {REPAIR}")
 
     def _member_files(
-        self,
-        catalog: Catalog,
-        member: Member,
-        header: list[str],
-        lines: Iterable[tuple[int, list[str]]],
-        differences: list[str],
+        self, catalog: Catalog, member: Member, header: list[str], lines: Iterable[NumberedRow]
     ) -> Iterator[_File]:
-        """A listed member's images, and what else its rows name; the first row that is not the member's to `differences`."""
+        """A listed member's images, and other files that its rows name."""
         images = dict(images_of(catalog, member))
         expected_rows = cinema.read_rows([derived_rows(member, catalog.plan).decode()])
         for line, expected in zip_longest(lines, expected_rows):
-            if line is None or expected is None:
-                differences += [f"it has {'fewer' if line is None else 'more'} rows of member {member.name}"]
-            elif line[1] != expected:
-                differences += [f"row {line[0]} and maybe others"]
-            if line is not None:
-                file = line[1][-1]
-                if file in images:
-                    yield _File(file, f"{TABLE} row {line[0]}, column {header[-1]}", member.name, images.pop(file))
-                else:
-                    yield from self._strange_files(header, [line])
-            del differences[1:]
-        for file, wanted in images.items():
-            yield _File(file, "a member's image", member.name, wanted)
+            if line is None:
+                self._differs(f"it has fewer rows of member {member.name}")
+                continue
+            number, row = line
+            if expected is None:
+                self._differs(f"it has more rows of member {member.name}")
+            elif row != expected:
+                self._differs(f"row {number} and maybe others")
+            if row[-1] in images:
+                place = f"{TABLE} row {number}, column {header[-1]}"
+                yield _File(row[-1], place, member.name, images.pop(row[-1]))
+            else:
+                yield from self._other_files(header, [line])
+        yield from (_File(file, MEMBER_IMAGE, member.name, image) for file, image in images.items())
 
-    def _member(self, catalog: Catalog, number: int) -> Member | None:
-        """A stored member, after all that is wrong with its record, rows and summary; None where it can't be read."""
-        self._seen[number] = 1
-        place = f"member {self._names[number]}"
+    def _differs(self, difference: str) -> None:
+        self._difference = self._difference or difference
+
+    def _member(self, catalog: Catalog, name: str) -> Member | None:
+        """A stored member, after its record, rows and summary were checked; None where it can't be read."""
+        self._examined[name] = True
+        place = f"member {name}"
         try:
-            member = read_record(catalog.path / MEMBERS / self._names[number], catalog.plan)
+            member = read_record(catalog.path / MEMBERS / name, catalog.plan)
         except (CatalogError, OSError) as error:
-            self._find(place, str(error), self._names[number])
+            self._add(place, str(error), name)
             return None
-        self._keys[number] = int(key_of(member.parameters)[:16], 16)
         if problem := summary_problem(member, catalog.plan):
-            self._find(place, problem, member.name)
+            self._add(place, problem, name)
         if problem := rows_problem(member, catalog.plan):
-            self._find(place, f"{problem}: {ROWS_REPAIR}")
+            self._add(place, f"{problem}: {ROWS_REPAIR}")
+        other = self._names.setdefault(key_of(member.parameters), name)
+        if other != name:
+            self._add(place, f"has the parameters of member {other}: {TAKE_OUT}")
         return member
-
-    def _find_duplicates(self, catalog: Catalog) -> None:
-        _, places, counts = np.unique(self._keys, return_inverse=True, return_counts=True)
-        first: dict[str, str] = {}
-        for number in np.flatnonzero((counts[places] > 1) & (self._keys > 0)):
-            member = read_record(catalog.path / MEMBERS / self._names[number], catalog.plan)
-            other = first.setdefault(key_of(member.parameters), member.name)
-            if other != member.name:
-                self._find(f"member {member.name}", f"has the parameters of member {other}: {TAKE_OUT}")

@@ -1,4 +1,4 @@
-"""What is wrong with one file of a Cinema database, or with one member of a catalog."""
+"""Problems of one file of a Cinema database, or of one member of a catalog."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ IMAGES = {".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp"}
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What an image file must hold: pictures of this size, RGBA; in a pack so many views of each of these appearances."""
+class ExpectedImage:
+    """Expected contents of an image file: RGBA of this size; in a pack, this number of views of each of these appearances."""
 
     height: int
     width: int
@@ -29,75 +29,71 @@ class Wanted:
     packed: tuple[str, ...] = ()
 
 
-def file_problem(root: Path, name: str, wanted: Wanted | None = None, *, decode: bool = True) -> str | None:
-    """What is wrong with the file `name` of the database `root`; None where nothing is.
+def file_problem(root: Path, name: str, expected: ExpectedImage | None = None, *, decode: bool = True) -> str | None:
+    """The problem of the file `name` of the database `root`, or None.
 
-    Images are decoded whole, and must be what is `wanted` where that is known; without `decode` it is enough that they are there.
+    Images are decoded whole and compared with `expected`, where given; without `decode` they only have to exist.
     """
     path = root / name
     if not path.is_file():
         kind = durable.special(path)
-        return f"is {kind}, where a file belongs" if kind else "is missing"
+        return f"is {kind}, not a regular file" if kind else "is missing"
     if not path.resolve().is_relative_to(root.resolve()):
         return "is a link that leaves the database"
     if not decode:
         return None
     try:
-        if wanted is not None and wanted.packed:
-            pack = open_pack(path, wanted.views * len(wanted.packed), wanted.height, wanted.width)
-            return pack_problem(pack, wanted.packed)
+        if expected is not None and expected.packed:
+            pack = open_pack(path, expected.views * len(expected.packed), expected.height, expected.width)
+            return pack_problem(pack, expected.packed)
         shape = _read_shape(path)
     except (PngError, PackError, ImageError, OSError) as error:
         return f"is damaged: {error}"
     if shape is None:
         return None if path.stat().st_size else "is empty"
-    if wanted is not None and shape != (wanted.height, wanted.width, 4):
-        return f"is {_size(*shape)}; its camera makes {_size(wanted.height, wanted.width, 4)}"
+    if expected is not None and shape != (expected.height, expected.width, 4):
+        return f"is {_size(*shape)}; its camera makes {_size(expected.height, expected.width, 4)}"
     return None
 
 
 def summary_problem(member: Member, plan: CatalogPlan) -> str | None:
-    """Why the sidecar can't be read or, where a catalog shows several fields, is not of exactly those that the member shows."""
+    """The problem of a member's summary file, or None: it is damaged, or has other fields than the member's appearances."""
     try:
-        kept = member.summaries()
+        summaries = member.summaries()
     except ValueError as error:
         return str(error)
     shown = shown_fields(a for a in plan.appearances if a.name in set(member.appearances))
-    if not kept or len(plan.fields) < 2 or set(kept) == set(shown):
+    if not summaries or len(plan.fields) < 2 or set(summaries) == set(shown):
         return None
-    return f"{SUMMARY} is of the fields {list(kept)}, the pictures of {list(shown)}"
+    return f"{SUMMARY} is of the fields {list(summaries)}, the images of {list(shown)}"
 
 
 def rows_problem(member: Member, plan: CatalogPlan) -> str | None:
-    """Why the member's file of rows is not what its record makes."""
+    """The problem of a member's file of rows, or None: it is missing, or differs from the member's record."""
     try:
         rows = durable.read(member.path / ROWS)
     except FileNotFoundError:
         return f"{ROWS} is missing"
     except OSError as error:
         return str(error)
-    return (
-        None
-        if rows == derived_rows(member, plan)
-        else f"{ROWS} is not what its member.json and the catalog's plan make"
-    )
+    return None if rows == derived_rows(member, plan) else f"{ROWS} differs from what member.json and the plan make"
 
 
-def images_of(catalog: Catalog, member: Member) -> Iterator[tuple[str, Wanted]]:
-    """A member's image files in the order of its rows: names relative to the catalog, and what they must hold."""
+def images_of(catalog: Catalog, member: Member) -> Iterator[tuple[str, ExpectedImage]]:
+    """A member's image files in the order of its rows: names relative to the catalog, and their expected contents."""
     if catalog.plan.packed:
         camera = member.cameras[0]
-        wanted = Wanted(camera.height, camera.width, len(member.cameras), member.appearances)
-        yield f"{MEMBERS}/{member.name}/{PACK}", wanted
+        image = ExpectedImage(camera.height, camera.width, len(member.cameras), member.appearances)
+        yield f"{MEMBERS}/{member.name}/{PACK}", image
         return
     for appearance in member.appearances:
         for view, camera in enumerate(member.cameras):
-            name = catalog.image_path(member, appearance, view).relative_to(catalog.path).as_posix()
-            yield name, Wanted(camera.height, camera.width)
+            name = f"{MEMBERS}/{member.name}/{catalog.plan.image_name(appearance, view)}"
+            yield name, ExpectedImage(camera.height, camera.width)
 
 
 def lasting_problems(catalog: Catalog, folder: Path) -> Iterator[str]:
-    """What is wrong with the member in `folder` that nothing stored can mend: then it must be made again."""
+    """Problems of the member in `folder` that only rendering it again can solve."""
     try:
         member = read_record(folder, catalog.plan)
     except (CatalogError, OSError) as error:
@@ -105,13 +101,13 @@ def lasting_problems(catalog: Catalog, folder: Path) -> Iterator[str]:
         return
     if problem := summary_problem(member, catalog.plan):
         yield problem
-    for name, shape in images_of(catalog, member):
-        if problem := file_problem(catalog.path, name, shape):
+    for name, image in images_of(catalog, member):
+        if problem := file_problem(catalog.path, name, image):
             yield f"{name} {problem}"
 
 
 def _read_shape(path: Path) -> tuple[int, int, int] | None:
-    """Height, width and channels of an image whose every byte was read; None for a file that is no image."""
+    """Height, width and channels of an image, after reading every byte; None for other files."""
     if path.suffix.lower() == ".png":
         header = check_png(path)
         if header.is_plain_color:

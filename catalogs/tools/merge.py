@@ -1,8 +1,8 @@
-"""Several catalogs of one scene become one: what different machines, or runs that stopped, have rendered of an ensemble.
+"""Merging of catalogs of one scene, rendered on different machines or by interrupted runs.
 
-Everything is compared before anything is written.  Then members appear as a writer's do, whole or not at all, many in one commit;
-what an interrupted merge has left out the same command adds.  Pictures are linked where the file system allows that, and take no
-further space: nothing here ever changes a picture that is stored.
+All members are compared before anything is written.  Then members are added, many per commit; after an interruption the same
+command resumes.  Images are linked where the file system allows it and so take no further space: no code here changes a stored
+image.
 """
 
 from __future__ import annotations
@@ -24,23 +24,18 @@ from catalogs.store.journal import key_of
 from catalogs.store.members import read_record
 from catalogs.store.missing import missing_members, report_missing
 from catalogs.store.pictures import pack_of, stored_picture
-from catalogs.tools.transfer import add_members, pictures_of, place_pictures, summary_of
+from catalogs.tools.transfer import add_members, image_files, link_images, summary_files
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import shortened
 
 Progress = Callable[[str, int, int], None]
-TOLD = 5  # members that an error names
-SIMPLE = {
-    "bounds": "bounds",
-    "background": "background",
-    "image_format": "encoding",
-    "fields": "names or units of fields",
-}
+MOST_CONFLICTS = 5  # in an error message
+LABELS = {"image_format": "encoding", "fields": "names or units of fields"}
 
 
 @dataclass(frozen=True)
 class Merged:
-    """How many members were added, how many were there already, and how many of the new ones' pictures had to be copied."""
+    """Numbers of members added, of members that several catalogs had, and of added images that were copied, not linked."""
 
     added: int
     same: int
@@ -53,55 +48,50 @@ def merge(
     *,
     progress: Progress = lambda stage, done, total: None,
 ) -> Merged:
-    """Add the members of the catalogs `sources` to the catalog `into`, which is made like the first of them if it is not there.
+    """Add the members of the catalogs `sources` to the catalog `into`, which is created with the plan of the first if absent.
 
-    A member that is in several, with equal parameters, split, cameras, appearances and pictures (pixel by pixel), is once there,
-    as the first of them has it.  `progress` is called with the stage ("comparing", "merging"), and members done and in all.
+    A member of several catalogs, with equal parameters, split, cameras, appearances and images (pixel by pixel), is added once,
+    from the first of them.  `progress` is called with the stage ("comparing", "merging"), and members done and in all.
 
-    Raises CatalogError before anything is written, naming what differs between the catalogs' plans (provenance aside), members of
-    equal names or parameters that differ in anything else, or a picture that is missing.
+    Raises CatalogError before anything is written, naming differences between the catalogs' plans (provenance aside), members of
+    equal names or parameters that differ in anything else, or a missing image.
     """
-    into, given = Path(into), [Path(source) for source in sources]
-    _refuse_repeated([into, *given])
-    known = [Catalog.open(into)] if (into / DESCRIPTION).exists() else []
-    catalogs = [*known, *map(Catalog.open, given)]
+    into, paths = Path(into), [Path(source) for source in sources]
+    _refuse_repeated([into, *paths])
+    existing = [Catalog.open(into)] if (into / DESCRIPTION).exists() else []
+    catalogs = [*existing, *map(Catalog.open, paths)]
     _refuse_mixed_layouts(catalogs)
     for other in catalogs[1:]:
-        _refuse_other_plan(catalogs[0], other)
-    wanted, same = _wanted(catalogs, len(known), progress)
+        if differing := plan_differences(catalogs[0].plan, other.plan):
+            raise CatalogError(
+                f"{other.path} can't be merged with {catalogs[0].path}, they are not of one scene: {'; '.join(differing)}"
+            )
+    new, same = _new_members(catalogs, len(existing), progress)
     target = Catalog.create(into, catalogs[0].plan)
-    copied = 0
-
-    def fill(source: Catalog, member: Member, folder: Path) -> None:
-        nonlocal copied
-        copied += place_pictures(source, member, folder)
-
-    add_members(target, wanted, fill, lambda done, total: progress("merging", done, total))
-    _tell_missing(target, catalogs)
-    return Merged(len(wanted), same, copied)
+    copied = add_members(target, new, link_images, lambda done, total: progress("merging", done, total))
+    _copy_missing(target, catalogs)
+    return Merged(len(new), same, copied)
 
 
-def plan_disagreements(mine: CatalogPlan, theirs: CatalogPlan) -> list[str]:
-    """What two plans differ in, provenance aside, with both values: sentences."""
-    found = []
-    for key in mine.differences(theirs):
-        if key == "cameras":
-            found.append(_camera_disagreement(mine, theirs))
-        elif key == "view_splits":
-            found.append("splits of views: other views are for training, validation or test")
-        elif key == "parameters":
-            found.append(f"parameters: {mine.space} against {theirs.space}")
-        elif key == "appearances":
-            found.append(_appearance_disagreement(mine, theirs))
-        elif key in SIMPLE:
-            values = (plan.to_json().get(key) for plan in (mine, theirs))
-            found.append(f"{SIMPLE[key]}: {' against '.join(map(str, values))}")
-        else:
-            found.append(f"{key}: others")
-    return found
+def plan_differences(mine: CatalogPlan, theirs: CatalogPlan) -> list[str]:
+    """Differences of two plans, provenance aside, as sentences with both values."""
+    special = {
+        "cameras": _camera_difference,
+        "appearances": _appearance_difference,
+        "view_splits": lambda mine, theirs: "splits of views",
+        "parameters": lambda mine, theirs: f"parameters: {mine.space} against {theirs.space}",
+        "variations": lambda mine, theirs: "variations",
+    }
+    records = mine.to_json(), theirs.to_json()
+    return [
+        special[key](mine, theirs)
+        if key in special
+        else f"{LABELS.get(key, key)}: {' against '.join(str(record.get(key)) for record in records)}"
+        for key in mine.differences(theirs)
+    ]
 
 
-def _camera_disagreement(mine: CatalogPlan, theirs: CatalogPlan) -> str:
+def _camera_difference(mine: CatalogPlan, theirs: CatalogPlan) -> str:
     counts = [len(plan.cameras) for plan in (mine, theirs)]
     if counts[0] != counts[1]:
         return f"views: {' against '.join(str(count or 'those of each member') for count in counts)}"
@@ -110,16 +100,16 @@ def _camera_disagreement(mine: CatalogPlan, theirs: CatalogPlan) -> str:
         return f"image size: {' against '.join(map(shortened, sizes))} pixels"
     pairs = zip(_records(mine.cameras), _records(theirs.cameras), strict=True)
     number = next(i for i, (a, b) in enumerate(pairs) if a != b)
-    return f"cameras: view {number} and maybe others stand elsewhere"
+    return f"cameras: view {number} and maybe others"
 
 
-def _appearance_disagreement(mine: CatalogPlan, theirs: CatalogPlan) -> str:
+def _appearance_difference(mine: CatalogPlan, theirs: CatalogPlan) -> str:
     names = [plan.appearance_names for plan in (mine, theirs)]
     if set(names[0]) != set(names[1]):
         return f"appearances: {' against '.join(map(shortened, names))}"
-    kept = {a.name: a for a in theirs.appearances}
-    changed = [a.name for a in mine.appearances if a != kept[a.name]]
-    return f"appearances: {shortened(changed) + ' look otherwise' if changed else 'in another order'}"
+    others = {a.name: a for a in theirs.appearances}
+    changed = [a.name for a in mine.appearances if a != others[a.name]]
+    return f"appearances: {'definition of ' + shortened(changed) if changed else 'order'}"
 
 
 def _refuse_repeated(paths: Sequence[Path]) -> None:
@@ -140,19 +130,13 @@ def _refuse_mixed_layouts(catalogs: Sequence[Catalog]) -> None:
         )
 
 
-def _refuse_other_plan(first: Catalog, other: Catalog) -> None:
-    differing = plan_disagreements(first.plan, other.plan)
-    if differing:
-        raise CatalogError(
-            f"{other.path} can't be merged with {first.path}, they are not of one scene: {'; '.join(differing)}"
-        )
-
-
-def _wanted(catalogs: Sequence[Catalog], known: int, progress: Progress) -> tuple[list[tuple[Catalog, str]], int]:
-    """Members to add, and how many are there or come twice; the first `known` catalogs have theirs already."""
+def _new_members(
+    catalogs: Sequence[Catalog], existing: int, progress: Progress
+) -> tuple[list[tuple[Catalog, str]], int]:
+    """Members to add, and the number of repeated ones; the first `existing` catalogs are the target."""
     by_key: dict[str, tuple[Catalog, str]] = {}
     names: set[str] = set()
-    wanted, conflicts, same = [], [], 0
+    new, conflicts, same = [], [], 0
     paths = [(catalog, path) for catalog in catalogs for path in catalog.member_paths()]
     for number, (catalog, path) in enumerate(paths, start=1):
         member = read_record(path, catalog.plan)
@@ -168,30 +152,30 @@ def _wanted(catalogs: Sequence[Catalog], known: int, progress: Progress) -> tupl
         else:
             by_key[key] = catalog, member.name
             names.add(member.name)
-            if catalog not in catalogs[:known]:
+            if catalog not in catalogs[:existing]:
                 _refuse_incomplete(catalog, member)
-                wanted.append((catalog, member.name))
+                new.append((catalog, member.name))
         progress("comparing", number, len(paths))
     if conflicts:
-        more = f"; and {len(conflicts) - TOLD} more" if len(conflicts) > TOLD else ""
-        remedy = (
-            "take the folders of wrong ones out of their catalogs' members/, then run `catalogs check --repair` there"
+        more = f"; and {len(conflicts) - MOST_CONFLICTS} more" if len(conflicts) > MOST_CONFLICTS else ""
+        raise CatalogError(
+            f"nothing was merged: {'; '.join(conflicts[:MOST_CONFLICTS])}{more}: take the folders of wrong ones out of "
+            "their catalogs' members/, then run `catalogs check --repair` there"
         )
-        raise CatalogError(f"nothing was merged: {'; '.join(conflicts[:TOLD])}{more}: {remedy}")
-    return wanted, same
+    return new, same
 
 
 def _difference(one: Catalog, first: Member, other: Catalog, second: Member) -> str:
-    """What two members of equal parameters differ in, "" where they are equal; names, summaries and provenance may differ."""
-    for what in ("split", "view_splits", "appearances"):
-        if getattr(first, what) != getattr(second, what):
-            return what.replace("_", " ")
+    """The first difference of two members of equal parameters, or ""; names, summaries and provenance may differ."""
+    for attribute in ("split", "view_splits", "appearances"):
+        if getattr(first, attribute) != getattr(second, attribute):
+            return attribute.replace("_", " ")
     if not one.plan.cameras and _records(first.cameras) != _records(second.cameras):
         return "cameras"
     for appearance in first.appearances:
         for view in range(len(first.cameras)):
-            if not _same_picture(one, first, other, second, appearance, view):
-                return f"the picture {one.plan.image_name(appearance, view)}"
+            if not _same_image(one, first, other, second, appearance, view):
+                return f"the image {one.plan.image_name(appearance, view)}"
     return ""
 
 
@@ -199,7 +183,7 @@ def _records(cameras: Sequence[Camera]) -> list[Any]:
     return [camera.to_json() for camera in cameras]
 
 
-def _same_picture(one: Catalog, first: Member, other: Catalog, second: Member, appearance: str, view: int) -> bool:
+def _same_image(one: Catalog, first: Member, other: Catalog, second: Member, appearance: str, view: int) -> bool:
     paths = one.image_path(first, appearance, view), other.image_path(second, appearance, view)
     if os.path.samefile(*paths):
         return True
@@ -211,20 +195,20 @@ def _same_picture(one: Catalog, first: Member, other: Catalog, second: Member, a
 
 
 def _refuse_incomplete(catalog: Catalog, member: Member) -> None:
-    """Raise CatalogError for a picture that is not there, and for links, which could lead out of the catalog."""
-    pictures = pictures_of(catalog, member)
-    folders = dict.fromkeys([member.path, *(path.parent for path in pictures)])
-    for path in [*folders, *pictures, *summary_of(member)]:
-        belongs = stat.S_ISDIR if path in folders else stat.S_ISREG
-        if not path.exists() or not belongs(path.lstat().st_mode):
-            problem = "is a link or no file" if path.exists() else "is missing"
-            raise CatalogError(f"nothing was merged: {path} {problem}: `catalogs check {catalog.path}` tells more")
+    """Raise CatalogError for a missing image, and for links, which could lead out of the catalog."""
+    images = image_files(catalog, member)
+    folders = dict.fromkeys([member.path, *(path.parent for path in images)])
+    for path in [*folders, *images, *summary_files(member)]:
+        has_kind = stat.S_ISDIR if path in folders else stat.S_ISREG
+        if not path.exists() or not has_kind(path.lstat().st_mode):
+            problem = "is a link or not a file" if path.exists() else "is missing"
+            raise CatalogError(f"nothing was merged: {path} {problem}: `catalogs check {catalog.path}` says more")
     if catalog.plan.packed:
-        _ = pack_of(member)  # says what is wrong with its index
+        _ = pack_of(member)  # validates its index
 
 
-def _tell_missing(target: Catalog, catalogs: Sequence[Catalog]) -> None:
-    """Keep what the catalogs report as missing, where no other had it."""
+def _copy_missing(target: Catalog, catalogs: Sequence[Catalog]) -> None:
+    """Copy reports of missing members that the target has neither stored nor reported."""
     reported = {member.name for member in missing_members(target.path)}
     for member in (member for catalog in catalogs for member in catalog.missing):
         if member.name not in reported and member.name not in target:

@@ -1,9 +1,8 @@
-"""A catalog with one file of pictures for each member, made from one with a file for each picture, and back."""
+"""Conversion of a catalog to one file of images per member, and back."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,15 +13,14 @@ from catalogs.files.packed import PACK, PackError, write_pack
 from catalogs.store.catalog import Catalog, CatalogError, Member
 from catalogs.store.pictures import number_of, pack_of
 from catalogs.tools.damage import file_problem, images_of
-from catalogs.tools.transfer import Fill, add_members
+from catalogs.tools.transfer import Fill, Progress, add_members
 
-Progress = Callable[[int, int], None]
 WRITERS = 2
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """How many members were packed or unpacked now, how many were there, and of how many pictures only the pixels are the same."""
+    """Numbers of members transferred now, of members present before, and of images with equal pixels in other bytes."""
 
     made: int
     there: int
@@ -35,18 +33,18 @@ def pack(
     *,
     progress: Progress = lambda done, total: None,
 ) -> Transferred:
-    """Write the catalog `source` into the catalog `destination`, with one HDF5 file of pictures a member (`catalogs.files.packed`).
+    """Write the catalog `source` into the catalog `destination`, with one HDF5 file of images per member (`catalogs.files.packed`).
 
-    Table, records and summaries are the same, but for the FILE column.  Pictures are kept so that `unpack` gives the same files,
-    byte by byte.  A destination that is there goes on where it was interrupted, and takes in members that are new in the source.
+    Table, records and summaries are the same, except for the FILE column; `unpack` restores the same files, byte by byte.  An
+    existing destination is resumed, or extended by new members of the source.
 
     Raises CatalogError where the source is packed already, where the destination is of another scene or has members that the
-    source has not, and for a member whose views differ in size; ImageError for a damaged picture.  What was packed before stays.
+    source lacks, and for a member whose views differ in size; ImageError for a damaged image.  Members packed before stay.
     """
-    given = Catalog.open(source)
-    if given.plan.packed:
-        raise CatalogError(f"{given.path} is packed already")
-    return _transfer(given, Path(destination), True, _pack_member, progress)
+    catalog = Catalog.open(source)
+    if catalog.plan.packed:
+        raise CatalogError(f"{catalog.path} is packed already")
+    return _transfer(catalog, Path(destination), True, _pack_member, progress)
 
 
 def unpack(
@@ -55,21 +53,15 @@ def unpack(
     *,
     progress: Progress = lambda done, total: None,
 ) -> Transferred:
-    """Write the packed catalog `source` into the catalog `destination` with a file for each picture: the inverse of `pack`.
+    """Write the packed catalog `source` into the catalog `destination` with a file per image: the inverse of `pack`.
 
-    Every file has the bytes that it had, as long as zlib and OpenImageIO encode as they did when it was packed; of how many
-    pictures only the pixels are the same, the result tells.  Raises CatalogError as `pack` does, PackError for a damaged pack.
+    Every file has its former bytes, as long as zlib and OpenImageIO encode as they did for `pack`; the result counts images with
+    equal pixels in other bytes.  Raises CatalogError as `pack` does, PackError for a damaged pack.
     """
-    given = Catalog.open(source)
-    if not given.plan.packed:
-        raise CatalogError(f"{given.path} is not packed: each of its pictures has a file already")
-    other_bytes = 0
-
-    def fill(catalog: Catalog, member: Member, folder: Path) -> None:
-        nonlocal other_bytes
-        other_bytes += _unpack_member(catalog, member, folder)
-
-    return replace(_transfer(given, Path(destination), False, fill, progress), other_bytes=other_bytes)
+    catalog = Catalog.open(source)
+    if not catalog.plan.packed:
+        raise CatalogError(f"{catalog.path} is not packed: each of its images has a file already")
+    return _transfer(catalog, Path(destination), False, _unpack_member, progress)
 
 
 def _transfer(source: Catalog, destination: Path, packed: bool, fill: Fill, progress: Progress) -> Transferred:
@@ -77,38 +69,36 @@ def _transfer(source: Catalog, destination: Path, packed: bool, fill: Fill, prog
         raise CatalogError(f"{destination} is the catalog itself: choose another folder")
     target = Catalog.create(destination, replace(source.plan, packed=packed))
     names = [path.name for path in source.member_paths()]
-    there = {path.name for path in target.member_paths()}
-    for name in sorted(there):
-        if name not in source or not _is_same(source.member(name), target.member(name)):
+    present = {path.name for path in target.member_paths()}
+    for name in sorted(present):
+        stored = target.member(name)
+        if name not in source or replace(source.member(name), cameras=stored.cameras, path=stored.path) != stored:
             raise CatalogError(f"{destination} has a member {name} that {source.path} has not: choose a new folder")
-    wanted = [(source, name) for name in names if name not in there]
-    add_members(target, wanted, fill, progress)
-    return Transferred(len(wanted), len(there))
+    new = [(source, name) for name in names if name not in present]
+    other_bytes = add_members(target, new, fill, progress)
+    return Transferred(len(new), len(present), other_bytes)
 
 
-def _is_same(one: Member, other: Member) -> bool:
-    """Whether both are records of the same member; pictures are not compared."""
-    return replace(one, cameras=other.cameras, path=other.path) == other
-
-
-def _pack_member(source: Catalog, member: Member, folder: Path) -> None:
+def _pack_member(source: Catalog, member: Member, folder: Path) -> int:
+    """Write a member's pack; returns 0."""
     sizes = sorted({(camera.width, camera.height) for camera in member.cameras})
     if len(sizes) > 1:
         raise CatalogError(f"member {member.name} of {source.path} can't be packed: its views differ in size, {sizes}")
-    for name, wanted in images_of(source, member):
-        if problem := file_problem(source.path, name, wanted):
+    for name, image in images_of(source, member):
+        if problem := file_problem(source.path, name, image):
             raise ImageError(f"{source.path / name} {problem}: `catalogs check --repair` sets its member aside")
     files = [source.image_path(member, a, view) for a in member.appearances for view in range(len(member.cameras))]
     write_pack(folder / PACK, member.appearances, files)
+    return 0
 
 
 def _unpack_member(source: Catalog, member: Member, folder: Path) -> int:
-    """Write a member's picture files; returns how many have other bytes than those that were packed."""
-    kept = pack_of(member)
+    """Write a member's image files; returns how many have other bytes than the packed ones."""
+    pack = pack_of(member)
 
-    def write(picture: tuple[str, int]) -> bool:
-        appearance, view = picture
-        data, same = kept.file(number_of(member, appearance, view))
+    def write(image: tuple[str, int]) -> bool:
+        appearance, view = image
+        data, same = pack.file(number_of(member, appearance, view))
         durable.write(folder / source.plan.image_name(appearance, view), data)
         return not same
 

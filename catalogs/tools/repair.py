@@ -1,15 +1,14 @@
-"""What can be mended of a damaged catalog is, and members that can't be are set aside, to be rendered again.
+"""Repair of a damaged catalog: rows and table are rebuilt, members that must be rendered again are set aside.
 
-    x.cdb/damaged/<name>     a member that was set aside; <name>.2 and so on where that is there already
+    x.cdb/damaged/<name>     a member that was set aside; <name>.2 and so on if there are several
 
-Nothing is deleted.  A member is set aside for what only rendering can bring back: its record, its pictures, its summary.  Rows and
-table follow from the records, and are written anew.
+Nothing is deleted.  A member is set aside if its record, its images or its summary are damaged.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
@@ -21,17 +20,16 @@ from catalogs.store.members import RECORD
 from catalogs.store.missing import report_missing
 from catalogs.store.plan import name_problem, read_json
 from catalogs.store.table import MEMBERS
-from catalogs.tools.check import Finding, check
+from catalogs.tools.check import Finding, Progress, check
 from catalogs.tools.damage import lasting_problems
 from catalogs.vocabulary.words import shortened
 
-Progress = Callable[[int, int], None]
 DAMAGED = "damaged"
 
 
 @dataclass(frozen=True)
 class SetAside:
-    """A member that was set aside: where it is now, what was wrong with it, and its parameters, empty where they are not known."""
+    """A member that was set aside: its new path, its problems, and its parameters, empty where its record is damaged."""
 
     name: str
     path: Path
@@ -45,27 +43,27 @@ class SetAside:
 
 @dataclass(frozen=True)
 class Repaired:
-    """What `repair` has set aside, and what is wrong still."""
+    """Members that `repair` set aside, and remaining problems."""
 
     set_aside: tuple[SetAside, ...]
     findings: tuple[Finding, ...]
 
 
 def repair(path: Path, *, progress: Progress = lambda done, total: None) -> Repaired:
-    """Check the catalog at `path` whole, set members aside that must be rendered again, write rows and table anew, and look again.
+    """Check the catalog at `path`, set members aside that must be rendered again, rebuild rows and table, and check again.
 
-    Everything else that `check` finds is left as it is, such as two members of equal parameters: which is right nobody can tell.
-    Killed at any moment, it leaves a catalog whose table names nothing that is not there; running it again completes it.
+    Other findings remain, such as two members of equal parameters.  Killed at any moment, it leaves a catalog whose table names
+    existing files only; running it again completes it.
 
-    Raises CatalogError where there is no catalog, or its description is damaged: nothing is written then.
+    Raises CatalogError, before anything is written, where there is no catalog or its description is damaged.
     """
     catalog = Catalog.open(path)
-    doubtful = dict.fromkeys(finding.member for finding in check(path, progress=progress) if finding.member)
+    suspects = dict.fromkeys(finding.member for finding in check(path, progress=progress) if finding.member)
     moved: list[SetAside] = []
 
     def set_aside() -> dict[str, Path]:
-        """Of the members in doubt those that are damaged still, now that nobody writes."""
-        for name in doubtful:
+        """The suspects that are still damaged, under the catalog's lock."""
+        for name in suspects:
             folder = path / MEMBERS / name
             problems = tuple(lasting_problems(catalog, folder)) if folder.exists() or folder.is_symlink() else ()
             if problems:
@@ -81,18 +79,18 @@ def repair(path: Path, *, progress: Progress = lambda done, total: None) -> Repa
 
 
 def how_to_render_again(catalog: Catalog, members: Iterable[SetAside]) -> str:
-    """How members that were set aside are made again: a sentence."""
-    told = catalog.plan.provenance
+    """A sentence on rendering the members again that were set aside."""
+    provenance = catalog.plan.provenance
     if catalog.plan.packed:
-        return f"Run `catalogs pack` from the catalog that was packed to {catalog.path} again: it packs the members that lack"
-    if "scene" in told:
-        command = f"`insitu dataset` with the file of the scene {told['scene']!r}"
-    elif "source" in told:
+        return f"Run `catalogs pack` again from the original of {catalog.path}: it packs the missing members"
+    if "scene" in provenance:
+        command = f"`insitu dataset` with the file of the scene {provenance['scene']!r}"
+    elif "source" in provenance:
         command = "the `insitu ensemble` or `insitu watch` command that made this catalog"
     else:
         command = 'the program that made this catalog, with existing="skip" where it calls `render_member`,'
     names = shortened([member.name for member in members])
-    return f"To make {names} again, run {command}: it renders the members that are not there, and no others"
+    return f"To make {names} again, run {command}: it renders the missing members only"
 
 
 def _free(path: Path) -> Path:
@@ -101,7 +99,7 @@ def _free(path: Path) -> Path:
 
 
 def _parameters(catalog: Catalog, folder: Path) -> dict[str, float]:
-    """What the member's record says of its parameters; empty where it is damaged."""
+    """The parameters in the member's record; empty where it is damaged."""
     try:
         stored: dict[str, Any] = read_json(folder / RECORD)["parameters"]
         values = {name: float(stored[name]) for name in catalog.plan.space.names}

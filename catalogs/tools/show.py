@@ -1,17 +1,14 @@
-"""What is in a Cinema database, as a table for people, a line at a time: of a member only its line is kept, and that on disk."""
+"""Contents of a Cinema database as lines of text."""
 
 from __future__ import annotations
 
-import io
-import json
-import tempfile
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from catalogs.files import cinema, durable
+from catalogs.files import cinema
 from catalogs.store.catalog import Catalog, CatalogError
 from catalogs.store.members import Member, read_record
 from catalogs.store.notebook.facts import Tally, megabytes
@@ -19,8 +16,6 @@ from catalogs.store.summary import FieldSummary
 from catalogs.store.table import MEMBERS, TABLE, member_names
 
 UNKNOWN = "-"
-IN_MEMORY = 1 << 20  # bytes of lines, of which more go to a temporary file
-PIECE = 1 << 16  # characters of a table read at once
 LONGEST = 40  # characters of a range's end
 
 
@@ -30,7 +25,7 @@ def describe(path: Path) -> str:
 
 
 def described(path: Path) -> Iterator[str]:
-    """What is in the Cinema database at `path`, line by line: a catalog by its members, any other by the columns of its table.
+    """Contents of the Cinema database at `path`, line by line: of a catalog its members, of any other its table's columns.
 
     Raises CatalogError where `path` is neither, or is damaged.
     """
@@ -41,29 +36,22 @@ def described(path: Path) -> Iterator[str]:
 
 
 def _catalog_lines(catalog: Catalog) -> Iterator[str]:
-    tally, names = Tally(catalog.plan), member_names(catalog.path)
-
-    def rows() -> Iterator[list[str]]:
-        yield _heading(catalog)
-        for name in names:
-            member = read_record(catalog.path / MEMBERS / name, catalog.plan)
-            tally.add(member)
-            yield _row(catalog, member)
-
-    with _Aligned(rows()) as table:
-        stored = [*tally.facts(), ("on disk", f"{megabytes(catalog.path):,.1f} MB")]
-        unfinished = catalog.unfinished()
-        if unfinished:
-            being = ", ".join(path.name[1:].split("~")[0] for path in unfinished)
-            stored.append(
-                ("unfinished", f"{being}: being written now, or left by a run that died (the next one cleans up)")
-            )
-        stored += [("missing", str(member)) for member in catalog.missing]
-        yield f"Catalog {catalog.path}"
-        yield from (f"  {name:<11} {fact}" for name, fact in stored)
-        if names:
-            yield ""
-            yield from table.lines()
+    tally, table = Tally(catalog.plan), [_heading(catalog)]
+    for name in member_names(catalog.path):
+        member = read_record(catalog.path / MEMBERS / name, catalog.plan)
+        tally.add(member)
+        table.append(_row(catalog, member))
+    facts = [*tally.facts(), ("on disk", f"{megabytes(catalog.path):,.1f} MB")]
+    if unfinished := ", ".join(path.name[1:].split("~")[0] for path in catalog.unfinished()):
+        facts.append(
+            ("unfinished", f"{unfinished}: being written now, or left by a killed run (the next one cleans up)")
+        )
+    facts += [("missing", str(member)) for member in catalog.missing]
+    yield f"Catalog {catalog.path}"
+    yield from (f"  {name:<11} {fact}" for name, fact in facts)
+    if len(table) > 1:
+        yield ""
+        yield from _aligned(table)
 
 
 def _heading(catalog: Catalog) -> list[str]:
@@ -74,9 +62,9 @@ def _heading(catalog: Catalog) -> list[str]:
 
 
 def _row(catalog: Catalog, member: Member) -> list[str]:
-    fields, kept = catalog.plan.fields or ("",), member.summaries()
-    only = next(iter(kept.values()), None)
-    ranges = [cell for field in fields for cell in _range_cells(kept.get(field) if len(fields) > 1 else only)]
+    fields, summaries = catalog.plan.fields or ("",), member.summaries()
+    single = next(iter(summaries.values()), None)
+    ranges = [cell for field in fields for cell in _range_cells(summaries.get(field) if len(fields) > 1 else single)]
     values = [f"{member.parameters[name]:g}" for name in catalog.plan.space.names]
     return [member.name, member.split, *values, str(len(member.cameras)), *ranges]
 
@@ -87,34 +75,15 @@ def _range_cells(summary: FieldSummary | None) -> list[str]:
     return [f"{summary.minimum:.5g}", f"{summary.maximum:.5g}", f"{100 * summary.clipped_fraction:.2f} %"]
 
 
-class _Aligned:
-    """Rows of equal length, kept until the widths of all are known."""
-
-    def __init__(self, rows: Iterable[Sequence[str]]) -> None:
-        self._kept = tempfile.SpooledTemporaryFile(IN_MEMORY, mode="w+", encoding="utf-8", newline="\n")  # noqa: SIM115
-        self._widths: list[int] = []
-        for row in rows:
-            self._widths = [
-                max(len(cell), width) for cell, width in zip(row, self._widths or [0] * len(row), strict=True)
-            ]
-            self._kept.write(json.dumps(row) + "\n")
-
-    def __enter__(self) -> _Aligned:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._kept.close()
-
-    def lines(self) -> Iterator[str]:
-        """The rows in columns."""
-        self._kept.seek(0)
-        for line in self._kept:
-            cells = zip(json.loads(line), self._widths, strict=True)
-            yield "  " + "  ".join(cell.ljust(width) for cell, width in cells).rstrip()
+def _aligned(table: Sequence[Sequence[str]]) -> Iterator[str]:
+    """The rows as lines, in columns."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for row in table:
+        yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
 class _Column:
-    """Type, range and number of values of a table's column, whose cells are seen one after the other."""
+    """Type, range and number of different values of a table's column."""
 
     def __init__(self, label: str) -> None:
         self._label = label
@@ -122,10 +91,10 @@ class _Column:
         self._hashes = array("q")
         self._words: tuple[str, str] | None = None
         self._numbers: tuple[float, float] | None = None
-        self._mixed = False  # of which `catalogs check` tells
+        self._mixed = False  # `catalogs check` reports these
 
     def add(self, cell: str) -> None:
-        """Take in a cell."""
+        """Count the column's next cell."""
         if not cell:
             return
         self._kind = self._kind or cinema.cell_type(cell)
@@ -144,8 +113,7 @@ class _Column:
 
     def row(self) -> list[str]:
         """The column as a row: label, type, how many values, from, to."""
-        name = {int: "integers", float: "floats", str: "words"}[self._kind or str]
-        kind = "files" if cinema.is_file_column(self._label) else name
+        kind = "files" if cinema.is_file_column(self._label) else cinema.TYPE_NAMES[self._kind or str]
         ends: Sequence[str] = self._words or [UNKNOWN] * 2
         if self._numbers is not None and not self._mixed:
             ends = [f"{number:g}" for number in self._numbers]
@@ -157,18 +125,15 @@ def _table_lines(path: Path) -> Iterator[str]:
     count = -1
     columns: list[_Column] = []
     try:
-        with durable.opened(path / TABLE) as stream:
-            text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
-            for count, row in enumerate(cinema.read_rows(iter(lambda: text.read(PIECE), ""))):
-                if count == 0:
-                    columns = [_Column(label) for label in row]
-                    continue
-                for column, cell in zip(columns, row, strict=True):
-                    column.add(cell)
+        for count, row in enumerate(cinema.rows_of(path / TABLE)):
+            if count == 0:
+                columns = [_Column(label) for label in row]
+                continue
+            for column, cell in zip(columns, row, strict=True):
+                column.add(cell)
     except (UnicodeDecodeError, cinema.TableError) as error:
         raise CatalogError(f"{path / TABLE}: {error}") from error
     yield f"Cinema database {path}"
     yield f"  {count:,} rows, {megabytes(path):,.1f} MB on disk, not made by gs-surrogate"
     yield ""
-    with _Aligned([["column", "type", "values", "from", "to"], *(column.row() for column in columns)]) as table:
-        yield from table.lines()
+    yield from _aligned([["column", "type", "values", "from", "to"], *(column.row() for column in columns)])

@@ -30,7 +30,7 @@ from catalogs.store.plan import CatalogPlan
 from catalogs.store.splits import Splits
 from catalogs.store.summary import FieldSummary
 from catalogs.tools.check import Finding
-from catalogs.tools.damage import Wanted
+from catalogs.tools.damage import ExpectedImage
 from catalogs.tools.merge import Merged
 from catalogs.tools.packing import Transferred
 from catalogs.tools.repair import Repaired, SetAside
@@ -105,7 +105,7 @@ SHOWN: list[tuple[Any, str]] = [
     (Merged(12, 3, 0), "added=12"),
     (Shard("shard-0", ("a",) * 1000, 2000, ((0.0, 1.0),)), "<Shard shard-0: 1000 members, 2000 rows>"),
     (Transferred(12, 3, 0), "made=12"),
-    (Wanted(192, 256), "height=192"),
+    (ExpectedImage(192, 256), "height=192"),
     (Pack(Path("pictures.h5"), 192, 256, "uint8", np.zeros(504, ENTRY)), "504 pictures of 256x192, uint8"),
     (SetAside("a", Path("damaged/a"), ("dvr/000.png is missing",), PARAMETERS), "dvr/000.png is missing"),
     (Repaired((), (Finding("data.csv", "is missing"),)), "is missing"),

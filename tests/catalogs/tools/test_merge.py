@@ -158,9 +158,9 @@ OTHER_PLANS: dict[str, tuple[dict[str, Any], str]] = {
     "appearances": ({"appearances": (SURFACE,)}, "appearances: dvr, iso against iso"),
     "isovalue": (
         {"appearances": (make_plan().appearances[0], Isosurface("iso", 0.5))},
-        "appearances: iso look otherwise",
+        "appearances: definition of iso",
     ),
-    "order": ({"appearances": tuple(reversed(make_plan().appearances))}, "appearances: in another order"),
+    "order": ({"appearances": tuple(reversed(make_plan().appearances))}, "appearances: order"),
     "bounds": ({"bounds": ((-1, -1, -1), (1, 1, 2))}, "bounds: .*-1.* against .*2.0"),
     "background": ({"background": (1, 1, 1)}, r"background: None against \[1.0"),
     "encoding": ({"image_format": "exr"}, "encoding: png against exr"),
@@ -366,6 +366,6 @@ def test_packs_of_equal_parameters_but_other_pictures_are_told(tmp_path: Path) -
     one = small_pack(tmp_path / "one.cdb", {"b": 120.0})
     two = small_pack(tmp_path / "two.cdb", {"b": 120.0}, seed=7)
     with pytest.raises(
-        CatalogError, match=r"nothing was merged: b of .*two\.cdb and b of .*one\.cdb differ in the picture"
+        CatalogError, match=r"nothing was merged: b of .*two\.cdb and b of .*one\.cdb differ in the image"
     ):
         merge(tmp_path / "all.cdb", [one.path, two.path])
