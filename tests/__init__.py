@@ -1,1 +1,1 @@
-"""A package, so that no other `tests` is taken for it: one of yt's dependencies installs one beside itself."""
+"""A package, so that no other `tests` is taken for it: some dependencies install one beside themselves."""

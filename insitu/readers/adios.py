@@ -33,6 +33,7 @@ MOST_STEPS = 1_000_000
 BASE = 1 << 31  # bytes of address space that the process takes without any data
 ADIOS2 = "reading ADIOS2 takes its library: pip install 'gs-surrogate[adios2]'"
 STREAM = ".sst"  # what a stream's contact file is called
+MARKS = ("md.idx", "md.0")  # in a folder of BP4 or BP5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class StreamStep:
 
 def recognizes(path: Path) -> bool:
     """Whether it is a BP folder (BP4, BP5), or a file that ends with .bp (BP3)."""
-    return all((path / name).is_file() for name in ("md.idx", "md.0")) or (path.suffix == ".bp" and path.is_file())
+    return all((path / name).is_file() for name in MARKS) or (path.suffix == ".bp" and path.is_file())
 
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
@@ -231,4 +232,4 @@ def _values(process: subprocess.Popen[bytes], path: Path, about: Mapping[str, An
     return values
 
 
-READER = Reader("adios2", "ADIOS2, BP folders and files", recognizes, records, opens=opens, grows=True)
+READER = Reader("adios2", "ADIOS2, BP folders and files", recognizes, records, opens=opens, marks=MARKS, grows=True)

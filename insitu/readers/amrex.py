@@ -1,4 +1,8 @@
-"""AMReX plotfiles (Nyx, Castro, WarpX, ...): levels merged by yt, a slab at a time, once their headers are checked.
+"""AMReX plotfiles (Nyx, Castro, WarpX, ...): levels merged a slab at a time, once their headers are checked.
+
+Written here rather than taken from a library: the checked headers say where each box's numbers lie, and need only be copied.  VTK's
+reader crashes on edited headers and gives no merged grid; yt brings 121 MB, and merges levels wrongly whose cells are not
+numbered from 0.
 
 Cells are values at their centres.  A cell of a coarse level that no finer one covers is repeated; one that is covered holds what
 the code stored there, the mean of the finer ones.
@@ -6,10 +10,8 @@ the code stored there, the mean of the finer ones.
 
 from __future__ import annotations
 
-import gc
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +21,8 @@ from insitu.readers.amrex_header import Plotfile, RefinementLevel, is_plotfile, 
 from insitu.readers.arrays import check_room
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
-SLAB = 1 << 26  # bytes of double precision that yt merges at a time
+SLAB = 1 << 26  # bytes of double precision that are merged at a time
 SCALE_FACTOR = "comoving_a"  # Nyx's file of the cosmological scale factor
-YT = "reading AMReX plotfiles takes yt: pip install 'gs-surrogate[amrex]'"
 
 
 def records(path: Path, sampling: Sampling) -> list[StoredState]:
@@ -35,12 +36,7 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
     plotfile = read_plotfile(path)
     name = chosen_array(array, plotfile.names, "the plotfile")
     number, factors = _level(plotfile, sampling.resolution)
-    level = plotfile.levels[number]
-    if number and any(level.low):
-        raise ValueError(
-            f"its cells are numbered from {level.low} and not from 0, of which yt merges several levels wrongly"
-        )
-    counts = [n // k for n, k in zip(level.counts, factors, strict=True)]  # x, y, z
+    counts = [n // k for n, k in zip(plotfile.levels[number].counts, factors, strict=True)]  # x, y, z
     try:
         check_room(plotfile.kind.itemsize * math.prod(counts) + SLAB, f"level {number} of {counts} cells")
     except ValueError as error:
@@ -70,44 +66,40 @@ def _level(plotfile: Plotfile, resolution: tuple[int, int, int] | None) -> tuple
 def _merge(
     plotfile: Plotfile, name: str, number: int, factors: tuple[int, int, int], values: NDArray[np.floating]
 ) -> None:
-    """Fill `values` [nz, ny, nx] with means over `factors` cells (x, y, z) of a level."""
-    dataset = _dataset(plotfile.path)
-    level = plotfile.levels[number]
+    """Fill `values` [nz, ny, nx] with means over `factors` cells (x, y, z) of a level, a slab of planes at a time."""
+    level, component = plotfile.levels[number], plotfile.names.index(name)
     nx, ny, nz = level.counts
     kx, ky, kz = factors
-    thickness = _thickness(level, kz)
-    width = (plotfile.high[2] - plotfile.low[2]) / nz
+    thickness = kz * max(1, SLAB // (8 * nx * ny * kz))
     for begin in range(0, nz, thickness):
-        first = min(begin, nz - thickness)  # yt takes a slab of one cell for the whole domain
-        corner = [*plotfile.low[:2], plotfile.low[2] + first * width]
-        grid = dataset.covering_grid(number, left_edge=corner, dims=[nx, ny, thickness])
-        held: NDArray[Any] = grid["boxlib", name].d.T  # [slab, ny, nx]
+        slab = np.empty((min(thickness, nz - begin), ny, nx), dtype=values.dtype)
+        for coarser in plotfile.levels[: number + 1]:  # the finest last, whose cells count
+            _paste(plotfile, coarser, level, component, begin, slab)
         if factors != (1, 1, 1):
-            held = held.reshape(thickness // kz, kz, ny // ky, ky, nx // kx, kx).mean(axis=(1, 3, 5))
-        values[first // kz : (first + thickness) // kz] = held
-        del grid, held
-    del dataset
-    gc.collect()  # yt's data sets refer to themselves, and would pile up
+            blocks = slab.reshape(len(slab) // kz, kz, ny // ky, ky, nx // kx, kx)
+            slab = blocks.mean(axis=(1, 3, 5), dtype=np.float64)
+        values[begin // kz : begin // kz + len(slab)] = slab
 
 
-def _thickness(level: RefinementLevel, factor: int) -> int:
-    """Cells along z that are merged at a time, at least 2: whole boxes, so that each is read once, if memory allows."""
-    nx, ny, nz = level.counts
-    boxes, room = int((level.boxes[:, 1, 2] - level.boxes[:, 0, 2] + 1).max()), SLAB // (8 * nx * ny)
-    wanted = max(2, room // boxes * boxes or room)
-    return min(nz, -(-wanted // factor) * factor)
-
-
-def _dataset(path: Path) -> Any:
-    try:
-        import yt
-        from yt.frontends.amrex.api import BoxlibDataset
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError(YT) from None
-    yt.set_log_level("error")
-    # The class that all codes share, and no file of parameters: what those say was read above, and those of a code would be
-    # looked for outside the plotfile as well.
-    return BoxlibDataset(str(path), cparam_filename="/dev/null")
+def _paste(
+    plotfile: Plotfile,
+    coarser: RefinementLevel,
+    level: RefinementLevel,
+    component: int,
+    begin: int,
+    slab: NDArray[np.floating],
+) -> None:
+    """Copy cells of a coarser level, or of the level itself, repeated, into a slab [z, y, x] of the level from plane `begin` on."""
+    ratio = np.array(level.counts) // coarser.counts  # [3] x, y, z
+    first = coarser.boxes[:, 0] - coarser.low  # [B, 3]
+    low, high = first * ratio, (coarser.boxes[:, 1] - coarser.low + 1) * ratio
+    within = (low[:, 2] < begin + len(slab)) & (high[:, 2] > begin)
+    for box in np.flatnonzero(within):
+        bottom, top = max(low[box, 2], begin), min(high[box, 2], begin + len(slab))
+        planes = np.arange(bottom, top) // ratio[2] - first[box, 2]  # of the box, one for each of the slab's
+        cells = plotfile.planes(coarser, int(box), component, int(planes[0]), int(planes[-1]) + 1)
+        repeated = cells[planes - planes[0]].repeat(ratio[1], axis=1).repeat(ratio[0], axis=2)
+        slab[bottom - begin : top - begin, low[box, 1] : high[box, 1], low[box, 0] : high[box, 0]] = repeated
 
 
 def _redshift(path: Path) -> float:
@@ -123,4 +115,6 @@ def _redshift(path: Path) -> float:
     return 1 / factor - 1
 
 
-READER = Reader("amrex", "AMReX plotfiles, plt<step>", is_plotfile, records, read, samples=True)
+READER = Reader(
+    "amrex", "AMReX plotfiles, plt<step>", is_plotfile, records, read, marks=("Header", "Level_0"), samples=True
+)

@@ -1,8 +1,7 @@
 """What the headers of an AMReX plotfile say, checked against each other and against the files before any value is read.
 
 A plotfile is a folder: `Header`, and in `Level_0`, `Level_1`, ... a file `Cell_H` beside binary files of boxes (AMReX
-documentation, "Plotfile format"; `AMReX_PlotFileUtil.cpp`, `AMReX_VisMF.cpp`).  Readers trust these files: VTK's crashes on edited
-ones, yt takes the byte order of one box for that of all.
+documentation, "Plotfile format"; `AMReX_PlotFileUtil.cpp`, `AMReX_VisMF.cpp`).
 """
 
 from __future__ import annotations
@@ -35,11 +34,13 @@ class RefinementLevel:
     ----------
     low, counts : the first cell and the number of cells of its domain, (x, y, z).
     boxes : [boxes, 2, 3], the first and the last cell of each.
+    places : the file of each box, and the byte at which its numbers begin: by component, in the order z, y, x.
     """
 
     low: tuple[int, int, int]
     counts: tuple[int, int, int]
     boxes: NDArray[np.int64]  # [B, 2, 3]
+    places: tuple[tuple[Path, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,15 @@ class Plotfile:
     high: tuple[float, ...]
     levels: tuple[RefinementLevel, ...]
     kind: np.dtype[np.floating]
+
+    def planes(self, level: RefinementLevel, box: int, component: int, start: int, stop: int) -> NDArray[np.floating]:
+        """Cells [stop - start, ny, nx] of a component in a box's planes; raises ValueError where the file has become shorter."""
+        (path, begin), (nx, ny, nz) = level.places[box], (level.boxes[box, 1] - level.boxes[box, 0] + 1).tolist()
+        offset, count = begin + self.kind.itemsize * nx * ny * (component * nz + start), nx * ny * (stop - start)
+        cells = np.fromfile(path, self.kind, count, offset=offset)
+        if cells.size != count:
+            raise ValueError(f"{path.parent.name}/{path.name}: box {box} ends too early: is it being written?")
+        return cells.reshape(stop - start, ny, nx)
 
 
 def is_plotfile(path: Path) -> bool:
@@ -139,8 +149,9 @@ def read_plotfile(path: Path) -> Plotfile:
         low, counts = summary.domains[number]
         boxes, places = _boxes(path, number, count, len(summary.names))
         _check_inside(boxes, low, counts, number)
-        kinds |= _kinds(path, number, boxes, places, len(summary.names))
-        levels.append(RefinementLevel(low, counts, boxes))
+        found, begins = _numbers(path, number, boxes, places, len(summary.names))
+        kinds |= found
+        levels.append(RefinementLevel(low, counts, boxes, begins))
     _check_full(levels[0])
     if len(kinds) > 1:
         raise ValueError(f"its boxes hold numbers of several kinds, {sorted(str(kind) for kind in kinds)}")
@@ -230,11 +241,11 @@ def _check_full(level: RefinementLevel) -> None:
         )
 
 
-def _kinds(
+def _numbers(
     path: Path, number: int, boxes: NDArray[np.int64], places: Sequence[tuple[str, int]], components: int
-) -> set[np.dtype[np.floating]]:
-    """The kinds of numbers in the boxes; raises ValueError where a box is not whole where it should be."""
-    folder, kinds = path / f"Level_{number}", set()
+) -> tuple[set[np.dtype[np.floating]], tuple[tuple[Path, int], ...]]:
+    """The kinds of numbers in the boxes, and where those of each begin; raises ValueError for a box that is not whole."""
+    folder, kinds, begins = path / f"Level_{number}", set(), dict[int, tuple[Path, int]]()
     for name in sorted({name for name, _ in places}):
         what = f"Level_{number}/{name}"
         if not (folder / name).is_file() or not (folder / name).resolve().is_relative_to(path.resolve()):
@@ -253,7 +264,8 @@ def _kinds(
                 if file.tell() + cells * components * kind.itemsize > size:
                     raise ValueError(f"{what}: box {i} ends behind the file's {size} bytes: is it being written?")
                 kinds.add(kind)
-    return kinds
+                begins[i] = folder / name, file.tell()
+    return kinds, tuple(begins[i] for i in range(len(places)))
 
 
 def _kind(found: re.Match[str]) -> np.dtype[np.floating] | None:

@@ -8,16 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from insitu.readers.arrays import ZARR
-
-# What lies in a folder that is one dump: of AMReX, and of ADIOS2 (BP4 and BP5).
-MARKS = (("Header", "Level_0"), ("md.idx", "md.0"))
+from insitu.readers.codes import readers
 
 
 def is_folder_file(path: Path) -> bool:
-    """Whether a path is a folder that counts as one file: a Zarr store, an AMReX plotfile, an ADIOS2 BP folder."""
+    """True for a folder that counts as one file: a Zarr store, or a dump of a code such as an AMReX plotfile."""
     if not path.is_dir():
         return False
-    return path.suffix in ZARR or any(all((path / name).exists() for name in names) for names in MARKS)
+    marked = (reader.marks for reader in readers() if reader.marks)
+    return path.suffix in ZARR or any(all((path / name).exists() for name in names) for names in marked)
 
 
 def files_below(base: Path, *, deep: bool = True) -> list[Path]:

@@ -1,4 +1,4 @@
-"""What a reader of one simulation code's output is: how it knows its files, what they say of themselves, how it reads a field."""
+"""The protocol of readers: how one knows a simulation code's files, what these say of themselves, how it reads a field."""
 
 from __future__ import annotations
 
@@ -56,23 +56,34 @@ class StoredState:
     says: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reader:
     """How the files of one code are read.
 
+    Another package adds a reader by an entry point that names a `Reader`, in its pyproject.toml:
+
+        [project.entry-points."gs_surrogate.readers"]
+        mycode = "my_package.reader:READER"
+
+    `insitu ensemble`, `watch` and `probe` then take `--reader mycode`, and recognize its files:
+
+        READER = Reader("mycode", "MyCode, .my files", lambda path: path.suffix == ".my", records, read)
+
     Attributes
     ----------
-    name : as `--reader` asks for it.
+    name : the value of `--reader`.
     what : the files, in a few words.
-    recognizes : whether a file, or a folder that counts as one, is surely the code's; looks at little of it and raises nothing.
-    files : all files that hold what is read at a path, the one that stands for all of them first.
-    records : the states in a file; raises ValueError or OSError.
-    read : (path, array, index of a record, sampling) to anything that `render.to_grid` takes, with its place; `array` None
+    recognizes : true for a file, or a folder that counts as one, that is surely the code's; looks at little of it and raises
+        nothing.
+    records : (path, sampling) to the states in a file; raises ValueError or OSError.
+    read : (path, array, index of a state, sampling) to a field as `render.to_grid` takes it, such as `insitu.Field`; `array` None
         stands for the only one.  Raises ValueError, OSError, or ModuleNotFoundError that names the extra to install.
-    opens : in place of `read`: the arrays of a file, whose first axes are those of a record's index.
-    grows : whether states are added to a file that has some, which leaves those as they are.
-    samples : whether it takes a `Sampling` that is not the default.
-    units : of what records say, by name.
+    opens : in place of `read`: the arrays of a file, whose first axes are those of a state's index.
+    files : path to all files that hold what is read there, the one that stands for all of them first.
+    marks : names of files by which, together, a folder is one dump and counts as a file.
+    grows : states are added to a file that has some, which leaves those as they are.
+    samples : it takes a `Sampling` that is not the default.
+    units : of the numbers that states say, by name.
     """
 
     name: str
@@ -82,6 +93,7 @@ class Reader:
     read: Callable[[Path, str | None, tuple[int, ...], Sampling], Any] | None = None
     opens: Callable[[Path], AbstractContextManager[Arrays]] | None = None
     files: Callable[[Path], Sequence[Path]] = lambda path: (path,)
+    marks: tuple[str, ...] = ()
     grows: bool = False
     samples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)

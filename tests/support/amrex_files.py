@@ -117,3 +117,32 @@ def merged(levels: Sequence[NDArray[np.floating]], boxes: Sequence[Sequence[Box]
             cells = tuple(slice(a, b + 1) for a, b in zip(reversed(first), reversed(last), strict=True))
             found[cells] = values[cells]
     return found
+
+
+def read_by_vtk(path: Path, name: str) -> NDArray[np.floating]:
+    """The boxes of all levels as VTK's own reader gives them, pasted onto the finest level, (z, y, x); NaN where none lies."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOAMR import vtkAMReXGridReader
+
+    reader = vtkAMReXGridReader()
+    reader.SetFileName(str(path))
+    reader.SetMaxLevel(30)
+    reader.SetCellArrayStatus(name, 1)
+    reader.Update()
+    iterator = reader.GetOutput().NewIterator()
+    boxes = []
+    iterator.InitTraversal()
+    while not iterator.IsDoneWithTraversal():
+        boxes.append(iterator.GetCurrentDataObject())
+        iterator.GoToNextItem()
+    corners = np.array([box.GetBounds() for box in boxes]).reshape(-1, 3, 2)  # [B, 3, 2] x, y, z
+    bounds = np.stack([corners[..., 0].min(axis=0), corners[..., 1].max(axis=0)], axis=1)  # [3, 2]
+    step = np.min([box.GetSpacing() for box in boxes], axis=0)
+    found = np.full(np.rint((bounds[:, 1] - bounds[:, 0]) / step).astype(int)[::-1], np.nan)
+    for box in sorted(boxes, key=lambda box: -box.GetSpacing()[0]):  # the finest last
+        cells = vtk_to_numpy(box.GetCellData().GetArray(name)).reshape([n - 1 for n in box.GetDimensions()[::-1]])
+        for axis, width in enumerate(box.GetSpacing()[::-1]):
+            cells = cells.repeat(round(width / step[2 - axis]), axis)
+        start = np.rint((np.array(box.GetBounds()[::2]) - bounds[:, 0]) / step).astype(int)[::-1]
+        found[tuple(slice(a, a + n) for a, n in zip(start, cells.shape, strict=True))] = cells
+    return found

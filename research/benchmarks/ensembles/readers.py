@@ -29,7 +29,7 @@ from insitu.readers.reader import Sampling
 from research.benchmarks.page import PROJECT, command_line, table
 from research.benchmarks.timing import digits
 from tests.support.adios_writer import start
-from tests.support.amrex_files import boxes_of, write_plotfile
+from tests.support.amrex_files import boxes_of, read_by_vtk, write_plotfile
 from tests.support.cloverleaf_files import e12_4
 from tests.support.mpas_files import globe, write_output
 from tests.support.xcompact3d_files import write_snapshot
@@ -64,12 +64,8 @@ def write_amrex(folder: Path, size: int) -> Path:
     return write_plotfile(folder / "plt00000", levels, boxes, comoving_a=1.0)
 
 
-def read_yt(path: Path) -> Any:
-    import yt
-
-    yt.set_log_level("error")
-    dataset = yt.load(str(path))
-    return dataset.covering_grid(0, dataset.domain_left_edge, dataset.domain_dimensions)["boxlib", "u"].d.T
+def read_vtk(path: Path) -> Any:
+    return read_by_vtk(path, "u")
 
 
 def write_cloverleaf(folder: Path, size: int) -> Path:
@@ -157,7 +153,7 @@ def read_adios(path: Path) -> Any:
 
 
 CODES = {
-    "amrex": Code(write_amrex, "yt", read_yt),
+    "amrex": Code(write_amrex, "vtk", read_vtk),
     "cloverleaf": Code(write_cloverleaf, "pyvista", read_pyvista),
     "xcompact3d": Code(write_xcompact3d, "numpy.fromfile", read_numpy),
     "mpas": Code(write_mpas, "netCDF4, cells", read_netcdf, sampling=lambda size: Sampling((size,) * 3)),
