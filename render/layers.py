@@ -48,7 +48,9 @@ class BlockRenderer:
         elif isinstance(appearance, Isosurface):
             self._scene = surface_scene(block.grid, appearance, self._placement, _not_owned(block))
         else:
-            raise TypeError(f"{type(appearance).__name__} {appearance.name!r} cannot be rendered from a field")
+            raise TypeError(
+                f"{type(appearance).__name__} {appearance.name!r} cannot be rendered from blocks of a field"
+            )
         if self._scene is not None:
             self._window.add(self._scene)
 

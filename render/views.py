@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.plugin_appearance import PluginAppearance
 from render.grids import Grid
 from render.isosurface import SUPERSAMPLING, box_average, surface_scene
 from render.placement import Placement
@@ -99,10 +100,27 @@ def render_views(
 ) -> Iterator[NDArray[Any]]:
     """Premultiplied RGBA pictures [height, width, 4], top row first, one per camera, in order.
 
+    An appearance of another package draws its own, which are checked for shape and dtype (ValueError).
     uint8, or float32 in [0, 1] with `float_output`.  `sample_distance` (world units) is for volumes: by default
     half the smallest spacing (`choose_sample_distance` finds the largest that is good enough).  The field is
     uploaded once and freed when the iterator ends or is closed.
     """
+    if isinstance(appearance, PluginAppearance):
+        yield from _plugin_pictures(grid, appearance, list(cameras), float_output)
+        return
     with Renderer(grid, appearance, sample_distance=sample_distance) as renderer:
         for camera in cameras:
             yield renderer.render(camera, float_output=float_output)
+
+
+def _plugin_pictures(
+    grid: Grid, appearance: PluginAppearance, cameras: Sequence[Camera], float_output: bool
+) -> Iterator[NDArray[Any]]:
+    wanted = np.dtype(np.float32 if float_output else np.uint8)
+    for camera, picture in zip(cameras, appearance.pictures(grid, cameras, float_output=float_output), strict=True):
+        if picture.shape != (camera.height, camera.width, 4) or picture.dtype != wanted:
+            raise ValueError(
+                f"appearance {appearance.name!r} drew a picture {picture.shape} of {picture.dtype}, where "
+                f"({camera.height}, {camera.width}, 4) of {wanted} was asked for"
+            )
+        yield picture

@@ -189,7 +189,7 @@ class CatalogPlan:
             raise ValueError(f"its layout is {record['layout']!r}")
         return cls(
             space=ParameterSpace.from_json(record["parameters"]),
-            appearances=tuple(appearance_from_json(a) for a in record["appearances"]),
+            appearances=tuple(appearance_from_json(a, missing=True) for a in record["appearances"]),
             cameras=tuple(Camera.from_json(c) for c in record["cameras"]),
             view_splits=tuple(record["view_splits"]),
             bounds=record["bounds"],

@@ -9,6 +9,7 @@ and written down; numpy's numbers become plain ones.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from reprlib import repr as shortened
@@ -17,7 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalogs.plugins import APPEARANCES, plugins
 from catalogs.vocabulary import numbers
+from catalogs.vocabulary.plugin_appearance import MissingAppearance, PluginAppearance, plugin_kind
 
 
 @dataclass(frozen=True)
@@ -128,9 +131,9 @@ class ImportedImages:
             raise ValueError(f"{_called(self)}: note must be text, got {shortened(self.note)}")
 
 
-Appearance = VolumeRendering | Isosurface | ImportedImages
+Appearance = VolumeRendering | Isosurface | ImportedImages | PluginAppearance | MissingAppearance
 
-KINDS = {"volume": VolumeRendering, "isosurface": Isosurface, "imported": ImportedImages}
+KINDS: dict[str, Any] = {"volume": VolumeRendering, "isosurface": Isosurface, "imported": ImportedImages}
 
 
 def field_of(appearance: Appearance) -> str:
@@ -155,27 +158,37 @@ def check_fields(appearances: Iterable[Appearance]) -> None:
 
 
 def appearance_to_json(appearance: Appearance) -> dict[str, Any]:
-    """Plain JSON values with a `kind` of "volume", "isosurface" or "imported"; a `field` only where one is named."""
-    kind = next(kind for kind, form in KINDS.items() if isinstance(appearance, form))
-    values = asdict(appearance)
+    """Plain JSON values with a `kind`, of `KINDS` or another package's; a `field` only where one is named.
+
+    Raises ValueError for an appearance whose class no package registers.
+    """
+    if isinstance(appearance, MissingAppearance):
+        return dict(json.loads(appearance.record))
+    own = (kind for kind, form in KINDS.items() if isinstance(appearance, form))
+    kind = next(own, "") or plugin_kind(appearance)
+    values = asdict(appearance)  # type: ignore[arg-type]
     if not field_of(appearance):
         values.pop("field", None)
     return {"kind": kind, **values}
 
 
-def appearance_from_json(record: Mapping[str, Any]) -> Appearance:
+def appearance_from_json(record: Mapping[str, Any], *, missing: bool = False) -> Appearance:
     """The appearance of an `appearance_to_json` record or of a scene's `[[appearance]]` table.
 
-    Raises ValueError naming an unknown kind, a missing or an unknown key.
+    Raises ValueError naming an unknown kind, a missing or an unknown key; with `missing`, an unknown kind, which is that of a
+    package that is not installed, gives a `MissingAppearance`.
     """
     values = dict(record)
     kind = values.pop("kind", None)
-    if kind not in KINDS:
-        raise ValueError(f"appearance kind must be one of {sorted(KINDS)}, got {kind!r}")
+    forms = KINDS if kind in KINDS else {**plugins(APPEARANCES), **KINDS}
+    if kind not in forms and missing and isinstance(kind, str) and isinstance(record.get("name"), str):
+        return MissingAppearance(record["name"], json.dumps(record))
+    if kind not in forms:
+        raise ValueError(f"appearance kind must be one of {sorted(forms)}, got {kind!r}")
     try:
         if isinstance(values.get("transfer_function"), Mapping):
             values["transfer_function"] = TransferFunction(**values["transfer_function"])
-        return KINDS[kind](**values)
+        return forms[kind](**values)
     except (TypeError, ValueError) as error:
         place = f"appearance {record.get('name', '?')!r}"
         said = str(error)

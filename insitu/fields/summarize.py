@@ -144,6 +144,7 @@ def summarize(
     The histogram counts the values within `bounds`, holes left out; `clipped_fraction` is the share outside.
     Of the points, each appearance gets an equal share: voxels drawn with probability proportional to their opacity
     and jittered within half a voxel (volume rendering), or crossings of the isovalue on grid edges (isosurface).
+    An appearance of another package gets none.
     `even_points` more, whatever the appearances, fill the box evenly; there are fewer where it is nearly all holes.
     """
     return summarize_part(FieldPart.all_of(grid), appearances, bounds, points=points, even_points=even_points)
@@ -173,9 +174,9 @@ def summarize_part(
         clipped_fraction=1.0 - float(histogram.sum()) / known,
         histogram=histogram,
         bin_edges=edges,
-        points=_narrowed(np.concatenate([s[0] for s in sampled]), smallest),  # [M, 3]
-        point_values=_narrowed(np.concatenate([s[1] for s in sampled]), edges[-1] - edges[0]),  # [M]
-        point_opacities=np.concatenate([s[2] for s in sampled]).astype(np.float32),  # [M]
+        points=_narrowed(np.concatenate([np.empty((0, 3)), *(s[0] for s in sampled)]), smallest),  # [M, 3]
+        point_values=_narrowed(np.concatenate([np.empty(0), *(s[1] for s in sampled)]), edges[-1] - edges[0]),  # [M]
+        point_opacities=np.concatenate([np.empty(0), *(s[2] for s in sampled)]).astype(np.float32),  # [M]
         even_points=_narrowed(even[0], smallest),  # [E, 3]
         even_values=_narrowed(even[1], edges[-1] - edges[0]),  # [E]
     )

@@ -27,6 +27,7 @@ from catalogs.vocabulary.appearance import (
     shown_fields,
 )
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.plugin_appearance import MissingAppearance, PluginAppearance, check_present
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.scene import Scene, ViewPlan
 from catalogs.vocabulary.variations import Family, Variation
@@ -153,11 +154,12 @@ def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> t
             raise ValueError(
                 f"appearance {appearance.name!r} is of images made elsewhere, none can be rendered with it"
             )
-        if not isinstance(appearance, VolumeRendering | Isosurface):
+        if not isinstance(appearance, VolumeRendering | Isosurface | PluginAppearance | MissingAppearance):
             raise ValueError(
                 "appearances must be VolumeRendering(name, transfer_function), Isosurface(name, isovalue) or several of "
                 f"them, got {shortened(appearance)}"
             )
+    check_present(found)
     return found
 
 

@@ -13,6 +13,7 @@ from catalogs.store.plan import CatalogError, json_values, name_problem
 from catalogs.vocabulary.appearance import Appearance
 from catalogs.vocabulary.numbers import finite
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
+from catalogs.vocabulary.plugin_appearance import check_present
 
 TIMES = ("time", "t")  # a parameter of this name is the simulation's time
 SAME_TIME = 1e-6  # relative: times that went through single precision
@@ -92,6 +93,7 @@ def member_request(
     stated = {**(asked.provenance or {}), **({} if time is None else {"time": time})}
     record = json_values(stated, f"the provenance of member {chosen}")
     shown = tuple(a for a in known if a.name in wanted)
+    check_present(shown)
     return MemberRequest(chosen, asked.name is not None, ordered, asked.split, record, shown)
 
 

@@ -38,6 +38,7 @@ from catalogs.tools.split import Shard
 from catalogs.vocabulary.appearance import ImportedImages, Isosurface, TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import orbit, view_splits
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.plugin_appearance import MissingAppearance
 from catalogs.vocabulary.quantity import Quantity
 from catalogs.vocabulary.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
 from catalogs.vocabulary.variations import Setting, field_variation, isovalue_family, transfer_function_family
@@ -80,6 +81,7 @@ SHOWN: list[tuple[Any, str]] = [
     (BASE, "dvr"),
     (Isosurface("iso", 0.5), "0.5"),
     (ImportedImages("imported"), "imported"),
+    (MissingAppearance("middle", '{"kind": "slice"}'), "slice"),
     (Setting("dvr-1", (0.1, 0.2, 0.3, 0.4), "train"), "dvr-1"),
     (FUNCTIONS, "transfer_function of dvr"),
     (FUNCTIONS.variation, "104 settings (76 train, 8 validation, 20 test), c1_value in [-0.25, 0.25]"),

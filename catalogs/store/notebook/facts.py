@@ -12,7 +12,14 @@ import numpy as np
 
 from catalogs.store.members import Member
 from catalogs.store.plan import CatalogPlan
-from catalogs.vocabulary.appearance import Appearance, Isosurface, VolumeRendering, field_of
+from catalogs.vocabulary.appearance import (
+    Appearance,
+    ImportedImages,
+    Isosurface,
+    VolumeRendering,
+    appearance_to_json,
+    field_of,
+)
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.words import counted
 
@@ -108,7 +115,9 @@ def _appearance(appearance: Appearance, plan: CatalogPlan) -> str:
         return f"{appearance.name}: volume rendering{of} over [{low:g}, {high:g}]{unit}, {shading}"
     if isinstance(appearance, Isosurface):
         return f"{appearance.name}: isosurface{of} at {appearance.isovalue:g}{unit}"
-    return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
+    if isinstance(appearance, ImportedImages):
+        return f"{appearance.name}: imported{f', {appearance.note}' if appearance.note else ''}"
+    return f"{appearance.name}: {appearance_to_json(appearance)['kind']}{of}"
 
 
 def _numbers(values: Sequence[float]) -> str:
