@@ -34,9 +34,8 @@ def snippet(
     program = [
         "from pathlib import Path",
         "",
-        *(["from catalogs.vocabulary.appearance import TransferFunction"] if function else []),
+        f"from catalogs import Camera{', TransferFunction' if function else ''}",
         "from catalogs.files.images import write_image",
-        "from catalogs.vocabulary.cameras import Camera",
         "from surrogate import Surrogate",
         *(["from surrogate.explore.color_maps import color_points"] if function else []),
         "",
