@@ -12,17 +12,17 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from importlib.resources import files
 from pathlib import Path
 
 from catalogs.browse.description import describe
 from catalogs.files import durable
 from catalogs.store.catalog import Catalog, CatalogError
+from catalogs.web import ASSETS
 
 PAGE = "index.html"
-STYLES = ("look.css", "page.css")
+FOLDER = Path(__file__).parent
+SHARED_SCRIPTS = ("vectors", "elements")
 SCRIPTS = (
-    "vectors",
     "catalog",
     "state",
     "pictures",
@@ -49,22 +49,23 @@ def page_of(catalog: Catalog) -> str:
     """The HTML of the page, as it stands with the catalog's present members."""
     if catalog.plan.image_format != "png":
         raise CatalogError(f"{catalog.path} holds {catalog.plan.image_format} images, which no browser shows: only png")
-    style = "".join(map(_asset, STYLES))
-    script = '"use strict";\n' + "".join(_asset(f"script/{name}.js") for name in SCRIPTS)
+    style = _text(ASSETS / "look.css") + _text(FOLDER / "page.css")
+    shared = "".join(_text(ASSETS / f"{name}.js") for name in SHARED_SCRIPTS).replace("\nexport ", "\n")
+    script = '"use strict";\n' + shared + "".join(_text(FOLDER / "script" / f"{name}.js") for name in SCRIPTS)
     # "<" in a name must not end the script element that carries the data.
     data = json.dumps(describe(catalog), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     policy = (
         f"default-src 'none'; img-src 'self' file: data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'"
     )
-    page = _asset("page.html")
+    page = _text(FOLDER / "page.html")
     for place, content in (("STYLE", style), ("SCRIPT", script), ("POLICY", policy), ("CATALOG", data)):
         page = page.replace(f"/*{place}*/", content)
     return page
 
 
-def _asset(name: str) -> str:
-    return files("catalogs.browse").joinpath(name).read_text(encoding="utf-8")
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
 
 
 def _hash(content: str) -> str:

@@ -1,4 +1,4 @@
-"""Serve one catalog: its page and the plain files below it, nothing else, to whom `catalogs.browse.access` lets in."""
+"""Serve one catalog: its page and the plain files below it, nothing else, to whom `catalogs.web.access` lets in."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from catalogs.browse.access import LOCAL, Access
 from catalogs.browse.page import PAGE, page_of
 from catalogs.files import durable
 from catalogs.files.images import FORMATS
@@ -24,6 +23,7 @@ from catalogs.files.packed import PACK
 from catalogs.store.catalog import Catalog
 from catalogs.store.pictures import number_of, pack_of
 from catalogs.store.table import MEMBERS
+from catalogs.web.access import LOCAL, Access
 
 TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -76,11 +76,7 @@ class CatalogRequest(BaseHTTPRequestHandler):
     timeout = LINGER_SECONDS
 
     def do_GET(self) -> None:
-        access = self.server.access
-        if not access.is_named_by(self.headers.get("Host", "")):
-            self.send_error(HTTPStatus.FORBIDDEN)
-            return
-        if access.token and not self._knows(access):
+        if not self._is_let_in():
             return
         try:
             path = unquote(urlsplit(self.path).path, errors="strict")
@@ -106,18 +102,21 @@ class CatalogRequest(BaseHTTPRequestHandler):
 
     do_HEAD = do_GET
 
-    def _knows(self, access: Access) -> bool:
-        """Whether the request has the token as a cookie; else answers it, and makes a token in the address that cookie."""
-        parts = urlsplit(self.path)
-        if access.is_token(parse_qs(parts.query).get("token", [None])[0]):
+    def _is_let_in(self) -> bool:
+        """Whether the request has access; else answers it, and exchanges a token in the address for a cookie."""
+        access, query = self.server.access, parse_qs(urlsplit(self.path).query)
+        brought = query.get("token", [None])[0]
+        cookies = dict(pair.strip().partition("=")[::2] for pair in self.headers.get("Cookie", "").split(";"))
+        hosts = [self.headers.get("Host", "")]
+        reason = access.refusal(hosts, self.headers.get("Origin"), [brought, cookies.get(access.cookie)])
+        if reason:
+            self.send_error(HTTPStatus.FORBIDDEN, explain=reason)
+        elif access.token and access.is_token(brought):
             cookie = f"{access.cookie}={access.token}; HttpOnly; SameSite=Lax; Path=/"
             about = {"Location": "/", "Set-Cookie": cookie, "Cache-Control": "no-store"}
             self._send_head(HTTPStatus.SEE_OTHER, 0, about)
-            return False
-        cookies = (pair.strip().partition("=") for pair in self.headers.get("Cookie", "").split(";"))
-        if any(name == access.cookie and access.is_token(value) for name, _, value in cookies):
+        else:
             return True
-        self.send_error(HTTPStatus.FORBIDDEN, explain="Open the address with the token that the program printed.")
         return False
 
     def _send_head(self, status: HTTPStatus, size: int, about: Mapping[str, str]) -> None:

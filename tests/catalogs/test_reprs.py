@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import catalogs
-from catalogs.browse.access import Access
 from catalogs.exchange import selection
 from catalogs.exchange.export import LAYOUTS
 from catalogs.exchange.nerf import ImportedMember
@@ -42,6 +41,7 @@ from catalogs.vocabulary.plugin_appearance import MissingAppearance
 from catalogs.vocabulary.quantity import Quantity
 from catalogs.vocabulary.scene import PlannedMember, RenderPlan, Scene, VariedMembers, ViewPlan
 from catalogs.vocabulary.variations import Setting, field_variation, isovalue_family, transfer_function_family
+from catalogs.web.access import Access
 
 LONGEST = 400
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "tgv-tf.toml"

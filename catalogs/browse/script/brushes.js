@@ -4,24 +4,18 @@ const GRIP = 10; // px around an end of a brush
 const BOTH = [1, 1]; // ends of a brush that move
 
 function addAxis(axis, i) {
-  const box = element("div", "axis"), name = element("div", "axis-name", axis.name);
-  name.title = (axis.unit ? `${axis.name} (${axis.unit})` : axis.name) + (axis.log ? ", on a logarithmic scale" : "");
-  box.append(name, element("div", "brush"));
-  if (axis.categories)
-    axis.categories.forEach((category, k) => box.append(Object.assign(element("div", "category", category), { at: k, title: category })));
-  else box.append(element("div", "most", text(axis.high)), element("div", "least", text(axis.low)));
-  if (axis.column.some(Number.isNaN)) box.append(element("div", "none", "none"));
-  for (const [end, which] of [[0, "least"], [1, "most"]]) box.append(newHandle(axis, i, end, which));
+  const title = (axis.unit ? `${axis.name} (${axis.unit})` : axis.name) + (axis.log ? ", on a logarithmic scale" : "");
+  const labels = axis.categories?.map((category, k) => element("div", { class: "category", "data-at": k, title: category }, category))
+    ?? [element("div", { class: "most" }, text(axis.high)), element("div", { class: "least" }, text(axis.low))];
+  const box = element("div", { class: "axis" }, element("div", { class: "axis-name", title }, axis.name), element("div", { class: "brush" }), ...labels,
+    axis.column.some(Number.isNaN) && element("div", { class: "none" }, "none"), ...["least", "most"].map((which, end) => newHandle(axis, i, end, which)));
   listenToAxis(box, axis, i);
   $("plot").append(box);
   if (!axis.categories) addLimits(axis, i);
 }
 
 function newHandle(axis, i, end, which) {
-  const handle = element("div", "handle");
-  Object.assign(handle, { tabIndex: 0, role: "slider", ariaOrientation: "vertical", ariaLabel: `${axis.name}, ${which} of the brush` });
-  handle.dataset.end = which;
-  handle.onkeydown = event => {
+  const onkeydown = event => {
     const unitStep = axis.categories ? 1 : width(axis) / 100, large = axis.categories ? 1 : 10 * unitStep;
     const [least, most] = rangeOf(i).map(value => placeOf(axis, value)), here = end ? most : least;
     const to = {
@@ -32,7 +26,8 @@ function newHandle(axis, i, end, which) {
     event.preventDefault();
     brushPlaces(i, end ? [least, Math.max(least, to)] : [Math.min(to, most), most]);
   };
-  return handle;
+  const label = `${axis.name}, ${which} of the brush`;
+  return element("div", { class: "handle", "data-end": which, tabindex: 0, role: "slider", "aria-orientation": "vertical", "aria-label": label, onkeydown });
 }
 
 const rangeOf = i => state.brushes[i] ?? [axes[i].low, axes[i].high];
@@ -105,27 +100,22 @@ function listenToAxis(box, axis, i) {
 }
 
 function addLimits(axis, i) {
-  const line = element("div", "limits"), name = element("span", "", axis.unit ? `${axis.name} (${axis.unit})` : axis.name);
-  const inputs = ["from", "to"].map(which => Object.assign(element("input"), {
-    type: "number", step: "any", min: axis.low, max: axis.high, ariaLabel: `${axis.name} ${which}`,
+  const changed = (end, typed) => {
+    const range = [...rangeOf(i)];
+    range[end] = typed === "" ? (end ? axis.high : axis.low) : +typed;
+    brush(i, range.sort((a, b) => a - b));
+  };
+  const [from, to] = ["from", "to"].map((which, end) => element("input", {
+    type: "number", step: "any", min: axis.low, max: axis.high, "aria-label": `${axis.name} ${which}`, onchange: event => changed(end, event.target.value),
   }));
-  inputs.forEach((input, end) => {
-    input.onchange = () => {
-      const range = [...rangeOf(i)];
-      range[end] = input.value === "" ? (end ? axis.high : axis.low) : +input.value;
-      brush(i, range.sort((a, b) => a - b));
-    };
-  });
-  line.append(name, inputs[0], "to", inputs[1]);
-  line.dataset.axis = i;
-  $("limits").append(line);
+  $("limits").append(element("div", { class: "limits", "data-axis": i }, element("span", {}, axis.unit ? `${axis.name} (${axis.unit})` : axis.name), from, "to", to));
 }
 
 function placeAxes() {
   document.querySelectorAll(".axis").forEach((box, i) => {
     const axis = axes[i];
     box.style.left = `${plot.x[i]}px`;
-    for (const label of box.querySelectorAll(".category")) label.style.top = `${axisY(axis, label.at)}px`;
+    for (const label of box.querySelectorAll(".category")) label.style.top = `${axisY(axis, +label.dataset.at)}px`;
   });
 }
 

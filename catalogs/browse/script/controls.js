@@ -22,13 +22,10 @@ function step(i, sign) {
 }
 
 function addSlider(d, i) {
-  const box = element("div", "parameter"), line = element("label", "line"), name = element("span", "", d.name);
-  if (d.unit) name.append(" ", element("span", "unit", `(${d.unit})`));
-  if (d.log) name.title = "on a logarithmic scale";
-  line.htmlFor = `parameter-${i}`;
-  line.append(name, element("output"));
-  const slider = Object.assign(element("input"), {
-    type: "range", id: line.htmlFor, min: d.first, max: d.last, step: "any",
+  const id = `parameter-${i}`;
+  const name = element("span", { title: d.log && "on a logarithmic scale" }, d.name, d.unit && " ", d.unit && element("span", { class: "unit" }, `(${d.unit})`));
+  const slider = element("input", {
+    type: "range", id, min: d.first, max: d.last, step: "any",
     oninput: event => slide(i, valueAt(d, +event.target.value)),
     onchange: () => chooseCell(cell()), // let go: the thumbs fall on the member
     onkeydown: event => {
@@ -38,11 +35,8 @@ function addSlider(d, i) {
       step(i, sign);
     },
   });
-  const ticks = element("div", "ticks");
-  ticks.append(element("canvas"), element("i", "current"));
-  ticks.setAttribute("aria-hidden", "true");
-  box.append(line, slider, ticks);
-  $("parameters").append(box);
+  const ticks = element("div", { class: "ticks", "aria-hidden": "true" }, element("canvas"), element("i", { class: "current" }));
+  $("parameters").append(element("div", { class: "parameter" }, element("label", { class: "line", for: id }, name, element("output")), slider, ticks));
 }
 
 // A tick per value that is stored, in the colour of its split; as many members as there may be, a column of pixels is drawn once.
@@ -96,7 +90,7 @@ function grouped(numbers, title, groupOf) {
       continue;
     }
     if (!groups.has(group)) {
-      groups.set(group, Object.assign(document.createElement("optgroup"), { label: group }));
+      groups.set(group, element("optgroup", { label: group }));
       made.push(groups.get(group));
     }
     groups.get(group).append(option);
@@ -150,12 +144,8 @@ function showChoices() {
 }
 
 function showTabs() {
-  for (const tab of document.querySelectorAll("[role=tab]")) {
-    const chosen = tab.dataset.mode === state.mode;
-    tab.setAttribute("aria-selected", String(chosen));
-    tab.tabIndex = chosen ? 0 : -1;
-    if (chosen) $("view").setAttribute("aria-labelledby", tab.id);
-  }
+  markTab(document.querySelector("[role=tablist]"), `tab-${state.mode}`);
+  $("view").setAttribute("aria-labelledby", `tab-${state.mode}`);
   $("view").dataset.mode = state.mode;
   $("panes").hidden = state.mode === "grid";
   $("grid").hidden = state.mode !== "grid";
@@ -167,18 +157,6 @@ function swapSides() {
 }
 
 function listenToControls() {
-  const tabs = [...document.querySelectorAll("[role=tab]")];
-  tabs.forEach((tab, i) => {
-    tab.onclick = () => chooseMode(tab.dataset.mode, state.mode === tab.dataset.mode ? state.active : 0);
-    tab.onkeydown = event => {
-      const to = { ArrowRight: i + 1, ArrowLeft: i - 1, Home: 0, End: tabs.length - 1 }[event.key];
-      if (to === undefined) return;
-      event.preventDefault();
-      const next = tabs[(to + tabs.length) % tabs.length];
-      next.focus();
-      next.click();
-    };
-  });
   $("appearance").onchange = event => chooseCell({ ...cell(), appearance: +event.target.value });
   $("member").onchange = event => chooseCell({ ...cell(), member: +event.target.value });
   $("previous").onclick = () => stepMember(-1);
@@ -194,6 +172,8 @@ function listenToControls() {
 }
 
 function addChoices() {
+  const choose = mode => chooseMode(mode, state.mode === mode ? state.active : 0);
+  document.querySelector("header").append(tabs("View mode", "tab", "view", "one", [["one", "One picture"], ["compare", "Compare"], ["grid", "Grid"]], choose));
   dimensions.forEach(addSlider);
   $("appearance-field").hidden = catalog.appearances.length < 2;
   $("find-field").hidden = memberNames.length <= OFFERED;

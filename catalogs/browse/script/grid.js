@@ -100,16 +100,12 @@ function cellValues(shown) {
 }
 
 function newCell(place) {
-  const button = element("button", "cell"), frame = element("span", "frame"), image = element("img");
-  image.alt = "";
-  image.decoding = "async";
-  image.onerror = () => { frame.dataset.missing = "missing or damaged"; };
-  image.onload = () => { delete frame.dataset.missing; };
-  frame.append(image);
-  button.append(frame, element("span", "name"), element("i"), element("span", "values"));
-  button.onclick = () => openCell(place);
-  button.onkeydown = event => moveInGrid(event, place);
-  return button;
+  const image = element("img", {
+    alt: "", decoding: "async", onerror: () => { frame.dataset.missing = "missing or damaged"; }, onload: () => { delete frame.dataset.missing; },
+  });
+  const frame = element("span", { class: "frame" }, image);
+  return element("button", { class: "cell", onclick: () => openCell(place), onkeydown: event => moveInGrid(event, place) },
+    frame, element("span", { class: "name" }), element("i"), element("span", { class: "values" }));
 }
 
 function openCell(place) {

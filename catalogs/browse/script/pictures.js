@@ -60,32 +60,17 @@ function prefetchAround(cell, view) {
     .forEach(([, near]) => fetched(addressOf(cell, near)));
 }
 
-function element(tag, className, content) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (content !== undefined) made.textContent = content;
-  return made;
-}
-
-function badge(split, of) {
-  return element("span", `badge ${split}`, `${split} ${of}`);
-}
+const badge = (split, of) => element("span", { class: `badge ${split}` }, `${split} ${of}`);
 
 // What is seen: the member's name, its parameters, the appearance where there are several, the view, and the splits.
 function captionOf(cell, view) {
-  const parts = [element("b", "", memberNames[cell.member])];
-  for (const d of dimensions) {
-    const value = valueOf(d, cell);
-    if (Number.isNaN(value)) continue;
-    const part = element("span", "", `${d.name} `);
-    part.append(element("b", "", text(value)), d.unit ? ` ${d.unit}` : "");
-    parts.push(part);
-  }
-  if (catalog.appearances.length > 1) parts.push(element("span", "", catalog.appearances[cell.appearance].name));
-  parts.push(element("span", "", `view ${view}`));
-  const viewSplit = catalog.splits[viewSplits[viewpointSet(cell.member)][view]];
-  parts.push(badge(splitOf(cell.member), "member"), badge(viewSplit, "view"));
-  return parts;
+  const shown = dimensions.filter(d => !Number.isNaN(valueOf(d, cell)));
+  return [
+    element("b", {}, memberNames[cell.member]),
+    ...shown.map(d => element("span", {}, `${d.name} `, element("b", {}, text(valueOf(d, cell))), d.unit && ` ${d.unit}`)),
+    catalog.appearances.length > 1 && element("span", {}, catalog.appearances[cell.appearance].name), element("span", {}, `view ${view}`),
+    badge(splitOf(cell.member), "member"), badge(catalog.splits[viewSplits[viewpointSet(cell.member)][view]], "view"),
+  ].filter(Boolean);
 }
 
 function showPanes() {

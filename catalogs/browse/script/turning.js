@@ -6,15 +6,12 @@ const GLOBE = 120;
 let looking = null; // while dragging: {direction, up}, between the viewpoints
 
 function turn(right, down) {
-  // The thing follows the pointer, so the camera goes the other way, along the axes of the picture on the screen.  Only
-  // where pictures roll at once, over a pole, does the hand keep its own axes: else it would be sent back and forth.
-  const { direction, up } = looking;
-  const aside = cross(up, direction);
-  const moved = unit(combine(1, combine(Math.cos(right), direction, -Math.sin(right), aside), Math.sin(down), up));
-  looking = { direction: moved, up: across(up, moved) };
-  const view = nearestView(viewpoints(), moved, looking.up);
+  // Along the axes of the picture on the screen.  Only where pictures roll at once, over a pole, does the hand keep its own axes:
+  // else it would be sent back and forth.
+  looking = turned(looking, right, down);
+  const view = nearestView(viewpoints(), looking.direction, looking.up);
   if (view === state.view) return;
-  const pictured = across(upOf(viewpoints()[view]), moved);
+  const pictured = across(upOf(viewpoints()[view]), looking.direction);
   if (dot(pictured, looking.up) > ROLL) looking.up = pictured;
   chooseView(view);
 }
@@ -96,8 +93,8 @@ function showView() {
   $("view-number").max = viewpoints().length - 1;
   if (document.activeElement !== $("view-number")) $("view-number").value = state.view;
   $("view-count").textContent = `of ${viewpoints().length}`;
-  $("phi").textContent = `${degrees(Math.atan2(y, x)).toFixed(1)}°`;
-  $("theta").textContent = `${degrees(Math.acos(Math.max(-1, Math.min(1, z)))).toFixed(1)}°`;
+  $("phi").textContent = `${(Math.atan2(y, x) * 180 / Math.PI).toFixed(1)}°`;
+  $("theta").textContent = `${(Math.acos(Math.max(-1, Math.min(1, z))) * 180 / Math.PI).toFixed(1)}°`;
   drawGlobe();
 }
 

@@ -20,17 +20,10 @@ from numpy.typing import NDArray
 from research.benchmarks.page import DOCS, PROJECT, command_line, fill, made_by, table
 from surrogate import Surrogate
 from surrogate.evaluation.scoring import spread
-from surrogate.explore.reliability.calibration import (
-    NEAREST,
-    Table,
-    adjusted,
-    generalization_gap,
-    leave_one_out,
-    tables_of,
-)
+from surrogate.explore.reliability.calibration import NEAREST, MeasuredFamily, families_of
 from surrogate.explore.reliability.expectation import Expectation, measure
 from surrogate.explore.reliability.measuring import psnr_of
-from surrogate.explore.reliability.places import ISOSURFACES, appearances_of, base_name
+from surrogate.explore.reliability.points import ISOSURFACES, appearances_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.splatting.threads import one_torch_thread
@@ -82,20 +75,18 @@ def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Agre
 
 def chosen_by(run: str, expectation: Expectation, surrogate: Surrogate) -> list[list[str]]:
     """Rows of the first table: mean absolute difference of what was left out for each number of neighbours."""
-    tables, rows = tables_of(expectation.measured, surrogate), []
-    for family, measured in tables.items():
-        gap = generalization_gap(measured)
+    families = {nearest: families_of(expectation.measured, surrogate, nearest) for nearest in TRIED}
+    rows = []
+    for family, measured in families[NEAREST].items():
         count = f"{measured.unseen.sum()} + {(~measured.unseen).sum()}"
         name = "isosurfaces" if family == ISOSURFACES else "volume"
-        errors = [
-            _left_out(measured, generalization_gap(tables[base_name(surrogate)], nearest), nearest) for nearest in TRIED
-        ]
-        rows.append([run, name, count, "" if gap is None else f"{gap:.2f}", *errors])
+        gap = "" if measured.gap is None else f"{measured.gap:.2f}"
+        rows.append([run, name, count, gap, *(_left_out(families[nearest][family]) for nearest in TRIED)])
     return rows
 
 
-def _left_out(measured: Table, gap: float | None, nearest: int) -> str:
-    differences = leave_one_out(measured, gap, nearest) - adjusted(measured, gap, nearest)
+def _left_out(measured: MeasuredFamily) -> str:
+    differences = measured.left_out - measured.adjusted
     return f"{np.nanmean(np.abs(differences)):.2f}" if np.isfinite(differences).any() else ""
 
 

@@ -1,6 +1,6 @@
 // The address holds the whole state: what is not there is as at first.  What is there and can't be is named in notes.
 
-import { digits } from "./elements.js";
+import { digits } from "../web/elements.js";
 import { rounded as roundedOrbit } from "./orbit.js";
 import {
   BACKGROUNDS, current, endsOf, firstSetting, firstState, firstSweep, FULL_SIZES, MODES, MOST_COUNT, pointsOf, possibleSweep, rangeOf,

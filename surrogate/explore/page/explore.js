@@ -2,7 +2,7 @@
 
 import { addressOf, stateOf } from "./address.js";
 import * as connection from "./connection.js";
-import { button, digits, element, tabs } from "./elements.js";
+import { button, digits, element, markTab, tabs } from "../web/elements.js";
 import { exportPanel } from "./exports.js";
 import { listen } from "./hands.js";
 import { cameraOf, rounded } from "./orbit.js";
@@ -43,7 +43,7 @@ class Explorer {
       id: "stage", tabindex: 0, role: "application", "aria-label":
         "The ensemble: drag or use the arrow keys to turn it, with Shift to move it, wheel or + and − to come nearer, Home to reset",
     });
-    this.tabs = tabs("What the window shows", "mode", "stage-panel", "view", Object.entries(MODE_NAMES), mode => this.set({ mode }));
+    this.tabs = tabs("View mode", "mode", "stage-panel", "view", Object.entries(MODE_NAMES), mode => this.set({ mode }));
     this.alert = element("p", { id: "alert", role: "alert", hidden: true });
     this.lost = element("p", { id: "lost", role: "alert", hidden: true });
     this.note = element("div", { id: "note", role: "status", hidden: true });
@@ -68,7 +68,7 @@ class Explorer {
     this.state = state;
     const more = notes.length - MOST_NOTES;
     const lines = [...notes.slice(0, MOST_NOTES), more > 0 && `and ${more} more`].filter(Boolean).map(text => element("li", {}, text));
-    this.note.replaceChildren(element("div", {}, element("strong", {}, "The link was changed:"), element("ul", {}, ...lines)),
+    this.note.replaceChildren(element("div", {}, element("strong", {}, "Parts of this link could not be applied:"), element("ul", {}, ...lines)),
       button("Close", () => { this.note.hidden = true; }));
     this.note.hidden = !notes.length;
     this.arrange();
@@ -79,11 +79,7 @@ class Explorer {
   /** Build what depends on the mode and on which kind of visualization is shown. */
   arrange() {
     const { state } = this, swept = state.mode === "sweep" ? [state.sweep.name, state.sweep.second] : [];
-    for (const tab of this.tabs.children) {
-      const chosen = tab.id === `mode-${state.mode}`;
-      tab.setAttribute("aria-selected", chosen);
-      tab.tabIndex = chosen ? 0 : -1;
-    }
+    markTab(this.tabs, `mode-${state.mode}`);
     document.getElementById("stage-panel").setAttribute("aria-labelledby", `mode-${state.mode}`);
     this.controls = [parameterPanel(this, swept), visualizationPanel(this, swept)].filter(Boolean);
     const parts = [

@@ -1,7 +1,7 @@
 // What can be taken away: pictures, comparisons, films, Gaussians, a link, the code.
 
 import { exported } from "./connection.js";
-import { button, element, menu, section } from "./elements.js";
+import { button, element, menu, section } from "../web/elements.js";
 
 const PICTURES = { png: "PNG, parameters inside", exr: "EXR, parameters inside", ply: "Gaussians, 3DGS .ply", python: "Python that draws it" };
 const COMPARISONS = { comparison: "Comparison, PNG" };

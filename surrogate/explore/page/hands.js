@@ -1,12 +1,13 @@
 // Mouse, fingers and keys on the picture, as changes of the orbit.
 
-import { panned, turned, zoomed } from "./orbit.js";
+import { turned } from "../web/vectors.js";
+import { panned, zoomed } from "./orbit.js";
 
 const STEP = Math.PI / 36; // per key
 
 /** Let hands on `stage` move the camera; `get()` is the orbit, `set(orbit)` takes the next, `home` the first one. */
 export function listen(stage, get, set, home, rest) {
-  const pointers = new Map();
+  const pointers = new Map(), turn = (right, down) => set({ ...get(), ...turned(get(), right, down) });
   stage.onpointerdown = event => {
     if (event.button > 2 || event.target.closest("button")) return;
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
@@ -21,7 +22,7 @@ export function listen(stage, get, set, home, rest) {
     const right = (now[0] - before[0]) / side, down = (now[1] - before[1]) / side;
     if (pointers.size === 2) pinch(event.pointerId, before, now, right, down);
     else if (event.shiftKey || event.buttons & 6) set(panned(get(), right, down));
-    else set(turned(get(), Math.PI * right, Math.PI * down));
+    else turn(Math.PI * right, Math.PI * down);
     pointers.set(event.pointerId, now);
   };
   const leave = event => { if (pointers.delete(event.pointerId) && !pointers.size) rest(); };
@@ -38,7 +39,7 @@ export function listen(stage, get, set, home, rest) {
     if (event.ctrlKey || event.metaKey || event.altKey || !(arrow || factor || event.key === "Home")) return;
     event.preventDefault();
     if (arrow && event.shiftKey) set(panned(get(), 0.03 * arrow[0], 0.03 * arrow[1]));
-    else if (arrow) set(turned(get(), STEP * arrow[0], STEP * arrow[1]));
+    else if (arrow) turn(STEP * arrow[0], STEP * arrow[1]);
     else if (factor) set(zoomed(get(), factor, home));
     else set(home);
   };

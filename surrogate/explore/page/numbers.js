@@ -1,6 +1,6 @@
 // An input for one number.  What is typed and can be drawn is drawn; of anything else the input says why not, and goes back.
 
-import { digits, element } from "./elements.js";
+import { digits, element } from "../web/elements.js";
 
 /**
  * `range()` is { least, most } now; `changed(value)` hears what is accepted; `attributes` are the input's.

@@ -4,7 +4,7 @@
 // `direction`, `distance` away; `up` is a unit vector across it; `field` is the field of view, in degrees, across the shorter side
 // of the picture, so that what fits into a wide picture fits into a tall one.
 
-import { across, cross, plus, scaled, unit } from "./vectors.js";
+import { across, cross, plus, scaled, unit } from "../web/vectors.js";
 
 const NEAREST = 0.05, FARTHEST = 50; // of the first distance
 
@@ -23,15 +23,6 @@ export function cameraOf(orbit, [width, height]) {
     up: orbit.up,
     field: height > width ? Math.atan(half) * 360 / Math.PI : orbit.field,
   };
-}
-
-/** Turned by angles (radians): the thing follows the pointer, so the camera goes the other way. */
-export function turned(orbit, right, down) {
-  const side = cross(orbit.up, orbit.direction);
-  const level = unit(plus(scaled(Math.cos(right), orbit.direction), scaled(-Math.sin(right), side)));
-  const direction = unit(plus(scaled(Math.cos(down), level), scaled(Math.sin(down), orbit.up)));
-  const up = plus(scaled(Math.cos(down), orbit.up), scaled(-Math.sin(down), level));
-  return { ...orbit, direction, up: across(up, direction) };
 }
 
 /** Moved along the picture by shares of its shorter side. */

@@ -1,6 +1,6 @@
 // The controls beside the picture, a section each.  `explorer` holds the state and hears what is changed.
 
-import { button, digits, element, field, menu, section, tabs } from "./elements.js";
+import { button, digits, element, field, menu, section, tabs } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { PRESETS, seenFrom } from "./orbit.js";
 import { slider } from "./sliders.js";

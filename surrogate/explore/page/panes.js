@@ -1,6 +1,6 @@
 // What the stage shows: one picture, two and their difference, the truth beside the prediction, or a sweep.
 
-import { element } from "./elements.js";
+import { element } from "../web/elements.js";
 import { current, endsOf, messageOf, mostRows, rangeOf, sweptOf, withValue } from "./state.js";
 import { described, valued } from "./words.js";
 

@@ -1,6 +1,6 @@
 // Plays a parameter: from where it stands to its upper bound, back to the lower one, and so on, until it is stopped.
 
-import { button } from "./elements.js";
+import { button } from "../web/elements.js";
 
 const ONE_WAY = 6000; // milliseconds
 

@@ -1,6 +1,6 @@
 // A slider for one number: name, unit, bounds, what was trained marked below the track, and a warning outside the bounds.
 
-import { digits, element } from "./elements.js";
+import { digits, element } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { player } from "./play.js";
 import { tidy } from "./state.js";

@@ -1,6 +1,6 @@
 // The transfer-function editor: opacity over field values, two points of which can be moved; the histogram of the field behind.
 
-import { button, digits, drawn, element, menu } from "./elements.js";
+import { button, digits, drawn, element, menu } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { tidy } from "./state.js";
 

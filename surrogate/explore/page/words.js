@@ -1,6 +1,6 @@
 // What is said of settings, and of the errors to expect.
 
-import { digits } from "./elements.js";
+import { digits } from "../web/elements.js";
 import { pointsOf, variation } from "./state.js";
 
 export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_function: "Transfer function", field: "Field" };

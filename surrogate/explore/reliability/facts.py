@@ -40,7 +40,7 @@ from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import Variation
 from surrogate.evaluation.scoring import spread
 from surrogate.explore.color_maps import NAMES, color_points
-from surrogate.explore.reliability.places import base_name
+from surrogate.explore.reliability.points import base_name
 from surrogate.explore.request import limits
 from surrogate.explore.run import Run
 from surrogate.explore.setting import base_function

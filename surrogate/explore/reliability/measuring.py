@@ -21,7 +21,7 @@ from catalogs.files.images import ImageError
 from catalogs.store.catalog import Catalog, Member
 from surrogate.evaluation.metrics import WHITE, composite, psnr
 from surrogate.evaluation.scoring import Report, spread
-from surrogate.explore.reliability.places import appearances_of, base_name
+from surrogate.explore.reliability.points import appearances_of, base_name
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from surrogate.model import DeformedGaussians, Surrogate

@@ -1,4 +1,4 @@
-"""From where stored pictures look at the volume, and why another camera sees what no error was measured of."""
+"""The directions and distances from which stored images look at the volume, and whether another camera lies within them."""
 
 from __future__ import annotations
 
@@ -53,22 +53,15 @@ class Views:
         low, high = rows[:, 3:].min(axis=0).tolist(), rows[:, 3:].max(axis=0).tolist()
         return cls(middle, (low[0], high[0]), (low[1], high[1]), high[2], _angle(float(steps.max())), tree)
 
-    def unlike(self, camera: Camera) -> list[str]:
-        """Reasons why no stored camera sees the like of what `camera` sees; none where one does."""
+    def cover(self, camera: Camera) -> bool:
+        """Whether some stored camera sees about what `camera` sees."""
         *direction, distance, size, aside = _seen(camera, self.middle)
-        if distance <= 0:
-            return ["the camera looks away from the volume"]
-        reasons = []
-        if min(distance / self.distances[0], size / self.sizes[0]) < 1.0 / FACTOR:
-            reasons.append("the camera is nearer than any stored one")
-        elif max(distance / self.distances[1], size / self.sizes[1]) > FACTOR:
-            reasons.append("the camera is farther away than any stored one")
-        if aside > self.aside + ASIDE:
-            reasons.append("the volume stands farther off the picture's centre than in any stored picture")
+        if distance <= 0:  # it looks away
+            return False
+        nearer = min(distance / self.distances[0], size / self.sizes[0]) < 1.0 / FACTOR
+        farther = max(distance / self.distances[1], size / self.sizes[1]) > FACTOR
         apart = _angle(float(self._tree.query(direction)[0]))
-        if apart > max(self.gap, LEAST_ANGLE) + 1e-6:
-            reasons.append(f"the nearest stored view looks from {math.degrees(apart):.0f}° aside")
-        return reasons
+        return not (nearer or farther or aside > self.aside + ASIDE or apart > max(self.gap, LEAST_ANGLE) + 1e-6)
 
 
 def _seen(camera: Camera, middle: NDArray[np.float64]) -> tuple[float, ...]:

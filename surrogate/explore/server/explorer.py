@@ -14,7 +14,6 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,9 @@ import torch
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from catalogs.browse.access import LOCAL, Access
 from catalogs.store.catalog import CatalogError
+from catalogs.web import ASSETS
+from catalogs.web.access import LOCAL, Access
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.reliability.expectation import measure
 from surrogate.explore.reliability.facts import facts
@@ -123,7 +123,7 @@ class Explorer:
             log.warning("what error to expect can't be measured: %s", error)
 
     def _application(self) -> web.Application:
-        frames, surrogate, page = self.frames, self.run.surrogate, _page_folder()
+        frames, surrogate = self.frames, self.run.surrogate
         origins = self.run.origins
         calls: dict[str, Call] = {
             "facts": lambda _: self._facts,
@@ -133,9 +133,10 @@ class Explorer:
         sockets = Sockets(calls, self._drawing)
         application = web.Application(middlewares=[guard(self.access)])
         application.on_shutdown.append(sockets.close)
-        application.router.add_get("/", _file(page / "index.html"))
-        application.router.add_get("/look.css", _file(Path(str(files("catalogs.browse").joinpath("look.css")))))
-        application.router.add_static("/explore/", page)
+        application.router.add_get("/", _file(PAGE / "index.html"))
+        for shared in ("look.css", "vectors.js", "elements.js"):
+            application.router.add_get(f"/web/{shared}", _file(ASSETS / shared))
+        application.router.add_static("/explore/", PAGE)
         application.router.add_get("/ws", sockets.respond)
         application.router.add_post("/export", self._export)
         return application
@@ -179,10 +180,6 @@ def _is_ours(record: logging.LogRecord) -> bool:
     """Whether aiohttp complains of this program: not of strangers who speak no HTTP, or of its own race when it stops."""
     theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError | asyncio.InvalidStateError
     return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
-
-
-def _page_folder() -> Path:
-    return Path(str(PAGE))
 
 
 def _file(path: Path) -> Callable[[web.Request], Any]:

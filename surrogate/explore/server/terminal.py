@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from catalogs.browse.access import LOCAL
+from catalogs.web.access import LOCAL
 from surrogate.explore.run import Run
 from surrogate.explore.server.explorer import Explorer
 

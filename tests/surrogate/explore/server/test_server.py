@@ -23,7 +23,7 @@ from tests.support.explorer_process import PROGRAM, address_in, command, install
 
 pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
-from catalogs.browse.access import Access
+from catalogs.web.access import Access
 from surrogate.cli import main
 from surrogate.explore.run import Run
 from surrogate.explore.server.notebook import Shown
@@ -374,12 +374,12 @@ def test_links_out_of_the_page_are_not_followed(tmp_path: Path, monkeypatch: pyt
     from surrogate.explore.server import explorer as module
 
     page = tmp_path / "page"
-    shutil.copytree(module._page_folder(), page)
+    shutil.copytree(module.PAGE, page)
     (tmp_path / "secret").mkdir()
     (tmp_path / "secret" / "file.js").write_text("class Explorer")
     (page / "file.js").symlink_to(tmp_path / "secret" / "file.js")
     (page / "folder").symlink_to(tmp_path / "secret")
-    monkeypatch.setattr(module, "_page_folder", lambda: page)
+    monkeypatch.setattr(module, "PAGE", page)
     with shown(Run("plain", plain())) as address:
         assert asked(address, "/explore/explore.js")[0] == 200
         for target in ("/explore/file.js", "/explore/folder/file.js", "/explore/folder", "/explore/folder/"):
@@ -442,7 +442,7 @@ def test_the_address_of_the_socket_is_not_for_reading(explorer: str) -> None:
 
 
 def test_every_answer_says_how_it_may_be_used(explorer: str) -> None:
-    for target in ("/index.html", "/explore/explore.js", "/look.css", "/nothing", "/"):
+    for target in ("/index.html", "/explore/explore.js", "/web/look.css", "/nothing", "/"):
         answer = asked(explorer, target)[1].lower()
         assert "x-content-type-options: nosniff" in answer
         assert "content-security-policy: default-src 'self'" in answer

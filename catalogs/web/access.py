@@ -1,8 +1,9 @@
 """Who may use a server of this project: pages of this machine, or whoever brings a token.
 
-A page of any web site may try to reach a server on 127.0.0.1, by a host name of its own that resolves to it (DNS rebinding): so a
-request must name the server by one of its own names.  What listens where others reach it wants a random token as well, which
-stands in the printed address, is exchanged for a cookie and so leaves the address, that may then be shown and passed on.
+A page of any web site may try to reach a server on 127.0.0.1, by a host name of its own that resolves to it (DNS rebinding), or by
+a WebSocket, which browsers let it open anywhere.  So a request must name the server by one of its own names, and come from no other
+site.  A server that others can reach wants a random token as well.  The printed address holds it; it is exchanged for a cookie, so
+that the page's address can be passed on.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import hmac
 import ipaddress
 import secrets
 import socket
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
@@ -66,6 +68,20 @@ class Access:
             return True
         address = _address(named)
         return address is not None and (address.is_loopback or bool(self.token))
+
+    def refusal(self, hosts: Sequence[str], origin: str | None, tokens: Sequence[str | None]) -> str:
+        """Why a request is refused; "" where it is answered.
+
+        `hosts` are the names by which it calls the server, its Host header first; `origin` is its Origin header, and `tokens`
+        are what it brings as one; None for what it lacks.
+        """
+        if not all(map(self.is_named_by, hosts)):
+            return "this server answers to its own address only"
+        if origin is not None and origin.lower().partition("://")[2] != hosts[0].lower():
+            return "pages of other sites may not talk to this server"
+        if self.token and not any(map(self.is_token, tokens)):
+            return "the address lacks its token: take the whole of what the program printed"
+        return ""
 
     def is_token(self, said: str | None) -> bool:
         """Whether this is the token, found out in a time that tells nothing of it."""

@@ -1,4 +1,4 @@
-"""Where a setting lies in the spaces of a surrogate's parameters, as fractions of their ranges."""
+"""Settings as points in the spaces of a surrogate's parameters, as fractions of their ranges."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ ISOSURFACES = ":isovalue"  # no appearance can be called so
 
 
 @dataclass(frozen=True)
-class Place:
+class SettingPoint:
     """A setting in numbers that distances are taken of.
 
     Attributes
     ----------
-    family : what can be compared: the base appearance, under any transfer function too; `ISOSURFACES`; another field's appearance.
+    family : settings that can be compared: the base appearance, under any transfer function too; `ISOSURFACES`; another field's
+        appearance.
     values : (P + V,) simulation and visualization parameters as fractions of their ranges; V is 0 where the family has none.
     outside : names of the parameters that lie out of bounds.
     """
@@ -49,8 +50,8 @@ def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict
     return {base_name(surrogate): {}, **others}
 
 
-def place_of(setting: Setting, surrogate: Surrogate) -> Place:
-    """Where `setting` lies; raises ValueError for parameters that are missing, unknown or not finite."""
+def point_of(setting: Setting, surrogate: Surrogate) -> SettingPoint:
+    """The point of `setting`; raises ValueError for parameters that are missing, unknown or not finite."""
     simulation = surrogate.space.values(setting.parameters, outside="allow")  # [P]
     variation, values = variation_of(setting.visualization, [v.variation for v in surrogate.visualizations])
     outside, family, within = [*surrogate.space.outside(simulation)], base_name(surrogate), np.zeros(0)
@@ -59,7 +60,7 @@ def place_of(setting: Setting, surrogate: Surrogate) -> Place:
         family, within = family if variation.edits_base else ISOSURFACES, variation.normalize(values) / RANGE
     elif variation is not None:
         family = next(s.appearance for s in variation.settings if s.values == values)
-    return Place(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
+    return SettingPoint(family, np.concatenate([surrogate.space.normalize(simulation) / RANGE, within]), tuple(outside))
 
 
 def values_of(space: ParameterSpace, rows: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ export const button = (label, onclick, attributes = {}) => element("button", { t
 export const menu = (label, id, chosen, offered, changed) => field(label, element("select", { id, onchange: event => changed?.(event.target.value) },
   ...offered.map(([value, name, disabled]) => element("option", { value, disabled, selected: value === chosen }, name))));
 
-/** Tabs of [id, name]; `choose(id)` hears which, and arrow keys go from tab to tab. */
+/** Tabs of [id, name]; `choose(id)` hears which; arrow keys, Home and End go from tab to tab. */
 export const tabs = (label, prefix, panel, chosen, offered, choose) => element("div", { role: "tablist", "aria-label": label }, ...offered.map(([id, name]) =>
   element("button", {
     role: "tab", id: `${prefix}-${id}`, "aria-controls": panel, "aria-selected": id === chosen, tabindex: id === chosen ? 0 : -1,
@@ -35,12 +35,21 @@ export const tabs = (label, prefix, panel, chosen, offered, choose) => element("
   }, name)));
 
 function stepTab(event) {
-  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-  if (!step) return;
+  const all = [...event.currentTarget.parentElement.children], here = all.indexOf(event.currentTarget);
+  const to = { ArrowRight: here + 1, ArrowLeft: here - 1, Home: 0, End: -1 }[event.key];
+  if (to === undefined) return;
   event.preventDefault();
-  const all = [...event.currentTarget.parentElement.children], next = all[(all.indexOf(event.currentTarget) + step + all.length) % all.length];
+  const next = all.at(to % all.length);
   next.click();
   document.getElementById(next.id)?.focus();
+}
+
+/** Show which of the tabs in a list is chosen. */
+export function markTab(list, id) {
+  for (const tab of list.children) {
+    tab.setAttribute("aria-selected", tab.id === id);
+    tab.tabIndex = tab.id === id ? 0 : -1;
+  }
 }
 
 export const field = (label, control) => element("label", { class: "field" }, element("span", {}, label), control);

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import pytest
 
 from catalogs.browse import CatalogServer, write_page
 from catalogs.store.catalog import Catalog
+from catalogs.web import ASSETS
 from tests.support.browsed import image_of, shown, visit
 from tests.support.browsers import PHONE, NewPage, serious_findings
 
@@ -58,7 +58,7 @@ def contrast(first: str, second: str) -> float:
 
 def test_the_colours_of_the_look_have_contrast() -> None:
     """Canvases and badges too, which axe does not see: 4.5:1 for text, 3:1 for marks and the borders of controls."""
-    look = files("catalogs.browse").joinpath("look.css").read_text()
+    look = (ASSETS / "look.css").read_text()
     tokens = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", look))
     grounds = ("paper", "panel", "field")
     for text, ground in product(("ink", "quiet", "accent", "warning", "train", "validation", "test"), grounds):

@@ -8,27 +8,27 @@ import warnings
 import numpy as np
 import pytest
 
-from surrogate.explore.reliability.places import ISOSURFACES, base_name, fractions_of, place_of, variation_of
+from surrogate.explore.reliability.points import ISOSURFACES, base_name, fractions_of, point_of, variation_of
 from surrogate.explore.setting import Setting
 from tests.support.field_blobs import STEPS
 from tests.support.models import following, plain
 
 
 def test_a_whole_range_is_one() -> None:
-    low, high = (place_of(Setting({"p": p}), plain()).values for p in (0.0, 1.0))
+    low, high = (point_of(Setting({"p": p}), plain()).values for p in (0.0, 1.0))
     np.testing.assert_allclose(high - low, [1.0])
 
 
 def test_the_base_and_transfer_functions_are_one_family() -> None:
-    at_base = place_of(Setting({"p": 0.5}), following())
-    moved = place_of(Setting({"p": 0.5}, {"c1_value": STEPS[0]}), following())
+    at_base = point_of(Setting({"p": 0.5}), following())
+    moved = point_of(Setting({"p": 0.5}, {"c1_value": STEPS[0]}), following())
     assert at_base.family == moved.family == base_name(following()) == "dvr"
     np.testing.assert_allclose(moved.values - at_base.values, [0, 0.5, 0, 0, 0])  # from the middle to the upper bound
 
 
 def test_isosurfaces_are_another_family_and_trained_ones_lie_evenly() -> None:
     values = [0.1, 0.3, 0.55, 0.8]  # as trained
-    places = [place_of(Setting({"p": 0.5}, {"isovalue": v}), following()) for v in values]
+    places = [point_of(Setting({"p": 0.5}, {"isovalue": v}), following()) for v in values]
     assert {place.family for place in places} == {ISOSURFACES}
     np.testing.assert_allclose(np.diff([place.values[1] for place in places]), 1 / 3)
 
@@ -45,7 +45,7 @@ def test_isosurfaces_are_another_family_and_trained_ones_lie_evenly() -> None:
 def test_what_is_out_of_bounds_is_named_without_a_warning(setting: Setting, outside: tuple[str, ...]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert place_of(setting, following()).outside == outside
+        assert point_of(setting, following()).outside == outside
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_what_is_out_of_bounds_is_named_without_a_warning(setting: Setting, outs
 )
 def test_what_can_not_be_shown_has_no_place(setting: Setting) -> None:
     with pytest.raises(ValueError, match=r"must be|no variation"):
-        place_of(setting, following())
+        point_of(setting, following())
 
 
 def test_displacements_that_are_left_out_are_zero() -> None:
