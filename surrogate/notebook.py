@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.store.notebook.cards import WHITE, Picture, card, never_failing, on_background
+from catalogs.store.notebook.cards import WHITE, CardImage, card, never_failing, on_background
 from catalogs.store.notebook.html import CAPTIONED
 from catalogs.vocabulary.cameras import OBLIQUE, Camera
 from catalogs.vocabulary.parameters import ParameterSpace
@@ -53,7 +53,7 @@ def _surrogate_card(surrogate: Any) -> str:
         ("size", f"{surrogate.megabytes:.2f} MB"),
         *_trained(surrogate.training),
     ]
-    pictures, notes = list[Picture](), list[str]()
+    pictures, notes = list[CardImage](), list[str]()
     try:
         pictures.append(_middle(surrogate))
     except Exception as error:  # the facts are worth showing without it
@@ -66,16 +66,16 @@ def _deformed_card(deformed: Any) -> str:
         *((name, _value(value)) for name, value in deformed.parameters.items()),
         ("Gaussians", f"{len(deformed):,}"),
     ]
-    picture = Picture(on_background(_seen(deformed)), title=_listed(deformed.parameters))
+    picture = CardImage(on_background(_seen(deformed)), title=_listed(deformed.parameters))
     return card("Gaussians of one member", rows, [picture], width=WIDTH)
 
 
-def _middle(surrogate: Any) -> Picture:
+def _middle(surrogate: Any) -> CardImage:
     values = {p.name: p.middle for p in surrogate.space.parameters}
     rgb = on_background(_seen(surrogate.at(**values)), surrogate.background or WHITE)
     words = _listed(values)
     caption = f"at {words}" if 0 < len(values) <= CAPTIONED else "at the middle of the parameters"
-    return Picture(rgb, caption if values else "", words)
+    return CardImage(rgb, caption if values else "", words)
 
 
 def _seen(deformed: Any) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Images rendered by others, brought into a catalog; and a catalog's images for other programs."""
+"""Import of images rendered by other programs, and export for them."""
 
 from catalogs.exchange.export import export
 from catalogs.exchange.nerf import import_nerf

@@ -1,11 +1,11 @@
-"""COLMAP's text model of a member's views, with points to start from, as 3D Gaussian splatting's official code reads it.
+"""COLMAP's text model of a member's views with initial points, as 3D Gaussian splatting's official code reads it.
 
     <member>/images/000.png
              sparse/0/cameras.txt, images.txt, points3D.txt
-                      test.txt        names of the pictures that are not for training, one a line
+                      test.txt        names of images that are not for training, one per line
 
-Sources: COLMAP, "Output Format" (text); Kerbl et al. 2023, official code, `scene/dataset_readers.py`.  COLMAP's axes and pixels are
-ours: x right, y down, z forward, and the middle of the first pixel at (0.5, 0.5).
+Sources: COLMAP, "Output Format" (text); Kerbl et al. 2023, official code, `scene/dataset_readers.py`.  Axes and pixels are those of
+catalogs: x right, y down, z forward, and the centre of the first pixel at (0.5, 0.5).
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.exchange.selection import Picture, Selection
+from catalogs.exchange.selection import SelectedImage, Selection
 from catalogs.store.members import Member
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 
-SPREAD_POINTS = 4000  # in the box of a member whose field left none
+SPREAD_POINTS = 4000  # in the box of a member without field summary
 GRAY = 128
 
 
-def place(picture: Picture) -> str:
-    """A picture's file."""
+def place(picture: SelectedImage) -> str:
+    """The path of an image."""
     return f"{picture.member.name}/images/{_name(picture)}"
 
 
 def texts(selection: Selection) -> Iterator[tuple[str, str]]:
-    """All files but the pictures."""
+    """All files except the images."""
     for member in selection.members:
         pictures, folder = selection.of(member), f"{member.name}/sparse/0"
         lenses = list(dict.fromkeys(_lens(picture.camera) for picture in pictures))
@@ -44,7 +44,7 @@ def _lines(lines: Iterator[str]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _name(picture: Picture) -> str:
+def _name(picture: SelectedImage) -> str:
     return f"{picture.view:03d}.png"
 
 
@@ -53,9 +53,9 @@ def _lens(camera: Camera) -> str:
     return f"PINHOLE {camera.width} {camera.height} {' '.join(map(repr, numbers))}"
 
 
-def _posed(picture: Picture, lenses: list[str]) -> str:
-    """Two lines: number, quaternion w x y z, translation, lens and name; and of points that were matched, none."""
-    from scipy.spatial.transform import Rotation  # here, so that commands that export nothing don't wait for SciPy
+def _posed(picture: SelectedImage, lenses: list[str]) -> str:
+    """Two lines: number, quaternion w x y z, translation, lens and name; and an empty list of matched points."""
+    from scipy.spatial.transform import Rotation  # slow to load
 
     x, y, z, w = Rotation.from_matrix(picture.camera.rotation).as_quat().tolist()
     pose = (w, x, y, z, *picture.camera.world_to_camera[:3, 3].tolist())
@@ -64,15 +64,15 @@ def _posed(picture: Picture, lenses: list[str]) -> str:
 
 
 def _points(selection: Selection, member: Member) -> Iterator[str]:
-    """Number, place, colour, error and no track of each point."""
+    """Number, position, colour and error of each point, with an empty track."""
     for number, (point, color) in enumerate(zip(*colored_points(selection, member), strict=True), 1):
         yield f"{number} {' '.join(map(repr, point.tolist()))} {' '.join(map(str, color.tolist()))} 0"
 
 
 def colored_points(selection: Selection, member: Member) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """World points (N, 3) and RGB (N, 3): those that the hook sampled where something is seen, in the transfer function's colours.
+    """World points (N, 3) and RGB (N, 3) from the field's summary, in the transfer function's colours, gray for isosurfaces.
 
-    Isosurfaces are gray.  Where the field left no points, they fill the box at random, gray, the same for every member.
+    Without a summary, gray random points fill the box, the same for every member.
     """
     [appearance] = [a for a in selection.catalog.plan.appearances if a.name == selection.appearance]
     summary = member.summary(getattr(appearance, "field", ""))

@@ -1,4 +1,4 @@
-"""A catalog's pictures in a new folder, as other programs read them."""
+"""Export of a catalog's images and cameras in the file layouts of other programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.exchange import colmap_text, transforms_text
-from catalogs.exchange.selection import Picture, Selection
+from catalogs.exchange.selection import SelectedImage, Selection
 from catalogs.exchange.transforms import ExchangeError
 from catalogs.files import durable
 from catalogs.files.images import write_image
@@ -28,24 +28,24 @@ BLACK = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Layout:
-    """How a kind of data set is laid out.
+class ExportLayout:
+    """The files of one kind of data set.
 
     Attributes
     ----------
-    check : raises ExchangeError for what the files can't say.
-    place : a picture's file, relative to the folder.
+    check : raises ExchangeError for selections that the layout can't hold.
+    place : an image's file, relative to the folder.
     texts : all other files, by path relative to the folder.
     """
 
     check: Callable[[Selection], None]
-    place: Callable[[Picture], str]
+    place: Callable[[SelectedImage], str]
     texts: Callable[[Selection], Iterator[tuple[str, str]]]
 
 
-LAYOUTS: Mapping[str, Layout] = {
-    "colmap": Layout(lambda selection: None, colmap_text.place, colmap_text.texts),
-    "nerf": Layout(transforms_text.check, transforms_text.place, transforms_text.texts),
+LAYOUTS: Mapping[str, ExportLayout] = {
+    "colmap": ExportLayout(lambda selection: None, colmap_text.place, colmap_text.texts),
+    "nerf": ExportLayout(transforms_text.check, transforms_text.place, transforms_text.texts),
 }
 
 
@@ -59,30 +59,30 @@ def export(
     background: Sequence[float] | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Path:
-    """Write pictures and cameras of a catalog into the new folder `directory`, which appears when all of it is on disk.
+    """Write images and cameras of a catalog into the new folder `directory`, which appears when it is complete.
 
     Parameters
     ----------
-    kind : "nerf": `transforms_{train,val,test}.json`, as D-NeRF and ViSNeRF have them, of all members together.  "colmap": for each
-        member a folder `<member>/` with `images/` and `sparse/0/`, as the official code of 3D Gaussian splatting reads it.
-    appearance : whose pictures; needed where members show several, since neither layout can tell them apart.
+    kind : "nerf": `transforms_{train,val,test}.json` of all members, as in D-NeRF and ViSNeRF.  "colmap": for each member a folder
+        `<member>/` with `images/` and `sparse/0/`, as the official code of 3D Gaussian splatting reads it.
+    appearance : the exported one; required if there are several.
     members : names; all by default.
-    background : RGB in [0, 1] to put behind the pictures.  By default "nerf" keeps their alpha, and "colmap", whose readers
-        differ in what they make of it, gets black.
-    progress : called with pictures done and in all.
+    background : RGB in [0, 1] behind the images.  By default "nerf" keeps alpha, and "colmap" has black, since its readers
+        disagree about alpha.
+    progress : called with images done and in all.
 
-    Raises ExchangeError, before anything is written, where the folder is there already or the layout can't say what the
-    catalog holds; CatalogError for unknown members; ImageError for a damaged picture, after which nothing is left.
+    Raises ExchangeError, before anything is written, where the folder exists or the layout can't hold the selection;
+    CatalogError for unknown members; ImageError for a damaged image, after which nothing remains.
     """
     directory = Path(directory)
     if directory.exists():
-        raise ExchangeError(f"{directory} is there already: choose a new folder")
+        raise ExchangeError(f"{directory} exists already: choose a new folder")
     if background is not None and catalog.plan.background is not None:
         raise ExchangeError(
-            f"the pictures of {catalog.path} stand on {catalog.plan.background} already: give no background"
+            f"the images of {catalog.path} have the background {catalog.plan.background} already: omit background"
         )
-    shown = _members(catalog, members)
-    selection = Selection(catalog, shown, _appearance(catalog, shown, appearance))
+    selected = _members(catalog, members)
+    selection = Selection(catalog, selected, _appearance(catalog, selected, appearance))
     layout = LAYOUTS[kind]
     layout.check(selection)
     behind = BLACK if background is None and kind == "colmap" and catalog.plan.background is None else background
@@ -110,11 +110,11 @@ def over(rgba: NDArray[np.uint8], background: Sequence[float]) -> NDArray[np.uin
 def _write_pictures(
     selection: Selection,
     folder: Path,
-    place: Callable[[Picture], str],
+    place: Callable[[SelectedImage], str],
     background: Sequence[float] | None,
     progress: Progress,
 ) -> None:
-    def write(picture: Picture) -> None:
+    def write(picture: SelectedImage) -> None:
         rgba = selection.catalog.image(picture.member, selection.appearance, picture.view)
         path = folder / place(picture)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -134,10 +134,10 @@ def _members(catalog: Catalog, names: Sequence[str]) -> tuple[Member, ...]:
 
 
 def _appearance(catalog: Catalog, members: Sequence[Member], name: str | None) -> str:
-    known = catalog.appearance_names
-    if name is None and len(known) > 1:
-        raise ExchangeError(f"{catalog.path} shows {shortened(known, 8)}: name the appearance to export")
-    name = known[0] if name is None else name
+    names = catalog.appearance_names
+    if name is None and len(names) > 1:
+        raise ExchangeError(f"{catalog.path} shows {shortened(names, 8)}: name the appearance to export")
+    name = names[0] if name is None else name
     for member in members:
         if name not in member.appearances:
             raise ExchangeError(

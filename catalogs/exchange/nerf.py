@@ -1,14 +1,13 @@
-"""D-NeRF / Blender data sets with `params`, brought into a catalog; `catalogs.exchange.transforms` reads them.
+"""Import of D-NeRF / Blender data sets with `params`; `catalogs.exchange.transforms` reads the files.
 
-What becomes of which picture.  Frames with equal `params` (to nine digits) are one member, with its own cameras.
+Frames with equal `params` (to nine digits) become one member with its own cameras.
 
-- A member that the training file knows is a training member; `validation_members` of them are set aside for validation.
-- A member that only the validation or the test file knows belongs to validation or test.
-- A view of the training file is a training view.  A view of the other files is one of theirs, except where a training frame,
-  of whatever member, looks from the same camera (to half a pixel): then it is a seen view, and labelled "train" like that one.
+- Members in the training file are training members; `validation_members` of them are set aside for validation.
+- Members only in the validation or the test file are for validation or test.
+- Views in the training file are training views.  Views in the other files belong to their split, unless a training frame of any
+  member has the same camera (to half a pixel): then they are training views, too.
 
-So a row of the table is for training only if both its member and its view are, and the four cells of seen or unseen
-views at seen or unseen parameters mean the same as for our own catalogs.
+A row of the table is for training only if both its member and its view are, as in rendered catalogs.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class ImportedMember:
-    """A member before it is written: its frames in the files' order, and the split of each as a view."""
+    """A member to import: its frames in the files' order, and the split of each as a view."""
 
     name: str
     parameters: tuple[float, ...]
@@ -67,21 +66,21 @@ def import_nerf(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Catalog:
-    """Import a D-NeRF / Blender data set; an interrupted import goes on, a finished one does nothing.
+    """Import a D-NeRF / Blender data set; an interrupted import is resumed, a finished one does nothing.
 
     Parameters
     ----------
-    directory : holds `transforms_train.json`, maybe `transforms_val.json` and `transforms_test.json`, and 8-bit RGB(A) PNGs.
+    directory : with `transforms_train.json`, optionally `transforms_val.json` and `transforms_test.json`, and 8-bit RGB(A) PNGs.
     catalog_path : the `.cdb` folder to write.
-    bounds : world box (low, high) that holds the volume: the files don't say.
-    background : RGB in [0, 1] that the opaque pictures stand on; None where they are RGBA and their alpha is to be kept.
-    space : names and bounds of `params`; by default they are called `names` (or p0, p1, ...) and range over the training frames.
-    validation_members : how many in all.  Those that the validation file lacks are drawn by `seed` from the training members,
-        the ones at the end of the fewest parameters first.
-    progress : called with pictures done and in all.
+    bounds : world box (low, high) of the volume, which the files lack.
+    background : RGB in [0, 1] behind the opaque images; None to keep the alpha of RGBA images.
+    space : names and bounds of `params`; by default `names` (or p0, p1, ...) and the range of the training frames.
+    validation_members : number in all.  Those that the validation file lacks are drawn by `seed` from the training members,
+        first those at the end of the fewest parameters.
+    progress : called with images done and in all.
 
-    Raises ExchangeError, before anything is written, where a file, a frame, a matrix or a picture is not as it should be;
-    CatalogError where `catalog_path` holds another import.
+    Raises ExchangeError, before anything is written, for an invalid file, frame, matrix or image; CatalogError where
+    `catalog_path` holds another import.
     """
     directory = Path(directory)
     frames = read_frames(directory)
@@ -89,7 +88,7 @@ def import_nerf(
     space = _space(frames, space, names)
     members = plan_members(frames, space, validation_members, seed)
     files = [directory / file for file in FILES.values() if (directory / file).is_file()]
-    told = {
+    provenance = {
         "source": directory.resolve().name,
         "sha256": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
         "validation_members": validation_members,
@@ -98,12 +97,12 @@ def import_nerf(
     }
     plan = CatalogPlan(
         space=space,
-        appearances=(ImportedImages(APPEARANCE, f"pictures of {told['source']}"),),
+        appearances=(ImportedImages(APPEARANCE, f"pictures of {provenance['source']}"),),
         cameras=(),
         view_splits=(),
         bounds=bounds,  # type: ignore[arg-type]
         background=background,  # type: ignore[arg-type]
-        provenance=told,
+        provenance=provenance,
     )
     catalog = Catalog.create(catalog_path, plan)
     _write_members(catalog, members, progress)
@@ -143,14 +142,14 @@ def _write(writer: MemberWriter, view: int, frame: Frame) -> None:
 def plan_members(
     frames: Sequence[Frame], space: ParameterSpace, validation_members: int, seed: int
 ) -> list[ImportedMember]:
-    """Members by the module's rules, sorted by parameters within train, validation and test, and named like "train-007"."""
+    """Members by the module's rules, sorted by split and parameters, with names such as "train-007"."""
     groups: dict[tuple[float, ...], list[Frame]] = {}
     for frame in frames:  # two files may print the same number with other last digits
         key = tuple(float(f"{value:.{SAME_PARAMETER_DIGITS}g}") + 0.0 for value in frame.parameters)
         groups.setdefault(key, []).append(frame)
     splits = {key: min((f.file_split for f in group), key=SPLITS.index) for key, group in groups.items()}
-    wanted = max(0, validation_members - sum(split == "validation" for split in splits.values()))
-    for key in _set_aside([key for key, split in splits.items() if split == "train"], space, wanted, seed):
+    lacking = max(0, validation_members - sum(split == "validation" for split in splits.values()))
+    for key in _set_aside([key for key, split in splits.items() if split == "train"], space, lacking, seed):
         splits[key] = "validation"
     seen = np.unique([f.camera.world_to_camera for f in frames if f.file_split == "train"], axis=0)  # [T, 4, 4]
     members = []
@@ -166,7 +165,7 @@ def plan_members(
 def _set_aside(
     members: Sequence[tuple[float, ...]], space: ParameterSpace, count: int, seed: int
 ) -> list[tuple[float, ...]]:
-    """`count` of the members, drawn by `seed`, those at the end of the fewest parameters first."""
+    """`count` of the members, drawn by `seed`, first those at the end of the fewest parameters."""
     if count < 0 or count >= len(members):
         raise ExchangeError(f"{count} validation members leave no training member: there are {len(members)} in all")
     values = space.normalize(sorted(members))  # [M, P]
@@ -177,7 +176,7 @@ def _set_aside(
 
 
 def _is_seen(camera: Camera, seen: np.ndarray) -> bool:
-    """Whether one of the poses [T, 4, 4] shows the world's middle, and the frame's axes, within half a pixel of `camera`."""
+    """True if one of the poses [T, 4, 4] agrees with `camera` to half a pixel at the world's origin."""
     allowed = SAME_VIEW_PIXELS / camera.fx
     distance = max(float(np.linalg.norm(camera.position)), 1e-12)
     turned = np.abs(seen[:, :3, :3] - camera.rotation).max(axis=(1, 2))  # [T]
@@ -210,13 +209,12 @@ def _check_alpha(frames: Sequence[Frame], background: Sequence[float] | None) ->
     if background is None:
         opaque = next((f for f in frames if not f.has_alpha), None)
         if opaque is not None:
-            raise ExchangeError(f"{opaque.path} has no alpha to keep: name the background that the pictures stand on")
+            raise ExchangeError(f"{opaque.path} has no alpha: name the background of the images")
         return
     for frame in frames:
         if frame.has_alpha and read_image(frame.path)[..., 3].min() < 255:
             raise ExchangeError(
-                f"{frame.path} is transparent, so it stands on no background: import with background none, which keeps "
-                "its alpha"
+                f"{frame.path} is transparent and so has no background: import with background none, which keeps its alpha"
             )
 
 

@@ -11,8 +11,8 @@ from catalogs.vocabulary.words import shortened
 
 
 @dataclass(frozen=True)
-class Picture:
-    """One picture: its member, view, camera, and its split, the strictest of its member's and its view's."""
+class SelectedImage:
+    """One image of a selection: its member, view and split (as in the catalog's table)."""
 
     member: Member
     view: int
@@ -25,7 +25,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Selection:
-    """Some members of a catalog, as one appearance shows them."""
+    """Images of some members of a catalog in one appearance."""
 
     catalog: Catalog
     members: tuple[Member, ...]
@@ -34,12 +34,12 @@ class Selection:
     def __repr__(self) -> str:
         return f"<Selection of {shortened([member.name for member in self.members])} of {self.catalog.path}, {self.appearance}>"
 
-    def pictures(self) -> Iterator[Picture]:
-        """All, member by member."""
+    def pictures(self) -> Iterator[SelectedImage]:
+        """All images, member by member."""
         for member in self.members:
             yield from self.of(member)
 
-    def of(self, member: Member) -> list[Picture]:
-        """Those of one member."""
+    def of(self, member: Member) -> list[SelectedImage]:
+        """The images of one member."""
         setting = self.catalog.plan.setting(self.appearance)
-        return [Picture(member, view, member.row_split(view, setting)) for view in range(len(member.cameras))]
+        return [SelectedImage(member, view, member.row_split(view, setting)) for view in range(len(member.cameras))]

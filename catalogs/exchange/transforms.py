@@ -2,13 +2,13 @@
 
 One file holds `camera_angle_x` (full horizontal field of view, radians) and `frames`, each with
 
-    file_path          the picture, relative to the folder, with or without `.png`
+    file_path          the image, relative to the folder, with or without `.png`
     transform_matrix   camera to world, 4x4, OpenGL axes: x right, y up, z backward
     params             one number per simulation parameter
 
 (Mildenhall et al. 2020, Blender scenes; Pumarola et al. 2021, D-NeRF; Yao et al. 2024, ViSNeRF, for `params`.)  Pixels
-are square and the principal point is the middle of the picture.  Files come from anywhere, so everything is checked and
-nothing is guessed: a path may not leave the folder, a matrix must be rigid, a lens must be a pinhole.
+are square and the principal point is the middle of the image.  Files are untrusted: a path may not leave the folder, a matrix
+must be rigid, a lens must be a pinhole.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ class ExchangeError(ValueError):
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture of a foreign data set.
+    """One image of a data set.
 
     Attributes
     ----------
     path : its file, inside the data set's folder.
     file_split : "train", "validation" or "test": the transforms file that names it.
-    camera : of the picture's size.
+    camera : of the image's size.
     parameters : its `params`.
-    has_alpha : whether the picture is RGBA; it is RGB otherwise.
+    has_alpha : True for RGBA, False for RGB.
     """
 
     path: Path
@@ -62,7 +62,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class _Row:
-    """A frame before its picture is read."""
+    """A frame before its image is read."""
 
     place: str
     path: Path
@@ -73,9 +73,9 @@ class _Row:
 
 
 def read_frames(directory: Path) -> list[Frame]:
-    """Every frame of the transforms files in `directory`, in the files' order; all their pictures were read and are whole.
+    """Every frame of the transforms files in `directory`, in the files' order, after validating all images.
 
-    Raises ExchangeError naming the file, the frame and what is wrong with it.
+    Raises ExchangeError naming the file, the frame and the problem.
     """
     if not directory.is_dir():
         raise ExchangeError(f"there is no folder {directory}")
@@ -102,7 +102,7 @@ def _read_file(directory: Path, name: str, split: str) -> list[_Row]:
     try:
         record = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
-        raise ExchangeError(f"{path} is no valid JSON: {error}") from error
+        raise ExchangeError(f"{path} is not valid JSON: {error}") from error
     if not isinstance(record, dict) or "camera_angle_x" not in record or not isinstance(record.get("frames"), list):
         raise ExchangeError(f"{path} must hold camera_angle_x and a list of frames: is it a D-NeRF transforms file?")
     angle = _numbers(record["camera_angle_x"], (), f"{path}: camera_angle_x")
@@ -114,7 +114,7 @@ def _read_file(directory: Path, name: str, split: str) -> list[_Row]:
 
 
 def _refuse(constant: str) -> None:
-    raise ValueError(f"{constant} is no number that JSON knows")
+    raise ValueError(f"{constant} is not a JSON number")
 
 
 def _row(folder: Path, frame: Any, split: str, angle: float, place: str) -> _Row:
@@ -134,7 +134,7 @@ def _row(folder: Path, frame: Any, split: str, angle: float, place: str) -> _Row
 
 
 def _numbers(value: Any, shape: tuple[int, ...], place: str) -> NDArray[np.float64]:
-    """JSON numbers nested like `shape`, finite, as float64; strings and truth values are none."""
+    """Finite JSON numbers nested like `shape`, as float64."""
     items = [value]
     for length in shape:
         if not all(isinstance(item, list) and len(item) == length for item in items):
@@ -142,12 +142,12 @@ def _numbers(value: Any, shape: tuple[int, ...], place: str) -> NDArray[np.float
         items = list(chain.from_iterable(items))
     for item in items:
         if isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < 1e300:
-            raise ExchangeError(f"{place}: {_short(item)} is no finite number")
+            raise ExchangeError(f"{place}: {_short(item)} is not a finite number")
     return np.array(value, dtype=np.float64)
 
 
 def _inside(folder: Path, text: Any, place: str) -> Path:
-    """The picture that `text` names: a plain file of this folder, reached without links."""
+    """The image `text`: a regular file of this folder, reached without links."""
     if not isinstance(text, str) or not text or "\x00" in text or "\\" in text:
         raise ExchangeError(f"{place}: file_path must be a relative path with '/', got {_short(text)}")
     relative = PurePosixPath(text)
@@ -160,7 +160,7 @@ def _inside(folder: Path, text: Any, place: str) -> Path:
         if path.resolve() != path:
             raise ExchangeError(f"{place}: {path} is a link, or behind one: only files of the data set itself are read")
         if not path.is_file():
-            raise ExchangeError(f"{place}: there is no picture {path} (only PNG is read)")
+            raise ExchangeError(f"{place}: {path} is missing (only PNG is read)")
     except OSError as error:
         raise ExchangeError(f"{place}: {_short(text)} can't be looked up: {error}") from error
     return path
@@ -176,7 +176,7 @@ def world_to_camera(matrix: NDArray[np.float64], place: str) -> NDArray[np.float
     rotation = left @ right  # [3, 3]
     if np.abs(stretch - 1.0).max() > RIGID_TOLERANCE or np.abs(matrix[3] - [0, 0, 0, 1]).max() > RIGID_TOLERANCE:
         raise ExchangeError(
-            f"{place}: transform_matrix is no rigid motion (its axes are stretched by {np.round(stretch, 4).tolist()})"
+            f"{place}: transform_matrix is not a rigid motion (its axes are stretched by {np.round(stretch, 4).tolist()})"
         )
     if np.linalg.det(rotation) < 0:
         raise ExchangeError(f"{place}: transform_matrix mirrors the world: its axes must be right-handed")
@@ -214,7 +214,7 @@ def _check_agreement(rows: list[_Row]) -> None:
 
 
 def _frame(row: _Row) -> Frame:
-    """The frame of a row, whose picture is read and checked."""
+    """The frame of a row, after validating its image."""
     try:
         header = check_png(row.path)
     except (PngError, OSError) as error:

@@ -1,7 +1,7 @@
-"""What stands in D-NeRF / Blender transforms files; `catalogs.exchange.transforms` reads them.
+"""Contents of D-NeRF / Blender transforms files; `catalogs.exchange.transforms` reads them.
 
-A frame's file is that of the strictest of its member's and its view's split, so that reading brings members and views into the
-splits that they had, but for validation views of test members, which become test views.
+An image's split in the catalog's table decides its file, so that an import restores the splits of members and views, except for
+validation views of test members, which become test views.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.exchange.selection import Picture, Selection
+from catalogs.exchange.selection import SelectedImage, Selection
 from catalogs.exchange.transforms import FILES, OPENGL_TO_OPENCV, ExchangeError
 from catalogs.vocabulary.cameras import Camera
 
@@ -22,7 +22,7 @@ PIXELS = 1e-6  # of a lens that counts as centred and square
 
 
 def check(selection: Selection) -> None:
-    """Raise ExchangeError for cameras that one `camera_angle_x` can't describe, and where there is no training picture."""
+    """Raise ExchangeError for cameras beyond a single `camera_angle_x`, and for a selection without training images."""
     first = selection.members[0].cameras[0]
     for picture in selection.pictures():
         camera = picture.camera
@@ -34,11 +34,11 @@ def check(selection: Selection) -> None:
                 "square and centred: a transforms file holds one angle for all; export to colmap"
             )
     if not any(picture.split == "train" for picture in selection.pictures()):
-        raise ExchangeError("there is no training picture among these members: name at least one training member")
+        raise ExchangeError("these members have no training images: name at least one training member")
 
 
-def place(picture: Picture) -> str:
-    """A picture's file."""
+def place(picture: SelectedImage) -> str:
+    """The path of an image."""
     return f"{FOLDERS[picture.split]}/{picture.member.name}_{picture.view:03d}.png"
 
 
@@ -54,14 +54,14 @@ def texts(selection: Selection) -> Iterator[tuple[str, str]]:
                 "params": list(picture.member.parameters.values()),
             }
         )
-    told = {
+    header = {
         "camera_angle_x": 2.0 * math.atan(first.width / (2.0 * first.fx)),
         "parameter_names": list(selection.catalog.plan.space.names),
         "bounds": selection.catalog.plan.bounds,
     }
     for split, name in FILES.items():
         if frames[split]:
-            yield name, json.dumps({**told, "frames": frames[split]}, indent=1)
+            yield name, json.dumps({**header, "frames": frames[split]}, indent=1)
 
 
 def camera_to_world(camera: Camera) -> NDArray[np.float64]:

@@ -1,9 +1,8 @@
-"""Images on disk and in memory, and the exact way between the two alpha conventions.
+"""Reading and writing of images, and exact conversion between the two alpha conventions.
 
-In memory RGBA is premultiplied (Porter & Duff 1984): colour already weighted by alpha.  On disk it is straight, because the
-PNG specification (third edition, section 4.2) and its viewers mean that.  For 8 bits the round trip is exact: with alpha a and
-premultiplied c <= a, the stored s = round(255 c / a) differs from 255 c / a by at most 1/2, so s a / 255 lies within
-a / 510 < 1/2 of c (and at a = 255 they are equal).
+In memory RGBA is premultiplied (Porter & Duff 1984): colour is weighted by alpha.  On disk it is straight, as the PNG
+specification (third edition, section 4.2) demands.  For 8 bits the round trip is exact.  With alpha a and premultiplied c <= a,
+the stored s = round(255 c / a) differs from 255 c / a by at most 1/2, so s a / 255 lies within a / 510 < 1/2 of c.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ COLOR_TYPES = {3: 2, 4: 6}  # of a PNG, by channels
 
 
 class ImageError(ValueError):
-    """An image file is absent, truncated or not what the catalog says it is."""
+    """An image file is absent, truncated, or contradicts its catalog."""
 
 
 def straighten(rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Straight 8-bit RGBA [..., 4] of premultiplied; colour above alpha is no valid pixel and is cut to alpha."""
+    """Straight 8-bit RGBA [..., 4] of premultiplied; colour above alpha, which is invalid, is reduced to alpha."""
     table = _division_table()
     row = rgba[..., 3].astype(np.intp) << 8
     straight = np.empty_like(rgba)
@@ -63,7 +62,7 @@ def to_bytes(rgba: NDArray[Any]) -> NDArray[np.uint8]:
         return rgba.astype(np.uint8, copy=False)
     pixels = np.empty(rgba.shape, np.uint8)
     rows = max(1, VALUES_AT_ONCE // rgba[0].size)
-    for first in range(0, len(rgba), rows):  # whole pictures would leave the cache three times
+    for first in range(0, len(rgba), rows):  # whole images would leave the cache three times
         scaled = np.clip(rgba[first : first + rows], 0.0, 1.0)
         scaled *= 255.0
         scaled += 0.5
@@ -74,7 +73,7 @@ def to_bytes(rgba: NDArray[Any]) -> NDArray[np.uint8]:
 def write_image(path: Path, rgba: NDArray[Any]) -> None:
     """Write premultiplied RGBA [H, W, 4]; `.png` stores 8-bit straight alpha, `.exr` float32 premultiplied.
 
-    Raises ValueError for another shape or dtype, or floats that are not finite; OSError where the disk refuses.
+    Raises ValueError for another shape or dtype and for floats that are not finite; OSError where the disk refuses.
     """
     if rgba.ndim != 3 or rgba.shape[2] != 4 or 0 in rgba.shape or rgba.dtype not in (np.uint8, np.float32):
         raise ValueError(f"an image must be [H, W, 4] of uint8 or float32, got {rgba.shape} of {rgba.dtype}")
@@ -89,11 +88,10 @@ def write_image(path: Path, rgba: NDArray[Any]) -> None:
 def encode_png(pixels: NDArray[np.uint8], texts: Mapping[str, str] | None = None) -> bytes:
     """RGB [H, W, 3] or straight RGBA [H, W, 4] as a PNG file (PNG specification, third edition, sections 5, 9 and 10).
 
-    `texts` are kept by keyword in chunks of type iTXt (section 11.3.3.4); `catalogs.files.png.text_of` reads them.
+    `texts` are stored by keyword in chunks of type iTXt (section 11.3.3.4); `catalogs.files.png.text_of` reads them.
 
     Written here rather than taken from a library: every row has filter 1 ("Sub") and is deflated by run lengths, which no library
-    offers.  Rendered pictures become as small as by a full search at zlib's level 1, six times faster; and unlike with
-    OpenImageIO's writer the caller notices a full disk.
+    offers.  Rendered images become as small as by a full search at zlib's level 1, six times faster, and a full disk raises.
     """
     height, width, channels = pixels.shape
     rows = pixels.reshape(height, channels * width)
@@ -116,21 +114,21 @@ def encode_png(pixels: NDArray[np.uint8], texts: Mapping[str, str] | None = None
 def read_image(path: Path, *, dtype: str = "uint8") -> NDArray[Any]:
     """Premultiplied RGBA [H, W, 4] of an image file, as "uint8" or "float32".
 
-    Gray and RGB files are opaque.  Raises ImageError naming the file when it is absent, truncated or no image.
+    Gray and RGB files are opaque.  Raises ImageError naming a file that is absent, truncated or not an image.
     """
     return in_memory(_four_channels(read_stored(path), path), dtype)
 
 
 def in_memory(stored: NDArray[Any], dtype: str = "uint8") -> NDArray[Any]:
-    """Premultiplied RGBA [H, W, 4] of RGBA as it is stored, straight where it is uint8; as "uint8" or "float32"."""
+    """Premultiplied RGBA [H, W, 4], "uint8" or "float32", of stored RGBA, which is straight where it is uint8."""
     rgba = premultiply(stored) if stored.dtype == np.uint8 else stored
     return to_float(rgba) if dtype == "float32" else to_bytes(rgba)
 
 
 def read_stored(path: Path) -> NDArray[Any]:
-    """The channels [H, W, C] as an image file stores them: uint8 for PNG (alpha straight), else float32.
+    """The channels [H, W, C] as stored in an image file: uint8 for PNG (alpha straight), else float32.
 
-    Raises ImageError naming the file when it is absent, truncated or no image.
+    Raises ImageError naming a file that is absent, truncated or not an image.
     """
     with _opened(path) as source:
         spec = source.spec()
@@ -144,7 +142,7 @@ def read_stored(path: Path) -> NDArray[Any]:
 def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] | None = None) -> None:
     """Write RGB [H, W, 3] or premultiplied RGBA [H, W, 4] as float32, with `texts` as string attributes.
 
-    Equal pixels and texts give equal bytes whenever they are written.  Raises OSError where the disk refuses.
+    Equal pixels and texts give equal bytes.  Raises OSError where the disk refuses.
     """
     import OpenImageIO as oiio
 
@@ -153,7 +151,7 @@ def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] 
     if output is None:
         raise OSError(f"{path} could not be written: {oiio.geterror()}")
     spec = oiio.ImageSpec(width, height, channels, "float")
-    spec.attribute("DateTime", "")  # else OpenImageIO stores the time of writing
+    spec.attribute("DateTime", "")  # else the time of writing is stored
     for name, text in (texts or {}).items():
         spec.attribute(name, text)
     opened = output.open(str(path), spec)
@@ -163,25 +161,25 @@ def write_exr(path: Path, pixels: NDArray[np.float32], texts: Mapping[str, str] 
 
 
 def exr_text(path: Path, name: str) -> str | None:
-    """The string attribute `name` of an EXR file, None where it has none; raises ImageError where it is no image."""
+    """The string attribute `name` of an EXR file, or None; raises ImageError for other files."""
     with _opened(path) as source:
-        found = source.spec().getattribute(name)
-    return found if isinstance(found, str) else None
+        value = source.spec().getattribute(name)
+    return value if isinstance(value, str) else None
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """An image file as OpenImageIO opens it, alpha as it is stored."""
+    """An image file opened by OpenImageIO, alpha as stored."""
     import OpenImageIO as oiio
 
     if not path.is_file():
         kind = durable.special(path)
-        raise ImageError(f"{path} is {kind}, where an image belongs" if kind else f"{path} is missing")
+        raise ImageError(f"{path} is {kind}, not an image" if kind else f"{path} is missing")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
-        raise ImageError(f"{path} is no readable image: {oiio.geterror() or 'unknown format'}")
+        raise ImageError(f"{path} is not a readable image: {oiio.geterror() or 'unknown format'}")
     try:
         yield source
     finally:
@@ -195,7 +193,7 @@ def _chunk(kind: bytes, body: bytes) -> bytes:
 def _four_channels(pixels: NDArray[Any], path: Path) -> NDArray[Any]:
     channels = pixels.shape[2]
     if channels > MOST_CHANNELS:
-        raise ImageError(f"{path} has {channels} channels; 1 to 4 are understood")
+        raise ImageError(f"{path} has {channels} channels; images have 1 to 4")
     if channels == 4:
         return pixels
     opaque = np.full_like(pixels[..., :1], 255 if pixels.dtype == np.uint8 else 1)

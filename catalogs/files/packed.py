@@ -1,13 +1,12 @@
-"""All pictures of a member in one HDF5 file, which pycinema's reader opens as one image with a channel for each appearance.
+"""All images of a member in one HDF5 file, which pycinema's reader opens as one image with a channel per appearance.
 
-    channels/<appearance>    [V, H, W, 4], a chunk for each view, deflated: uint8 with straight alpha, or float32, premultiplied
-    originals/<number>       bytes of a picture's file that encoding its pixels anew does not give
-    meta                     empty; pycinema asks for it
+    channels/<appearance>    [V, H, W, 4], a deflated chunk per view: uint8 with straight alpha, or float32, premultiplied
+    originals/<number>       bytes of an image file that encoding its pixels again does not reproduce
+    meta                     empty; pycinema requires it
 
-An index stands before all that, in the block that HDF5 leaves to users (H5Pset_userblock): where each picture's chunk is, and how
-long and which the file was that it came from.  Pictures are read by the index alone, a bounded piece of the file at a time; what
-else a file holds, links, filters, claims of size, is never followed.  So an untrusted file meets the HDF5 library only in `catalogs
-check`, which asks it where it would find the same pictures, and lets it read no data.
+The block that HDF5 leaves to users (H5Pset_userblock) holds an index: the place of each image's chunk, and length and checksum of
+its original file.  Images are read by the index alone, in pieces of bounded size; HDF5's links, filters and sizes are never
+followed.  Only `catalogs check` opens an untrusted file with the HDF5 library, to compare places, and reads no data with it.
 """
 
 from __future__ import annotations
@@ -35,25 +34,25 @@ HEAD = np.dtype(
 )
 ENTRY = np.dtype([("offset", "<u8"), ("length", "<u8"), ("size", "<u8"), ("crc", "<u4"), ("original", "<u8")])
 SMALLEST_BLOCK = 512  # HDF5 wants a power of two from there
-SLACK = 1024  # bytes by which deflating may lengthen a picture, beside 1/1000
-INDEXES_KEPT = 16
-LEVEL = 1  # higher ones make rendered pictures no smaller
+SLACK = 1024  # bytes by which deflating may lengthen an image, beside 1/1000
+CACHED_INDEXES = 16
+LEVEL = 1  # of zlib; higher levels don't shrink rendered images
 
 
 class PackError(ValueError):
-    """A pack is absent, damaged, or not of the pictures that it should hold; the message names it."""
+    """A pack is absent, damaged, or of another member; the message names it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pack:
-    """The pictures of one member, by their numbers: view by view, appearance by appearance.
+    """The images of one member, numbered view by view, appearance by appearance.
 
     Attributes
     ----------
     path : the file.
-    height, width : of each picture, pixels.
+    height, width : of each image, pixels.
     dtype : "uint8", stored with straight alpha, or "float32", premultiplied.
-    entries : (N,) records: where a picture's deflated pixels are, and how long and which the file was that it came from.
+    entries : (N,) records: offset and length of an image's deflated pixels; size and checksum of its original file.
     """
 
     path: Path
@@ -63,25 +62,25 @@ class Pack:
     entries: NDArray[Any]  # [N] of ENTRY
 
     def __repr__(self) -> str:
-        return f"<Pack {self.path}: {len(self.entries)} pictures of {self.width}x{self.height}, {self.dtype}>"
+        return f"<Pack {self.path}: {len(self.entries)} images of {self.width}x{self.height}, {self.dtype}>"
 
     def pixels(self, number: int) -> NDArray[Any]:
-        """A picture as stored, (H, W, 4); raises PackError where it is damaged."""
+        """An image as stored, (H, W, 4); raises PackError where it is damaged."""
         entry = self.entries[number]
         raw = self.height * self.width * MOST_CHANNELS * np.dtype(self.dtype).itemsize
         inflater = zlib.decompressobj()
         try:
             data = inflater.decompress(self._piece(int(entry["offset"]), int(entry["length"])), raw + 1)
         except zlib.error as error:
-            raise PackError(f"{self.path} is damaged: picture {number}: {error}") from error
+            raise PackError(f"{self.path} is damaged: image {number}: {error}") from error
         if len(data) != raw or not inflater.eof or inflater.unused_data:
-            raise PackError(f"{self.path} is damaged: picture {number} does not fill {self.width}x{self.height} pixels")
+            raise PackError(f"{self.path} is damaged: image {number} does not fill {self.width}x{self.height} pixels")
         stored = np.frombuffer(data, self.dtype)
         stored = stored if sys.byteorder == "little" else stored.byteswap()
         return stored.reshape(self.height, self.width, MOST_CHANNELS)
 
     def file(self, number: int) -> tuple[bytes, bool]:
-        """The picture's file, PNG or EXR, and whether its bytes are those of the file that it came from; else its pixels are."""
+        """The image's file, PNG or EXR, and True where its bytes equal the original's, False where only the pixels do."""
         entry = self.entries[number]
         original, size = int(entry["original"]), int(entry["size"])
         data = self._piece(original, size) if original else encoded(self.pixels(number))
@@ -97,19 +96,19 @@ class Pack:
 
 
 def encoded(pixels: NDArray[Any]) -> bytes:
-    """The file of stored pixels (H, W, 4), as this program writes it: PNG for uint8, EXR for float32."""
+    """The file of stored pixels (H, W, 4): PNG for uint8, EXR for float32."""
     if pixels.dtype == np.uint8:
         return encode_png(pixels)
     with tempfile.TemporaryDirectory() as folder:  # OpenImageIO writes to files
-        path = Path(folder) / "picture.exr"
+        path = Path(folder) / "image.exr"
         write_exr(path, pixels)
         return path.read_bytes()
 
 
 def write_pack(path: Path, appearances: Sequence[str], files: Sequence[Path]) -> None:
-    """Write the picture files of a member, in the order of their numbers, as one new file; not synced.
+    """Write the image files of a member, in the order of their numbers, as one new file; not synced.
 
-    Raises ImageError for a damaged picture, PackError where pictures differ in size or type, OSError where the disk refuses.
+    Raises ImageError for a damaged image, PackError where images differ in size or type, OSError where the disk refuses.
     """
     import h5py
 
@@ -140,11 +139,9 @@ def write_pack(path: Path, appearances: Sequence[str], files: Sequence[Path]) ->
             entries[number] = place.byte_offset, place.size, len(data), zlib.crc32(data), 0
             if encoded(pixels) != data:
                 if len(data) > _most(len(raw)):
-                    raise PackError(
-                        f"{file} can't be packed as it is: it takes {len(data)} bytes, its pixels {len(raw)}"
-                    )
-                kept = pack.create_dataset(f"originals/{number}", data=np.frombuffer(data, np.uint8))
-                entries[number]["original"] = kept.id.get_offset()
+                    raise PackError(f"{file} can't be packed: it has {len(data)} bytes, its pixels {len(raw)}")
+                original = pack.create_dataset(f"originals/{number}", data=np.frombuffer(data, np.uint8))
+                entries[number]["original"] = original.id.get_offset()
     height, width, _ = first.shape
     kind = first.dtype.itemsize
     head = np.array((MAGIC, len(files), height, width, kind, zlib.crc32(entries.tobytes())), HEAD)
@@ -154,20 +151,18 @@ def write_pack(path: Path, appearances: Sequence[str], files: Sequence[Path]) ->
 
 
 def _verify(path: Path, entries: NDArray[Any], checksums: Sequence[int], size: tuple[int, int]) -> None:
-    """Raise PackError unless the index leads to the very pixels, and to the files that encoding does not give."""
+    """Raise PackError unless the index leads to the same pixels and original files."""
     pack = open_pack(path, len(entries), *size)
     for number, checksum in enumerate(checksums):
-        kept = entries[number]["original"] == 0 or pack.file(number)[1]
-        if _checksum(pack.pixels(number)) != checksum or not kept:
-            raise PackError(
-                f"{path}: picture {number} was not written as it is: the disk, or this version of HDF5, is at fault"
-            )
+        same_file = entries[number]["original"] == 0 or pack.file(number)[1]
+        if _checksum(pack.pixels(number)) != checksum or not same_file:
+            raise PackError(f"{path}: image {number} changed in writing: the disk or this version of HDF5 is faulty")
 
 
 def open_pack(path: Path, count: int, height: int, width: int) -> Pack:
-    """The pack at `path`, which must hold so many pictures of this size; reads only the index, and that once while it is in use.
+    """The pack at `path`, which must hold `count` images of this size; reads only the index, which is cached.
 
-    Raises PackError naming a file that is absent, no pack, or another one.
+    Raises PackError naming a file that is absent, not a pack, or of another member.
     """
     try:
         return _opened(path, durable.stamp(path), count, height, width)
@@ -175,17 +170,17 @@ def open_pack(path: Path, count: int, height: int, width: int) -> Pack:
         raise PackError(f"{path} can't be read: {error.strerror or error}") from error
 
 
-@functools.lru_cache(maxsize=INDEXES_KEPT)
+@functools.lru_cache(maxsize=CACHED_INDEXES)
 def _opened(path: Path, stamp: Stamp, count: int, height: int, width: int) -> Pack:
     with durable.opened(path) as stream:
         data = stream.read(HEAD.itemsize + count * ENTRY.itemsize)
     if len(data) < HEAD.itemsize or not data.startswith(MAGIC.rstrip(b"\n")):
-        raise PackError(f"{path} is no pack of pictures")
+        raise PackError(f"{path} is not a pack of images")
     head = np.frombuffer(data, HEAD, 1)[0]
-    held = tuple(int(head[name]) for name in ("count", "height", "width"))
-    if held != (count, height, width) or head["bytes"] not in (1, 4):
+    claimed = tuple(int(head[name]) for name in ("count", "height", "width"))
+    if claimed != (count, height, width) or head["bytes"] not in (1, 4):
         raise PackError(
-            f"{path} claims {held[0]} pictures of {held[2]}x{held[1]}; its member has {count} of {width}x{height}"
+            f"{path} claims {claimed[0]} images of {claimed[2]}x{claimed[1]}; its member has {count} of {width}x{height}"
         )
     body = data[HEAD.itemsize :]
     if len(body) != count * ENTRY.itemsize or zlib.crc32(body) != head["crc"]:
@@ -194,12 +189,12 @@ def _opened(path: Path, stamp: Stamp, count: int, height: int, width: int) -> Pa
     dtype = "uint8" if head["bytes"] == 1 else "float32"
     raw = height * width * MOST_CHANNELS * int(head["bytes"])
     most = np.uint64(_most(raw))
-    kept = entries[entries["original"] > 0]
-    for offsets, lengths in ((entries["offset"], entries["length"]), (kept["original"], kept["size"])):
+    originals = entries[entries["original"] > 0]
+    for offsets, lengths in ((entries["offset"], entries["length"]), (originals["original"], originals["size"])):
         if (offsets > stamp.size).any() or (lengths > stamp.size - np.minimum(offsets, stamp.size)).any():
             raise PackError(f"{path} is damaged or truncated: its index leads beyond its {stamp.size} bytes")
-    if (entries["length"] > most).any() or (kept["size"] > most).any():
-        raise PackError(f"{path} is damaged: a picture claims more bytes than it has pixels")
+    if (entries["length"] > most).any() or (originals["size"] > most).any():
+        raise PackError(f"{path} is damaged: an image claims more bytes than its pixels can take")
     return Pack(path, height, width, dtype, entries)
 
 
@@ -208,12 +203,12 @@ def _checksum(pixels: NDArray[Any]) -> int:
 
 
 def _most(raw: int) -> int:
-    """Bytes that a picture of so many bytes of pixels may take in a file."""
+    """The largest file of an image with `raw` bytes of pixels."""
     return raw + raw // 1000 + SLACK
 
 
 def pack_problem(pack: Pack, appearances: Sequence[str]) -> str | None:
-    """What is wrong with a pack whose index was read: with any picture, or for other readers; None where nothing is."""
+    """The problem of a pack with a valid index, in its images or for other HDF5 readers; or None."""
     for number in range(len(pack.entries)):
         try:
             pack.pixels(number)
@@ -223,7 +218,7 @@ def pack_problem(pack: Pack, appearances: Sequence[str]) -> str | None:
 
 
 def _structure_problems(pack: Pack, appearances: Sequence[str]) -> Iterator[str]:
-    """Where another reader of the HDF5 file would not get the pictures that the index leads to; reads no data."""
+    """Differences between the index and what other HDF5 readers would read; reads no data."""
     import h5py
 
     views = len(pack.entries) // len(appearances)
@@ -243,16 +238,16 @@ def _structure_problems(pack: Pack, appearances: Sequence[str]) -> Iterator[str]
                 else:
                     yield from _displaced(data, pack.entries[number * views : (number + 1) * views])
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        yield f"it is no HDF5 file that others can read: {error}"
+        yield f"it is not an HDF5 file that others can read: {error}"
 
 
-def _foreign_links(group: Any, known: set[str]) -> Iterator[str]:
-    """What is in a group beside the known names, and links that lead elsewhere."""
+def _foreign_links(group: Any, names: set[str]) -> Iterator[str]:
+    """Entries of a group beside `names`, and links to other places."""
     import h5py
 
     for name in group:
-        if name not in known or not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            yield f"it holds {group.name.rstrip('/')}/{name}, which is no part of a pack, or a link"
+        if name not in names or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            yield f"it holds {group.name.rstrip('/')}/{name}, which does not belong to a pack or is a link"
 
 
 def _displaced(data: Any, entries: NDArray[Any]) -> Iterator[str]:

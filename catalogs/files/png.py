@@ -1,11 +1,10 @@
-"""Strict reading of PNG files made by others: what a header says, and whether the rest is whole.
+"""Strict validation of PNG files from other programs.
 
-Decoders are made for pictures that one wants to see: they replace what is missing, cut 16 bits to 8, and believe any size.
-An import must not, so every chunk's checksum and the length of the inflated pixels are checked here first, in bounded memory
-(PNG specification, third edition, sections 5, 9 and 10).
+Decoders replace missing pixels, reduce 16 bits to 8, and trust any size.  Before an import every chunk's checksum and the length of
+the inflated pixels are checked here, in bounded memory (PNG specification, third edition, sections 5, 9 and 10).
 
-Written here rather than taken from Pillow: `verify` and `load` of Pillow 13 accept a picture whose last rows are missing, one with
-more bytes than its header says, and a file that ends within its last chunk; they are no faster.
+Written here rather than taken from Pillow: `verify` and `load` of Pillow 13 accept missing last rows, more bytes than the header
+declares, and a file that ends within its last chunk.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ TEXT_KIND = b"iTXt"
 
 
 class PngError(ValueError):
-    """A file is no whole PNG picture; the message says why, without naming the file."""
+    """A file is not a complete PNG image; the message gives the reason without the file's name."""
 
 
 @dataclass(frozen=True)
 class PngHeader:
-    """Size in pixels, bits per channel, and what a pixel holds."""
+    """Size in pixels, bits per channel, colour type and interlacing."""
 
     width: int
     height: int
@@ -50,7 +49,7 @@ class PngHeader:
 
     @property
     def is_plain_color(self) -> bool:
-        """Whether it is 8-bit RGB or RGBA, row after row."""
+        """True for 8-bit RGB or RGBA without interlacing."""
         return self.bits == 8 and self.color_type in (2, 6) and not self.interlaced
 
     @property
@@ -60,14 +59,14 @@ class PngHeader:
 
 
 def check_png(path: Path) -> PngHeader:
-    """The header of the PNG at `path`, whose every byte has been checked where it is 8-bit RGB or RGBA.
+    """The header of the PNG at `path`, after checking every byte of 8-bit RGB or RGBA.
 
-    Raises PngError for another format, a wrong checksum, a missing end, sides beyond 16384 pixels, or pixels that don't fill the
-    picture; OSError where the file can't be read.
+    Raises PngError for another format, a wrong checksum, a missing end, sides beyond 16384 pixels, and a wrong number of pixels;
+    OSError where the file can't be read.
     """
     data = durable.read(path)
     if not data.startswith(SIGNATURE):
-        raise PngError("it is no PNG")
+        raise PngError("it is not a PNG file")
     chunks = _chunks(data)
     kind, body = next(chunks)
     if kind != b"IHDR" or len(body) != 13:
@@ -91,12 +90,12 @@ def text_body(keyword: str, text: str) -> bytes:
 
 
 def text_of(data: bytes, keyword: str) -> str | None:
-    """What the PNG file `data` keeps under `keyword` in an uncompressed iTXt chunk; None where it has no such one.
+    """The text under `keyword` in an uncompressed iTXt chunk of the PNG file `data`, or None.
 
-    Raises PngError for another format, or a file that is damaged up to there: the rest is not looked at.
+    Raises PngError for another format, and for damage before that chunk; the rest is not read.
     """
     if not data.startswith(SIGNATURE):
-        raise PngError("it is no PNG")
+        raise PngError("it is not a PNG file")
     start = keyword.encode("latin-1") + b"\0\0\0"  # then a language and a translated keyword, each ended by a zero
     for kind, body in _chunks(data):
         content = bytes(body) if kind == TEXT_KIND else b""
@@ -126,7 +125,7 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
 def _header(body: memoryview) -> PngHeader:
     width, height, bits, color_type, compression, filtering, interlace = struct.unpack(">IIBBBBB", body)
     if color_type not in CHANNELS or bits not in (1, 2, 4, 8, 16) or compression or filtering or interlace > 1:
-        raise PngError("its header holds values that no PNG has")
+        raise PngError("its header holds invalid values")
     if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE):
         raise PngError(f"it claims {width}x{height} pixels; sides from 1 to {LARGEST_SIDE} are read")
     return PngHeader(width, height, bits, color_type, bool(interlace))
@@ -142,4 +141,4 @@ def _check_pixels(compressed: bytes, header: PngHeader) -> None:
     if len(pixels) != expected or not inflater.eof:
         raise PngError(f"its pixels fill {len(pixels)} bytes, {header.width}x{header.height} need {expected}")
     if max(pixels[:: header.row_bytes]) > 4:
-        raise PngError("a row has a filter that no PNG has")
+        raise PngError("a row has an invalid filter")

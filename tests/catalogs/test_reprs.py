@@ -24,7 +24,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.store.journal import Stamps
 from catalogs.store.members import Member
 from catalogs.store.missing import MissingMember
-from catalogs.store.notebook.cards import Picture
+from catalogs.store.notebook.cards import CardImage
 from catalogs.store.plan import CatalogPlan
 from catalogs.store.splits import Splits
 from catalogs.store.summary import FieldSummary
@@ -97,9 +97,9 @@ SHOWN: list[tuple[Any, str]] = [
     (Scene.load(SCENE), "<Scene tgv-tf: "),
     (FRAME, "r_0.png"),
     (ImportedMember("a", (0.1, 0.2), "train", (FRAME,) * 100, ("train",) * 100), "a"),
-    (Picture(np.zeros((64, 64, 3), np.uint8), "below"), "below"),
+    (CardImage(np.zeros((64, 64, 3), np.uint8), "below"), "below"),
     (LAYOUTS["nerf"], "check="),
-    (selection.Picture(MEMBER, 3, "train"), "view=3"),
+    (selection.SelectedImage(MEMBER, 3, "train"), "view=3"),
     (selection.Selection(Catalog(Path("flow.cdb"), PLAN), (MEMBER,) * 1000, "dvr"), "(1000 in all) of flow.cdb, dvr"),
     (PngHeader(8, 6, 8, 2, False), "8"),
     (Stamps(7, Stamp(1, 2, 3)), "Stamp(inode=1, size=2, changed=3)"),
@@ -108,7 +108,7 @@ SHOWN: list[tuple[Any, str]] = [
     (Shard("shard-0", ("a",) * 1000, 2000, ((0.0, 1.0),)), "<Shard shard-0: 1000 members, 2000 rows>"),
     (Transferred(12, 3, 0), "made=12"),
     (ExpectedImage(192, 256), "height=192"),
-    (Pack(Path("pictures.h5"), 192, 256, "uint8", np.zeros(504, ENTRY)), "504 pictures of 256x192, uint8"),
+    (Pack(Path("pictures.h5"), 192, 256, "uint8", np.zeros(504, ENTRY)), "504 images of 256x192, uint8"),
     (SetAside("a", Path("damaged/a"), ("dvr/000.png is missing",), PARAMETERS), "dvr/000.png is missing"),
     (Repaired((), (Finding("data.csv", "is missing"),)), "is missing"),
     (Access("0.0.0.0", "secret"), "0.0.0.0"),

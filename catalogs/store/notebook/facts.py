@@ -1,4 +1,4 @@
-"""What a catalog holds, in words."""
+"""Facts about a catalog in words."""
 
 from __future__ import annotations
 
@@ -25,12 +25,11 @@ from catalogs.vocabulary.words import counted
 
 
 def megabytes(folder: Path) -> float:
-    """What the files in and below the folder take on disk."""
+    """Size of all files in and below the folder."""
     return _bytes(folder) / 1e6
 
 
 def _bytes(folder: str | Path) -> int:
-    """The same in bytes, without a list of what is there."""
     with os.scandir(folder) as entries:
         return sum(
             _bytes(entry.path) if entry.is_dir(follow_symlinks=False) else entry.stat().st_size
@@ -40,7 +39,7 @@ def _bytes(folder: str | Path) -> int:
 
 
 def facts(plan: CatalogPlan, members: Iterable[Member]) -> list[tuple[str, str]]:
-    """What a catalog's plan and these members say, as (what, in words); no image and no summary is opened."""
+    """Facts about a catalog's plan and these members as (name, value); opens no image and no summary."""
     tally = Tally(plan)
     for member in members:
         tally.add(member)
@@ -48,7 +47,7 @@ def facts(plan: CatalogPlan, members: Iterable[Member]) -> list[tuple[str, str]]
 
 
 class Tally:
-    """What the members of a catalog are, taken in one after the other; of each it keeps the values of its parameters."""
+    """Counts of a catalog's members, added one by one; keeps only the values of their parameters."""
 
     def __init__(self, plan: CatalogPlan) -> None:
         self._plan = plan
@@ -56,11 +55,11 @@ class Tally:
         self._values = {name: array("d") for name in plan.space.names}
         self._images = 0
         self._sizes = {(camera.width, camera.height) for camera in plan.cameras}
-        self._views: set[int] = set()  # how many a member has
+        self._views: set[int] = set()  # numbers per member
         self._view_splits: Counter[str] = Counter()
 
     def add(self, member: Member) -> None:
-        """Take in a member."""
+        """Count a member."""
         self._splits[member.split] += 1
         for name, values in self._values.items():
             values.append(member.parameters[name])
@@ -71,7 +70,7 @@ class Tally:
             self._view_splits.update(member.view_splits)
 
     def facts(self) -> list[tuple[str, str]]:
-        """What the plan and the members say, as (what, in words)."""
+        """Facts about the plan and the members as (name, value)."""
         plan, count = self._plan, self._splits.total()
         low, high = plan.bounds
         return [
@@ -80,8 +79,8 @@ class Tally:
             *(("field", str(quantity)) for quantity in plan.quantities.values() if quantity),
             *(("appearance", _appearance(appearance, plan)) for appearance in plan.plain_appearances),
             *(("variation", str(variation)) for variation in plan.variations),
-            ("views", self._shown_views()),
-            ("images", self._shown_images()),
+            ("views", self._view_count()),
+            ("images", self._image_count()),
             ("box", f"{_numbers(low)} to {_numbers(high)}"),
         ]
 
@@ -91,13 +90,13 @@ class Tally:
             return str(parameter)
         return f"{parameter}; members from {values[0]:g} to {values[-1]:g}, {len(values)} values"
 
-    def _shown_views(self) -> str:
+    def _view_count(self) -> str:
         plan, numbers = self._plan, self._views or {0}
         if plan.cameras:
             return f"{len(plan.cameras)} shared by all members ({counted(Counter(plan.view_splits))})"
-        return f"every member its own, {min(numbers)} to {max(numbers)} ({counted(self._view_splits)} in all)"
+        return f"each member's own, {min(numbers)} to {max(numbers)} ({counted(self._view_splits)} in all)"
 
-    def _shown_images(self) -> str:
+    def _image_count(self) -> str:
         plan, sizes = self._plan, sorted(self._sizes)
         size = ", ".join(f"{width}x{height}" for width, height in sizes[:4]) + (", ..." if len(sizes) > 4 else "")
         kind = "8-bit PNG" if plan.image_format == "png" else "float32 EXR"

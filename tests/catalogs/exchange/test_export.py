@@ -44,7 +44,7 @@ def test_progress_counts_pictures(catalog: Catalog, tmp_path: Path) -> None:
         ({}, "name the appearance"),
         ({"appearance": "q"}, "does not show 'q'"),
         ({"appearance": "dvr", "members": ["third"]}, "no member 'third'"),
-        ({"appearance": "dvr", "members": ["second"]}, "no training picture"),
+        ({"appearance": "dvr", "members": ["second"]}, "no training images"),
     ],
 )
 def test_what_cannot_be_is_refused_and_nothing_is_written(
@@ -56,13 +56,13 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
 
 
 def test_a_folder_that_is_there_is_left_alone(catalog: Catalog, tmp_path: Path) -> None:
-    with pytest.raises(ExchangeError, match="is there already"):
+    with pytest.raises(ExchangeError, match="exists already"):
         export(catalog, tmp_path, "nerf", appearance="dvr")
 
 
 def test_a_second_background_is_refused(catalog: Catalog, tmp_path: Path) -> None:
     standing = Catalog(catalog.path, dataclasses.replace(catalog.plan, background=(1.0, 1.0, 1.0)))
-    with pytest.raises(ExchangeError, match="already: give no background"):
+    with pytest.raises(ExchangeError, match="already: omit background"):
         export(standing, tmp_path / "out", "nerf", appearance="dvr", background=(0.0, 0.0, 0.0))
 
 

@@ -68,7 +68,7 @@ def test_texts_of_damaged_files_are_not_believed() -> None:
     content = encode_png(np.zeros((2, 3, 3), np.uint8), {"key": "text"})
     with pytest.raises(PngError, match="checksum"):
         text_of(content.replace(b"text", b"test"), "key")
-    with pytest.raises(PngError, match="no PNG"):
+    with pytest.raises(PngError, match="not a PNG"):
         text_of(b"GIF89a", "key")
 
 

@@ -149,8 +149,8 @@ HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
     "a bomb": (bomb, "damaged"),
     "wrong place": (lambda p: rewritten(p, offset=HEAD.itemsize), "damaged"),
     "a changed index": (lambda p: p.write_bytes(p.read_bytes()[:60] + b"?" + p.read_bytes()[61:]), "checksum"),
-    "another file": (lambda p: p.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(5000)), "no pack"),
-    "empty": (lambda p: p.write_bytes(b""), "no pack"),
+    "another file": (lambda p: p.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(5000)), "not a pack"),
+    "empty": (lambda p: p.write_bytes(b""), "not a pack"),
     "a pipe": (lambda p: (p.unlink(), os.mkfifo(p)), "named pipe"),
     "missing": (lambda p: p.unlink(), "can't be read"),
     "a long original": (lambda p: rewritten(p, original=9, size=2**40), "beyond"),
@@ -232,7 +232,7 @@ FOREIGN: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     ),
     "nothing": (lambda f: f.move("channels", "originals/channels"), "others can read"),
     "no meta": (lambda f: replaced(f, "meta", h5py.ExternalLink("/etc/passwd", "/x")), "a link"),
-    "more": (lambda f: f.create_group("channels/more"), "no part of a pack"),
+    "more": (lambda f: f.create_group("channels/more"), "does not belong to a pack"),
     "another size": (
         lambda f: (
             f.move("channels/iso", "originals/iso"),

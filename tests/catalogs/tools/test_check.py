@@ -89,7 +89,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "gray": (lambda c: save(c / IMAGE, "L"), "row 5", "1 channels"),
     "missing end": (lambda c: cut(c / IMAGE, 12), "row 5", "truncated"),
     "one bit": (lambda c: flip(c / IMAGE), "row 5", "damaged"),
-    "another format": (lambda c: (c / IMAGE).write_text("hello"), "row 5", "no PNG"),
+    "another format": (lambda c: (c / IMAGE).write_text("hello"), "row 5", "not a PNG"),
     "stray quote": (lambda c: rewrite(c / "data.csv", "120.0,1.0,dvr", '120.0,1.0,d"r'), "data.csv", "line 2"),
     "newer schema": (lambda c: rewrite(c / "catalog.json", '"schema": 5', '"schema": 9'), "catalog.json", "newer"),
     "table is a pipe": (lambda c: pipe(c / "data.csv"), "data.csv", "named pipe"),

@@ -56,7 +56,7 @@ def test_cameras_of_the_members_own_are_counted(tmp_path: Path) -> None:
         ) as writer:
             for appearance, view in writer.missing():
                 writer.write_image(appearance, view, picture(view, 8, 8))
-    assert "every member its own, 2 to 3 (5 train, 0 validation, 0 test in all)" in describe(made.path)
+    assert "each member's own, 2 to 3 (5 train, 0 validation, 0 test in all)" in describe(made.path)
 
 
 def test_the_columns_of_other_peoples_databases_are_shown(tmp_path: Path) -> None:

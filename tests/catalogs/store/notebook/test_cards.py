@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pytest
 
 from catalogs.files.images import read_image
-from catalogs.store.notebook.cards import LONGEST, MOST_BYTES, Picture, card, never_failing, on_background
+from catalogs.store.notebook.cards import LONGEST, CardImage, card, never_failing, on_background
 from tests.support.cards import HOSTILE, Tags, images
 
 
@@ -17,7 +16,7 @@ def noise(side: int, seed: int = 0) -> np.ndarray:
 
 
 def test_whatever_is_said_is_escaped_and_can_be_sent() -> None:
-    picture = Picture(noise(8), HOSTILE, HOSTILE)
+    picture = CardImage(noise(8), HOSTILE, HOSTILE)
     html = card(HOSTILE, [(HOSTILE, HOSTILE)], [picture], [HOSTILE])
     html.encode()  # as the kernel's messages are
     tags = Tags(html)
@@ -27,7 +26,7 @@ def test_whatever_is_said_is_escaped_and_can_be_sent() -> None:
 
 
 def test_colours_are_the_themes_own() -> None:
-    html = card("a", [("b", "c")], [Picture(noise(4), "d")], ["e"])
+    html = card("a", [("b", "c")], [CardImage(noise(4), "d")], ["e"])
     assert not re.search(r"(?<!-)color:(?!inherit)", html)
     assert set(re.findall(r"background:(\w+)", html)) == {"transparent"}
 
@@ -38,20 +37,12 @@ def test_long_facts_are_cut() -> None:
     assert text.endswith("x…")
 
 
-@pytest.mark.parametrize("side", [16, 300])
-@pytest.mark.parametrize("count", [1, 6])
-def test_pictures_fit_even_where_they_are_noise(side: int, count: int) -> None:
-    files = images(card("noise", [], [Picture(noise(side, seed)) for seed in range(count)]))
-    assert len(files) == count
-    assert sum(map(len, files)) <= MOST_BYTES
-
-
 def test_pictures_are_kept_or_averaged(tmp_path) -> None:  # type: ignore[no-untyped-def]
     rgb = np.repeat(
         np.repeat(np.arange(24, dtype=np.uint8).reshape(2, 4, 3) * 10, 30, axis=0), 30, axis=1
     )  # [60, 120, 3]
     for width, expected in ((120, rgb), (4, rgb[::30, ::30])):
-        (tmp_path / "a.png").write_bytes(images(card("a", [], [Picture(rgb)], width=width))[0])
+        (tmp_path / "a.png").write_bytes(images(card("a", [], [CardImage(rgb)], width=width))[0])
         np.testing.assert_array_equal(read_image(tmp_path / "a.png")[..., :3], expected)
 
 
