@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from catalogs.files import durable
+from research.wrapping import wrapped
 from surrogate.provenance import machine
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -70,7 +71,7 @@ def fill(page: Path, part: str, body: str) -> None:
         raise ValueError(f"{page} must hold {begin} and, after it, {end}, each once")
     before, rest = text.split(begin)
     _, after = rest.split(end)
-    durable.replace(page, f"{before}{begin}\n{body.strip()}\n{end}{after}".encode())
+    durable.replace(page, f"{before}{begin}\n{wrapped(body.strip())}\n{end}{after}".encode())
 
 
 def commit(*folders: str) -> str:

@@ -26,7 +26,8 @@ STARTS = re.compile(r"(?:What|Whether|Where|How)\b")
 SENTENCE_END = re.compile(r"(?<=[.!?])[)\"'`*]*\s+(?=[\"'`(*\[]*[A-Z0-9`])")
 LITERALS = re.compile(r"//.*|/\*.*?\*/|\"[^\"\n]*\"|'[^'\n]*'|`[^`]*`|<!--.*?-->|>[^<>]+<", re.DOTALL)
 ITEM = re.compile(r"[-*] |\d+\. |[\w`*., ]{1,60} : ")
-SKIPPED = re.compile(r"```|\||#|>>>|\.\.\. |---|[$>] |!\[.*\)$")
+SKIPPED = re.compile(r"<sub>|```|\||#|>>>|\.\.\. |---|[$>] |!\[.*\)$")
+LISTED = re.compile(r"(?:[\w.`*-]+, ){3,}[\w.`*-]+")  # single names between commas count as one word
 Found = tuple[int, str]  # line, message
 
 
@@ -59,7 +60,7 @@ def paragraphs(text: str, line: int) -> Iterator[Found]:
 def sentences(text: str, line: int) -> Iterator[Found]:
     """The sentences that are too long."""
     for first, paragraph in paragraphs(text, line):
-        plain = re.sub(r"\]\([^)]*\)", "]", paragraph)
+        plain = LISTED.sub("names", re.sub(r"\]\([^)]*\)", "]", paragraph))
         for sentence in SENTENCE_END.split(plain):
             words = [word for word in sentence.split() if re.search(r"\w", word)]
             if len(words) > WORDS:

@@ -23,7 +23,7 @@ COLUMNS = (
 DESIGNS = {"deformation", "visualization_deformation"}
 SIZES = {"gaussians", "latent_size", "visualization_latent_size", "value_bins"}
 EQUAL_TIME = (
-    "In equal time the paper's field takes far fewer steps on a processor (see the column): those rows measure what a step of it "
+    "In equal time the paper's field takes far fewer steps on a processor (see the column).  Those rows measure what a step of it "
     "costs, not what it can learn; only equally many steps compare the fields."
 )
 GROUPS = ("reference", "deformation field", "start", "training strategy", "size")

@@ -1,4 +1,4 @@
-"""The page of the comparison with published systems, from the records of `surrogate compare`.
+"""The page of the comparison with published systems, from the records of `python -m research.studies compare`.
 
     python -m research.benchmarks.results.comparison [SCENE...] [--records research/records]
 
@@ -19,64 +19,68 @@ from research.studies.comparison.methods import CONTESTANTS, title
 from research.studies.comparison.page import SHORT_HEADER, in_short, tables
 from research.studies.comparison.plots import curves, sheet, without_pictures
 from research.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, Terms, load, terms
+from research.wrapping import wrapped
 from surrogate.evaluation.tables import NOTHING, document, number, table
 from surrogate.provenance import in_words
 
 PAGE = "comparison.md"
 TEXT = """\
-Every method learns from the same pictures, members and views, over the same background, and is judged by the same test
-images (24 in each cell, drawn once) and the same metrics. Bold is the best of a cell; whoever it is, it stands here."""
+Every method learns from the same images, members and views, over the same background. All are scored by the same test images
+(24 in each cell, drawn once) and the same metrics. Bold is the best of a cell, whichever method that is."""
 TERMS = """\
-- **Equal time** is processor time on one core, from the loading of the pictures to the last step. Off the clock are looks at
-  the eight validation images of the curves, the Gaussians that hold still, which GS-Surrogate and 4DGS-HD start from, and,
-  for published methods, how long a step takes, which decides how many are planned; ours finds that out on the clock. Where
-  their training takes 15 % more or less than its time, it is made again with as many steps as fit. Earlier ones were not: ViSNeRF
-  took longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds. GS-Surrogate, light, plans as
-  ours does, and took 215 to 350 s of its 300 on `tgv`, `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
-- **Four processor hours** are those of two threads together. Only 4DGS-HD and ViSNeRF are given them, on `cloverleaf`; this
-  surrogate had half an hour there at most, so those tables have no row of it. ViSNeRF took 16,159 s of its 14,400: its 16,381
+- **Equal time** is processor time on one core, from the loading of the images to the last step. Not counted are looks at the
+  eight validation images of the curves, and the frozen Gaussians that GS-Surrogate and 4DGS-HD start from. For published
+  methods the measurement of a step's time, which decides how many are planned, is not counted either; for ours it is. If their
+  training takes 15 % more or less than its time, it is repeated with as many steps as fit. Earlier ones were not: ViSNeRF took
+  longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds. GS-Surrogate, light, plans as ours
+  does. It took 215 to 350 s of its 300 on `tgv`, `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
+- **Four processor hours** are those of two threads together. Only 4DGS-HD and ViSNeRF have them, on `cloverleaf`. This
+  surrogate had half an hour there at most, so those tables have no row of it. ViSNeRF took 16,159 s of its 14,400. Its 16,381
   steps were set by hand, from a first training stopped after 6,450, and later ones took longer.
-- **Where isovalues or transfer functions vary**, this surrogate, and GS-Surrogate, light, first learn the base appearance in the
-  same time, though no cell asks for it: their curves begin after that. Published methods learn all in one; they are given the
-  base pictures where transfer functions vary. A curve is missing where an earlier version kept it on the wall's clock, and
-  that ran unlike the processor's.
-- **Starved** is a method that made a few per cent of its published steps (*of the published*): its row says what it is after
-  so long on a processor, not what it can do on a GPU. Every schedule is stretched or pressed to the steps that fit.
-- **Sizes.** Pictures with more than 128 pixels a side are averaged down to that, for all, which are too small for MS-SSIM. A step
-  of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others as published.
-  Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it, else in float32, with fewer
-  steps in the same time; each has a row of its own.
-- **Samples.** Pictures of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
-  fine as their pixels, with four samples a pixel, within its time; so does GS-Surrogate, light. Published methods draw one,
-  as published.
-- **Machines** were of several kinds; where those of a scene differ, its last lines say who was trained on which.
-- **Pictures side by side** are of seed 0. Earlier versions did not keep them with the records: some are of a training made
-  again with the steps, rate and seed of its record, by a script that is not kept here. It found them within 0.14 dB of their
-  records, but InSituNet in `nyx` after five minutes 0.5 dB better. A line below names whose are lost.
-- **Rates** of published methods are multiplied by what did best in five trainings of a minute, on one scene, at validation
-  images; ours are as they are. What does best there need not do so elsewhere: pictures of `nyx` and `tgv-iso` by ViSNeRF are
-  grey after five minutes. At its published rates ViSNeRF then reaches 22.1 dB in the last cell of `nyx`, at those chosen on
-  `cloverleaf` 18.9; after thirty 27.0 (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its published rates reaches
-  32.6 dB in the last cell of `tgv` after thirty minutes (8,709 steps), at 0.3 of them, which did best on `cloverleaf`, 31.5
-  (7,154). Of thirty minutes, those at published rates were trained on another machine, which made more steps, so not all of
-  this need be due to the rates. The tables have the chosen ones; in both scenes another published method stays the best one.
-  Published rates are those of `surrogate compare scenes/SCENE.toml --methods NAME --minutes M` with an empty folder of
-  `--records` (of thirty minutes: commit `f0395b618d62`, AMD EPYC (avx512), 1 core, seed 0).
-- **Divergence.** Where a longer training diverges at its rates it is made again at the next lower ones. Of two half hours of
+- **Where isovalues or transfer functions vary**, this surrogate, and GS-Surrogate, light, first learn the base appearance in
+  the same time, which no cell shows: their curves begin after that. Published methods learn everything together; they
+  also get the base images where transfer functions vary. A curve is missing where an earlier version recorded it on the wall's
+  clock, which differed from the processor's.
+- **Starved** is a method that made a few per cent of its published steps (*of the published*). Its row shows what it reaches
+  in that time on a processor, not what it can do on a GPU. Every schedule is stretched or compressed to the steps that fit.
+- **Sizes.** Images with more than 128 pixels a side are averaged down to that, for all methods; they are too small for
+  MS-SSIM. A step of published sizes takes too long on a processor: InSituNet, K-Planes and ViSNeRF are smaller here, the others
+  as published. Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it. Elsewhere
+  they are trained in float32, with fewer steps in the same time. Each has its own row.
+- **Samples.** Images of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
+  fine as their pixels, with four samples a pixel, within its time. So does GS-Surrogate, light. Published methods draw one, as
+  published.
+- **Machines** were of several kinds. If those of a scene differ, its last lines name the machine of each training.
+- **Images side by side** are of seed 0. Earlier versions did not store them with the records. Some are of a repeated training
+  with the steps, rate and seed of its record, by a script outside this repository. It was within 0.14 dB of its records,
+  except that InSituNet in `nyx` was 0.5 dB better after five minutes. A line below names lost images.
+- **Rates** of published methods are multiplied by the factor that did best in five trainings of a minute, on one scene, at
+  validation images. Ours are not tuned. The best factor there may not be the best elsewhere: images of `nyx` and `tgv-iso` by
+  ViSNeRF are grey after five minutes. At its published rates ViSNeRF then reaches 22.1 dB in the last cell of `nyx`, at those
+  chosen on `cloverleaf` 18.9. After thirty it reaches 27.0 (4,630 steps), at the chosen ones 23.6 (3,994). 4DGS-HD at its
+  published rates reaches 32.6 dB in the last cell of `tgv` after thirty minutes (8,709 steps). At 0.3 of them, which did best on
+  `cloverleaf`, it reaches 31.5 (7,154). The trainings of thirty minutes at published rates ran on another machine, which made
+  more steps, so not all of this need be due to the rates. The tables have the chosen ones; in both scenes another published
+  method stays the best one. Published rates are those of
+  `python -m research.studies compare scenes/SCENE.toml --methods NAME --minutes M` with an empty folder of `--records`. (Those of
+  thirty minutes: commit `f0395b618d62`, AMD EPYC (avx512), 1 core, seed 0.)
+- **Divergence.** If a longer training diverges at its rates, it is repeated at the next lower ones. Of two half hours of
   K-Planes on `cloverleaf` at the same rates one diverged (commit `c6130f237be2`) and the other did not: the table has that.
-- **Stored pictures, mixed** are the best of the trivial predictors: they need a stored picture at the very view, which no
-  other row does, so they have none of novel views.
+- **Stored images, mixed** are the best of the trivial predictors. They need a stored image at the very view, which no other
+  row does, so they have none of novel views.
 
-What was written anew from which paper or code, and where it differs, stands at the head of each file in
-[`research/studies/baselines`](../research/studies/baselines)."""
-IN_SHORT = "PSNR (dB), means over seeds; all metrics, methods, sizes and times stand below."
-PUBLISHED = """Equal time on a processor says nothing about what a method can do. `surrogate compare scenes/SCENE.toml --published
---device cuda --stop-after 9` trains all at their published sizes and for as many steps as were published, ours for as many as
-GS-Surrogate, in pieces of nine minutes; a checkpoint is kept between them."""
+The head of each file in [`research/studies/baselines`](../research/studies/baselines) names the paper or code that a method was
+written from, and the differences."""
+IN_SHORT = "PSNR (dB), means over seeds; the sections below have all metrics, methods, sizes and times."
+PUBLISHED = """\
+Equal time on a processor says nothing about what a method can do.
+`python -m research.studies compare scenes/SCENE.toml --published --device cuda --stop-after 9` trains all methods at their
+published sizes and numbers of steps, ours for as many steps as GS-Surrogate. It works in pieces of nine minutes, with a
+checkpoint between them."""
 NO_PICTURES = "No pictures were kept of: {}."
 MISSING = "Each takes its time on a core."
 NOT_RUN = (
-    "Nobody has run it yet: there was no GPU. Its tables will stand with each scene's; this one is empty until then."
+    "It has not been run yet: there was no GPU. Its tables will join those of each scene; this one is empty until then."
 )
 
 
@@ -118,13 +122,13 @@ def main() -> None:
     missing = sorted(set(given.scenes) - set(known))
     if missing or not known:
         parser.error(
-            f"no records of {', '.join(missing) or 'any scene'} in {given.records}: `surrogate compare` makes them"
+            f"no records of {', '.join(missing) or 'any scene'} in {given.records}: `python -m research.studies compare` makes them"
         )
     scenes = given.scenes or known
     drawn = {name: content for scene in scenes for name, content in plots(given.records, scene).items()}
     for name, content in drawn.items():
         durable.replace(given.output / name, content)
-    durable.replace(given.output / PAGE, page(given.records, scenes, drawn).encode())
+    durable.replace(given.output / PAGE, wrapped(page(given.records, scenes, drawn)).encode())
     print(given.output / PAGE)
 
 
@@ -149,7 +153,7 @@ def _section(records: Path, results: Sequence[Result], drawn: set[str]) -> list[
         tables(results),
         f"![PSNR of validation images over processor seconds]({plot})" if plot in drawn else "",
         *(part for each in terms(results) for part in _sheet(records, results, each, drawn)),
-        f"<sub>`surrogate compare scenes/{scene}.toml`; {_made(results)}.</sub>",
+        f"<sub>`python -m research.studies compare scenes/{scene}.toml`; {_made(results)}.</sub>",
     ]
 
 

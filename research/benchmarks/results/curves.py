@@ -14,9 +14,9 @@ from surrogate.evaluation.tables import NOTHING, table
 PICTURE = "results_curves.png"
 RESOLUTION = 130
 TEXT = (
-    "Each scene's catalog as `surrogate train CATALOG --minutes` trains it, which chooses the number of Gaussians and of steps; on "
-    "one core, so a minute is one of processor time, with loading and all choices.  PSNR in dB at unseen views of unseen members, "
-    "under unseen isovalues or transfer functions where the row says so; in brackets how many Gaussians the model has."
+    "Each scene's catalog was trained by `surrogate train CATALOG --minutes`, which chooses the number of Gaussians and of steps.  "
+    "It ran on one core, so a minute is one of processor time, with loading and all choices.  PSNR in dB is at unseen views of "
+    "unseen members, in some rows under unseen isovalues or transfer functions.  In brackets is the number of Gaussians."
 )
 
 

@@ -13,9 +13,10 @@ from research.benchmarks.training.functions.measured import mean_and_worst, unse
 from surrogate.evaluation.tables import NOTHING, table
 
 TEXT = (
-    "Test members at test views, rendered again from their fields under functions that depart from the one that was trained: half "
-    "and twice its opacity, a ramp, its high values only, low values only, a bump in the middle, its colours exchanged; a narrow "
-    "peak stands apart.  PSNR in dB, in brackets that of the picture under the trained function instead."
+    "Test members at test views, rendered again from their fields under functions that differ from the one that was trained.  "
+    "These are half and twice its opacity, a ramp, its high values only, low values only, a bump in the middle, its colours "
+    "exchanged, and, apart from the others, a narrow peak.  PSNR in dB, in brackets that of the image under the trained function "
+    "instead."
 )
 
 

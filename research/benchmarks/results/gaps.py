@@ -43,10 +43,10 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
     if without:
         yield (
             f"the ceiling of {', '.join(without)}",
-            f"surrogate ceiling scenes/{scene.name}.toml --records research/records",
+            f"python -m research.studies ceiling scenes/{scene.name}.toml --records research/records",
         )
     if scene.repeats is None:
-        yield "other seeds", f"surrogate repeat scenes/{scene.name}.toml"
+        yield "other seeds", f"python -m research.studies repeat scenes/{scene.name}.toml"
     there = {study.kind for study in scene.studies}
     for kind in kinds_of(scene.variations):
         if kind not in there:

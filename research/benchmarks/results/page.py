@@ -19,6 +19,7 @@ from research.benchmarks.results.quality import quality_tables
 from research.benchmarks.results.scenes import SceneResults
 from research.benchmarks.results.sources import report_sources, study_sources
 from research.studies.ablation.table import plot
+from research.wrapping import wrapped
 from surrogate.evaluation.metrics import MOST_DECIBELS
 from surrogate.evaluation.tables import NOTHING, document, number, plain_spread, table_of
 from surrogate.report.report import RECORD
@@ -28,18 +29,19 @@ PAGE = "results.md"
 SOURCES = "What made these numbers"
 PICTURE_LINK = re.compile(r"!\[[^\]]*\]\((results_[^/()]+\.png)\)")
 INTRODUCTION = (
-    "Every number on this page was read from [records](../research/records/README.md) by "
-    "`python -m research.benchmarks.results`, which `make results` "
-    "ends with; what is missing stands at the end, with the command that makes it.  Means over test images: no choice was "
-    "made on them, but this page, the explorer's and others show them.  PSNR of the full frame, on white or on the data's own "
-    "background, by the definitions that stand in every report.  Where there are several seeds, ± is their sample standard "
-    "deviation.  A *ceiling* is what as many Gaussians reach that are fitted, for as many steps, to one unseen member (and "
-    "setting) alone, at its unseen views; in brackets the surrogate on the same images: what a model lacks to its ceiling at "
-    "*seen* parameters is underfitting, what it lacks from seen to unseen ones is prediction.  *The same model at the centre of "
-    "the parameters*, of the scene's own seed, shows every member as it shows the one in the middle: where that is as good, the "
-    "parameters hardly matter.  *Trivial predictors* mix stored pictures at the very same view: ones that the surrogate is not "
-    f"given and that need not exist.  An image counts {MOST_DECIBELS:.0f} dB at most, which some of theirs reach.  Those of "
-    "settings mix pictures of the very member that is asked for, under the trained settings that it was rendered with."
+    "Every number on this page comes from [records](../research/records/README.md). `make results` ends with "
+    "`python -m research.benchmarks.results`, which writes the page and lists at its end the missing records and the commands "
+    "for them.  Numbers are means over test images.  No choice was made on these images, but this page, the explorer's and "
+    "others show them.  PSNR is of the full frame, on white or on the data's own background, by the definitions in every "
+    "report.  Where there are several seeds, ± is their sample standard deviation.\n\n"
+    "A *ceiling*, or per-member upper bound, is the accuracy of as many Gaussians, fitted for as many steps to one unseen member "
+    "(and setting) alone, at its unseen views.  In brackets is the surrogate on the same images.  The model's gap to its ceiling "
+    "at *seen* parameters is underfitting; its loss from seen to unseen ones is prediction.\n\n"
+    "*The same model at the centre of the parameters*, of the scene's own seed, is frozen there for every member.  If it is as "
+    "good, the parameters hardly matter.\n\n"
+    "*Trivial predictors* mix stored images at the very same view, which the surrogate never sees and which need not exist.  "
+    "Those of settings mix images of the same member under its trained settings.  An image counts at most "
+    f"{MOST_DECIBELS:.0f} dB, which some of theirs reach."
 )
 COST_COLUMNS = (  # times are of the scene's own seed
     ("scene", lambda scene: f"`{scene.name}`"),
@@ -109,7 +111,7 @@ def write(output: Path, scenes: Sequence[SceneResults]) -> Path:
     durable.make_folder(output)
     for name, content in pictures.items():
         durable.replace(output / name, content)
-    durable.replace(output / PAGE, page(scenes, pictures).encode())
+    durable.replace(output / PAGE, wrapped(page(scenes, pictures)).encode())
     for name in earlier - set(pictures):
         (output / name).unlink(missing_ok=True)
     return output / PAGE
@@ -165,9 +167,8 @@ def _ablations(scenes: Sequence[SceneResults], pictures: Container[str]) -> list
 def _earlier(names: Sequence[str]) -> str:
     """Of which scenes something was not measured by the present code."""
     return (
-        "The code that trains and evaluates, or its settings, have changed since some was measured of "
-        f"{', '.join(f'`{name}`' for name in names)}: these figures are of the commits that stand "
-        f"under *{SOURCES}*."
+        "The code that trains and evaluates, or its settings, have changed since some measurements of "
+        f"{', '.join(f'`{name}`' for name in names)}. These figures are of the commits listed under *{SOURCES}*."
         if names
         else ""
     )

@@ -11,9 +11,9 @@ from surrogate.report.seeds import Scores, spread
 
 HEADER = ("scene", "instructions", "unseen views and parameters, PSNR (dB)", "of all cores together (s)", "seeds")
 TEXT = (
-    "The same settings where kernels and torch use no later instructions than those of an older processor: what to expect on "
-    "another machine, as far as its instructions make a difference.  Roundings differ between sets as they do between seeds, so "
-    "the last row of a scene is over seeds and sets together."
+    "The settings are the same, but kernels and torch use no later instructions than those of an older processor.  This shows what "
+    "to expect on another machine, as far as its instructions make a difference.  Rounding differs between sets as it does "
+    "between seeds, so the last row of a scene is over seeds and sets together."
 )
 
 

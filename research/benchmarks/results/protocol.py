@@ -48,7 +48,9 @@ def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Resul
         threads = f" --threads {trainings.threads}" * (trainings.threads > 1)
         what = "; ".join(_named(method, seeds) for method, seeds in missing.items())
         yield Gap(
-            scene, f"{trainings.minutes:g} min: {what}", f"surrogate compare scenes/{scene}.toml {options}{threads}"
+            scene,
+            f"{trainings.minutes:g} min: {what}",
+            f"python -m research.studies compare scenes/{scene}.toml {options}{threads}",
         )
 
 

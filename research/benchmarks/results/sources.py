@@ -37,10 +37,10 @@ def _of_scene(scene: SceneResults) -> list[tuple[str, str]]:
     if scene.repeats is not None:
         seeds, machines, commits = (scene.repeats[name] for name in ("seeds", "machines", "commits"))
         made = made_from([{"machine": machine, "commit": commit} for machine in machines for commit in commits], seeds)
-        found.append((f"surrogate repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
+        found.append((f"python -m research.studies repeat scenes/{scene.name}.toml --seeds {len(seeds)}", made))
     if scene.ceilings:
         seeds = sorted({int(entry["seed"]) for entry in scene.ceilings})
-        found.append((f"surrogate ceiling scenes/{scene.name}.toml", made_from(scene.ceilings, seeds)))
+        found.append((f"python -m research.studies ceiling scenes/{scene.name}.toml", made_from(scene.ceilings, seeds)))
     return found
 
 

@@ -17,7 +17,7 @@ from surrogate.provenance import code
 
 @dataclass(frozen=True)
 class StudyKind:
-    """What is varied: the folder of a scene's records, a title, and what `surrogate ablate` is told besides the scene."""
+    """The subject of a study: the folder of a scene's records, a title, and further options of `ablate`."""
 
     folder: str
     title: str
@@ -26,7 +26,7 @@ class StudyKind:
 
     def command(self, scene: str) -> str:
         """The command that makes such a study of a scene."""
-        return f"surrogate ablate scenes/{scene}.toml{self.option}"
+        return f"python -m research.studies ablate scenes/{scene}.toml{self.option}"
 
 
 BASE = StudyKind(BASE_FOLDER, "the base appearance", VARIANTS)

@@ -3,9 +3,9 @@
     python -m research.benchmarks.splatting.instruction_sets SCENE... [--sets avx2 baseline] [--seeds 2] [--runs
     runs] [--records research/records]
 
-Trains scenes by their own settings with successive seeds, as `surrogate repeat` does, while the kernels and torch use no later
-instructions than the set has.  The scenes' data sets must be there.  A record of each training is kept at once, what is there
-already is not trained again, and `python -m research.benchmarks.results` writes the table.
+Trains scenes by their own settings with successive seeds, as `python -m research.studies repeat` does,
+while the kernels and torch use no later instructions than the set has.  The scenes' data sets must exist.  Each training
+is recorded at once, a recorded one is skipped, and `python -m research.benchmarks.results` writes the table.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def verdict(rows: Sequence[Row]) -> str:
     compared = [row for row in rows if row.reference == DEFAULT and not row.variant.steps_of]
     sure = [f"{row.variant.name} ({row.difference:+.2f} dB)" for row in compared if row.is_sure]
     if all(row.error is None for row in compared):
-        return "No difference can be told from chance yet: that takes two seeds of the default and of a variant."
+        return "No difference is distinguishable from chance yet: that takes two seeds of the default and of a variant."
     if not sure:
         return f"No difference from the default exceeds {SURE:g} of its standard errors."
     return f"The difference from the default exceeds {SURE:g} of its standard errors for {', '.join(sure)}."
@@ -156,7 +156,7 @@ def _made_by(scene: str, budget: float, rows: Sequence[Row]) -> str:
     commits = dict.fromkeys(result.provenance.commit for result in results)
     of = " --visualization" if _is_of_visualization(rows) else ""
     return (
-        f"<sub>`surrogate ablate scenes/{scene}.toml{of} --seconds {budget:g}`; {'; '.join(machines)}; commit "
+        f"<sub>`python -m research.studies ablate scenes/{scene}.toml{of} --seconds {budget:g}`; {'; '.join(machines)}; commit "
         f"{', '.join(commits)}</sub>"
     )
 

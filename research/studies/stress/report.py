@@ -14,6 +14,7 @@ from research.studies.stress.cases import Agreement, Case, Refusal
 from research.studies.stress.check import MARGIN, Outcome
 from research.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
 from research.studies.stress.functions import FunctionCase, FunctionOutcome
+from research.wrapping import wrapped
 from surrogate.appearance.averages import LEAST_SPREAD, NEGLIGIBLE, TOLERANCE
 from surrogate.evaluation.tables import document, table_of
 from surrogate.provenance import commit, in_words, machine
@@ -22,52 +23,53 @@ PAGE, PICTURE = "stress.md", "stress.png"
 COLUMNS = 9
 INTRODUCTION = """# Hard cases
 
-May the splatting engine be trusted where scenes are not ordinary? Each row below is drawn and differentiated in float32 by
-{backends}, and by the float64 twin (`surrogate/splatting/reference.py`) that defines what is right. Every row has bounds of
-its own; `surrogate stress` ends with an error if one is missed. Nothing is repaired before it is compared: a NaN anywhere is
-a miss.
+Each row below is a scene that is not ordinary. It is drawn and differentiated in float32 by {backends}, and by the float64
+reference implementation (`surrogate/splatting/reference.py`), which defines the right result. Every row has bounds of its own;
+`python -m research.studies stress` ends with an error if one is missed. Nothing is repaired before the comparison: a NaN
+anywhere is a miss.
 
-**{verdict}** `surrogate stress`, commit {commit}, {where}, {system}. Scenes are drawn by fixed seeds."""
+**{verdict}** `python -m research.studies stress`, commit {commit}, {where}, {system}. Scenes are drawn by fixed seeds."""
 DRAWN = """![The hard cases as they are drawn]({picture})
 
-## What is drawn
+## Drawing
 
-*Image* is the largest error of colour (relative to the largest colour where that is above 1), alpha and depth (relative to
-the largest), over all pixels and backends; *gradient* the largest error by any attribute, relative to the largest gradient
-of its kind, for a random functional of the picture. What is drawn has two thresholds, the alpha floor and the least
-transmittance: where a contribution lies within {margin:g} of one (relative), float32 may rightly fall to its other side. Such
-pixels are *uncertain*: their share is given, and the largest *jump* in them, but the bounds hold in all others."""
-AGREEMENTS = """## What must not change a bit
+*Image* is the largest error of colour (relative to the largest colour where that is above 1), alpha and depth (relative to the
+largest), over all pixels and backends. *Gradient* is the largest error by any attribute,
+relative to the largest gradient of its kind, for a random functional of the image. Drawing has two thresholds, the alpha floor
+and the least transmittance. Where a contribution lies within {margin:g} of one (relative), float32 may rightly fall to its other
+side. Such pixels are *uncertain*: the table has their share, and the largest *jump* in them, but the bounds hold in all others."""
+AGREEMENTS = """## Bitwise equality
 
-Picture and gradients of 3,000 Gaussians, of which every other lies exactly where the one before it does (ties are drawn in
-the order of their index):"""
-REFUSALS = """## What must be refused
+Image and gradients of 3,000 Gaussians, of which every other lies exactly where the one before it does (ties are drawn in the
+order of their index):"""
+REFUSALS = """## Refusals
 
 The error names the attribute and the Gaussian, and nothing is drawn:"""
-FUNCTIONS = """## Transfer functions and values of the field
+FUNCTIONS = """## Transfer functions and field values
 
-Gaussians that carry values of the field, with spreads, look under a transfer function as its extinction and emission say, averaged
-over these values. *Average*: the largest error of the averages by the averaged extinction (at least {least:g} of the largest),
-against quadrature in float64; held to {tolerance:.0e}. *Shown*: that of opacity and opacity times colour in float32, against the
-float64 twin (`surrogate/appearance/transferred.py`); *gradient*: of a random functional of both by thickness, value and spread, of
-all Gaussians that are drawn; the kernel interpolates a table of averages, whose slopes err more than its values. A constant
-field has no spread; spreads below {spread:g} of the function's range count as that."""
-DRIFT = """## Does training drift?
+Gaussians with field values, and spreads of these, are drawn by the transfer function's extinction and emission, averaged over the
+values. *Average* is the largest error of the averages by the averaged extinction (at least {least:g} of the largest), against
+quadrature in float64; its bound is {tolerance:.0e}. *Shown* is that of opacity and opacity times colour in float32, against the
+float64 reference implementation (`surrogate/appearance/transferred.py`). *Gradient* is that of a random functional of both by
+thickness, value and spread, of all Gaussians that are drawn. The kernel interpolates a table of averages, whose slopes err more
+than its values. A constant field has no spread; spreads below {spread:g} of the function's range count as that."""
+DRIFT = """## Drift of training
 
 The same small ensemble (60 Gaussians with their bilinear deformation, 32 x 32 pixels) is trained three times on the same images
-in the same order: in float64 by the definitions in plain torch; in float32 by the kernels; and in float64 from a start that is
-rounded otherwise in the last place of float32. Training amplifies any difference, so the third run says how far apart runs end
-that nobody would call wrong. Float32 must end within {decibels:g} dB and within {times:g} times that distance."""
-LIMITS = """## What it can not do
+in the same order. The first training is in float64 by the definitions in plain torch, the second in float32 by the kernels. The
+third is in float64 from a start that is rounded differently in the last place of float32. Training amplifies any difference, so
+the third shows how far apart two correct runs end. Float32 must end within {decibels:g} dB and within {times:g} times that
+distance."""
+LIMITS = """## Limits
 
-- Thresholds make a picture a discontinuous function of the Gaussians: a contribution that crosses the alpha floor (1/255)
-  changes a pixel by as much. Gradients don't know of it.
-- Gaussians are sorted by their centres and don't interpenetrate ([what that costs](volume_fidelity.md)).
+- Thresholds make an image a discontinuous function of the Gaussians. A contribution that crosses the alpha floor (1/255) changes
+  a pixel by as much, which gradients do not include.
+- Gaussians are sorted by their centres and do not interpenetrate ([what that costs](volume_fidelity.md)).
 - Without dilation, a Gaussian thinner than a pixel may fall between all pixel centres: it is not drawn then, and has no gradient.
-- World coordinates around 10⁶ can't be held in float32 to better than 0.06. `Surrogate` and training subtract the scene's origin
-  in float64 first; who calls `surrogate.splatting.render` must do so too.
-- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, and so is what memory
-  can't hold."""
+- World coordinates around 10⁶ cannot be represented in float32 to better than 0.06. `Surrogate` and training subtract the
+  scene's origin in float64 first; other callers of `surrogate.splatting.render` must do so too.
+- More than 2³² touched tiles (of 20,000 Gaussians each would have to cover 200,000) are refused, and so are scenes that exceed
+  the memory."""
 
 
 def write(
@@ -80,7 +82,7 @@ def write(
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(tables.values()))
     durable.replace(folder / PICTURE, _picture([o for o in first if o.pictures is not None]))
-    durable.replace(folder / PAGE, _page(tables, drift, functions).encode())
+    durable.replace(folder / PAGE, wrapped(_page(tables, drift, functions)).encode())
 
 
 def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None, functions: Sequence[FunctionOutcome]) -> str:

@@ -78,4 +78,4 @@ def test_of_an_earlier_page_the_variants_without_a_row_are_named() -> None:
 def test_only_scenes_with_variations_have_a_study_of_them() -> None:
     assert kinds_of(0) == [BASE]
     assert kinds_of(2) == [BASE, VISUALIZATION]
-    assert VISUALIZATION.command("vortex") == "surrogate ablate scenes/vortex.toml --visualization"
+    assert VISUALIZATION.command("vortex") == "python -m research.studies ablate scenes/vortex.toml --visualization"

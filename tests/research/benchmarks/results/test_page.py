@@ -28,13 +28,15 @@ def test_tables_stand_with_what_made_them_and_gaps_with_what_makes_them(tmp_path
     assert "| `vortex` | 31.00 ± 1.41 | 31.00 ± 1.41 |" in text
     assert "| `vortex` | 1,005 ± 7 | 1.00 ± 0.71 | 45 | 100 ± 1 | – | 1.50 | 0.25 | – | 2 |" in text
     assert "| `vortex` | `surrogate evaluate scenes/vortex.toml` | commit `c0ffee`, abacus, 2 cores, seed 0 |" in text
-    assert "| `vortex` | `surrogate ceiling scenes/vortex.toml` | commit `c0ffee`, abacus, 2 cores, seed 0 |" in text
     assert (
-        "| `vortex` | `surrogate repeat scenes/vortex.toml --seeds 2` | commit `abc`, abacus, 2 cores, seeds 0, 1 |"
+        "| `vortex` | `python -m research.studies ceiling scenes/vortex.toml` | commit `c0ffee`, abacus, 2 cores, seed 0 |"
         in text
     )
+    repeat = "`python -m research.studies repeat scenes/vortex.toml --seeds 2`"
+    assert f"| `vortex` | {repeat} | commit `abc`, abacus, 2 cores, seeds 0, 1 |" in text
     assert (
-        "`surrogate ablate scenes/vortex.toml --seconds 60 --seeds 1`: commit `bead`, abacus, 2 cores, seed 0." in text
+        "`python -m research.studies ablate scenes/vortex.toml --seconds 60 --seeds 1`: commit `bead`, abacus, 2 cores, seed 0."
+        in text
     )
     assert "| `absent` | everything | `make results SCENES=absent` |" in text
 

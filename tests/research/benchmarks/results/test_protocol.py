@@ -26,7 +26,7 @@ def test_what_no_result_is_of_is_missing() -> None:
         result("visnerf", 5.0, 1, error="Diverged: its loss is nan"),
         result("visnerf", 30.0, 0),
     ]
-    command = "surrogate compare scenes/{}.toml --minutes {} --seeds {} --methods {}"
+    command = "python -m research.studies compare scenes/{}.toml --minutes {} --seeds {} --methods {}"
     assert gaps({"one": of_one}, SOME) == [
         Gap("one", "5 min: ViSNeRF (seed 1)", command.format("one", 5, 2, "visnerf")),
         Gap(

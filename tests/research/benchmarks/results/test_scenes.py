@@ -37,15 +37,15 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     catalog = make_results(tmp_path, "bare", 30.0)
     shutil.rmtree(tmp_path / "records/bare/ceiling")
     assert gaps(tmp_path, "bare") == {
-        "the ceiling of pictures made elsewhere": "surrogate ceiling scenes/bare.toml --records research/records",
-        "other seeds": "surrogate repeat scenes/bare.toml",
-        "the ablation of the base appearance": "surrogate ablate scenes/bare.toml",
+        "the ceiling of pictures made elsewhere": "python -m research.studies ceiling scenes/bare.toml --records research/records",
+        "other seeds": "python -m research.studies repeat scenes/bare.toml",
+        "the ablation of the base appearance": "python -m research.studies ablate scenes/bare.toml",
     }
     shutil.rmtree(tmp_path / "records/bare/evaluation")
     make_study(tmp_path, "bare", catalog, {"default": (30.0,)})
     assert gaps(tmp_path, "bare") == {
         "the report": "make results SCENES=bare",
-        "other seeds": "surrogate repeat scenes/bare.toml",
+        "other seeds": "python -m research.studies repeat scenes/bare.toml",
     }
 
 

@@ -98,5 +98,5 @@ def test_nothing_but_failures_still_makes_a_page() -> None:
     found = rows_of({NAMED["start-sfm"]: results("start-sfm", [], error="too few points")})
     lines = page("blobs", 2.0, found, pictured=False).splitlines()
     assert "| start-sfm | 0 | too few points |" in lines
-    assert any("surrogate ablate scenes/blobs.toml --seconds 2`" in line for line in lines)
+    assert any("python -m research.studies ablate scenes/blobs.toml --seconds 2`" in line for line in lines)
     assert plot(found) is None

@@ -68,7 +68,7 @@ def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
     assert "applies transfer functions" in values.error  # which isovalues are not
     page = (tmp_path / "ablation.md").read_text()
     assert "F_sim is that of the finished surrogate" in page
-    assert "surrogate ablate scenes/blobs.toml --visualization --seconds 0.4" in page
+    assert "python -m research.studies ablate scenes/blobs.toml --visualization --seconds 0.4" in page
 
 
 def test_training_starts_from_the_base_and_gets_better(

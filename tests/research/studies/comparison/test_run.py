@@ -1,4 +1,4 @@
-"""`surrogate compare`, from a run's folder to its page."""
+"""`python -m research.studies compare`, from a run's folder to its page."""
 
 from __future__ import annotations
 
