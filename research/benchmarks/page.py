@@ -20,9 +20,11 @@ CODE = ("surrogate", "catalogs", "research/benchmarks")  # folders that decide w
 
 
 def command_line(name: str, about: str | None) -> argparse.ArgumentParser:
-    """The options of `python -m benchmarks.NAME`, whose help is `about`."""
+    """The options of `python -m research.benchmarks.NAME`, whose help is `about`."""
     form = argparse.RawDescriptionHelpFormatter
-    return argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=about, formatter_class=form)
+    return argparse.ArgumentParser(
+        prog=f"python -m research.benchmarks.{name}", description=about, formatter_class=form
+    )
 
 
 def stopwatch() -> Callable[[str], None]:
@@ -32,8 +34,8 @@ def stopwatch() -> Callable[[str], None]:
 
 
 def made_by(command: str, *folders: str, on: str = "", environment: str = "") -> str:
-    """The line under a table: the command after `python -m benchmarks.`, the commit of `folders` and the machine."""
-    return f"`{environment}python -m benchmarks.{command}`, commit {commit(*(folders or CODE))}, {on or machine()['processor']}"
+    """The line under a table: the command after `python -m research.benchmarks.`, the commit of `folders` and the machine."""
+    return f"`{environment}python -m research.benchmarks.{command}`, commit {commit(*(folders or CODE))}, {on or machine()['processor']}"
 
 
 def page_in(output: Path, name: str) -> Path:

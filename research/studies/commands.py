@@ -93,7 +93,7 @@ def repeat(scene: Path, runs: Path, records: Path | None, seeds: int, engine: st
 @RUNS
 @RECORDS
 @click.option("--seconds", default=180.0, show_default=True, help="Processor time of each fit.")
-@click.option("--seeds", default=3, show_default=True, help="Experiment of each variant.")
+@click.option("--seeds", default=3, show_default=True, help="Number of seeds per variant.")
 @click.option("--only", multiple=True, metavar="NAME[,NAME...]", help="Variants; the default is always among them.")
 @click.option(
     "--longest", type=float, help="Seconds that a fit of given steps may take.  [default: ten times --seconds]"

@@ -26,7 +26,7 @@ STARTS = re.compile(r"(?:What|Whether|Where|How)\b")
 SENTENCE_END = re.compile(r"(?<=[.!?])[)\"'`*]*\s+(?=[\"'`(*\[]*[A-Z0-9`])")
 LITERALS = re.compile(r"//.*|/\*.*?\*/|\"[^\"\n]*\"|'[^'\n]*'|`[^`]*`|<!--.*?-->|>[^<>]+<", re.DOTALL)
 ITEM = re.compile(r"[-*] |\d+\. |[\w`*., ]{1,60} : ")
-SKIPPED = re.compile(r"<sub>|```|\||#|>>>|\.\.\. |---|[$>] |!\[.*\)$")
+SKIPPED = re.compile(r"```|\||#|>>>|\.\.\. |---|[$>] |!\[.*\)$")
 LISTED = re.compile(r"(?:[\w.`*-]+, ){3,}[\w.`*-]+")  # single names between commas count as one word
 Found = tuple[int, str]  # line, message
 
@@ -43,10 +43,10 @@ def paragraphs(text: str, line: int) -> Iterator[Found]:
     first, indent, item, code, comment = line, 0, False, False, False
     for number, row in enumerate([*text.split("\n"), ""], start=line):
         bare, depth = row.strip(), len(row) - len(row.lstrip())
-        comment = comment or bare.startswith("<!--")
+        comment = comment or bare.startswith(("<!--", "<sub>"))
         skipped = code or comment or not bare or SKIPPED.match(bare) is not None
         code ^= bare.startswith("```")
-        comment = comment and "-->" not in bare
+        comment = comment and not bare.endswith(("-->", "</sub>"))
         begins = ITEM.match(bare) is not None
         if gathered and (skipped or begins or (depth > indent and not item) or depth < indent):
             yield first, " ".join(gathered)

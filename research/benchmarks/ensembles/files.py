@@ -139,7 +139,7 @@ def main() -> None:
         folder, suffix, members = sys.argv[2:]
         print(json.dumps(render(Path(folder), suffix, int(members))))
         return
-    parser = command_line("ensembles", __doc__)
+    parser = command_line("ensembles.files", __doc__)
     parser.add_argument("--members", type=int, default=20)
     parser.add_argument("--size", type=int, default=64, help="values along each axis (default: 64)")
     parser.add_argument("--formats", nargs="+", choices=list(WRITERS), default=list(WRITERS))

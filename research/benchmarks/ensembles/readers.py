@@ -253,7 +253,7 @@ def main() -> None:
         code, path, size, who = sys.argv[2:]
         print(json.dumps(read(code, Path(path), int(size), who == "ours")))
         return
-    parser = command_line("readers", __doc__)
+    parser = command_line("ensembles.readers", __doc__)
     parser.add_argument(
         "--sizes", type=int, nargs="+", default=[64, 256], help="values along each axis (default: 64 256)"
     )

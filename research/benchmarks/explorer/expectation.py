@@ -116,7 +116,7 @@ def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> str
 
 @one_torch_thread()
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = command_line("expectation", __doc__)
+    parser = command_line("explorer.expectation", __doc__)
     parser.add_argument("runs", nargs="*", type=Path, metavar="RUN")
     parser.add_argument("--views", type=int, default=8, help="test views of each test member and appearance")
     parser.add_argument("--write", action="store_true", help="write the second table into docs/explorer.md")
@@ -136,9 +136,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     body = table([*header, "of single pictures (said)", "correlation", "that of the distance to training"], reports)
     print(f"Mean absolute difference (dB) of what was left out, by the number of neighbours:\n\n{choice}")
     print(f"At test members and test views:\n\n{body}")
-    print(f"Seconds that measuring took, wall clock (processor): {'; '.join(times)}.\n{made_by('expectation')}")
+    print(
+        f"Seconds that measuring took, wall clock (processor): {'; '.join(times)}.\n{made_by('explorer.expectation')}"
+    )
     if options.write:
-        fill(DOCS / "explorer.md", "expectation", f"{body}\n{made_by('expectation')}")
+        fill(DOCS / "explorer.md", "expectation", f"{body}\n{made_by('explorer.expectation')}")
 
 
 if __name__ == "__main__":

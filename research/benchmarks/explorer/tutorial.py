@@ -59,7 +59,7 @@ def main() -> None:
     """Write docs/tutorial.ipynb anew."""
     import nbformat
 
-    parser = command_line("tutorial", __doc__)
+    parser = command_line("explorer.tutorial", __doc__)
     parser.add_argument("--output", type=Path, default=NOTEBOOK, help="file that the executed notebook is written to")
     output = parser.parse_args().output
     notebook = nbformat.read(NOTEBOOK, as_version=4)

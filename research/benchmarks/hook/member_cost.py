@@ -73,7 +73,7 @@ def measure(size: int, pixels: int, members: int, folder: Path) -> Cost:
 
 
 def main() -> None:
-    parser = command_line("member_cost", __doc__)
+    parser = command_line("hook.member_cost", __doc__)
     parser.add_argument("--sizes", nargs="+", type=int, default=[64, 128, 256], help="samples along each axis")
     parser.add_argument("--pixels", type=int, default=256)
     parser.add_argument("--members", type=int, default=3, help="how many are measured of each size (default: 3)")

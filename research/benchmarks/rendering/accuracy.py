@@ -282,7 +282,7 @@ def figure(found: dict[str, Found]) -> None:
 
 
 def main() -> None:
-    parser = command_line("rendering", __doc__)
+    parser = command_line("rendering.accuracy", __doc__)
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="those to measure")
     arguments = parser.parse_args()
@@ -292,7 +292,7 @@ def main() -> None:
         f"{machine} ({open_window().backend})",
         ("render", "catalogs", "insitu", "research/benchmarks/rendering/accuracy.py"),
     )
-    made = made_by("rendering", *folders, on=on, environment="LP_NUM_THREADS=0 ")
+    made = made_by("rendering.accuracy", *folders, on=on, environment="LP_NUM_THREADS=0 ")
     found: dict[str, Found] = {}
     parts = {name: partial(part, found) for name, part in PARTS.items() if name in arguments.parts}
     failed = write_parts(PAGE, parts, made, stopwatch())

@@ -113,7 +113,7 @@ def plots(records: Path, scene: str) -> dict[str, bytes]:
 
 def main() -> None:
     """Write the page and its plots."""
-    parser = command_line("comparison", __doc__)
+    parser = command_line("results.comparison", __doc__)
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
     parser.add_argument("--records", type=Path, default=PROJECT / "research" / "records")
     parser.add_argument("-o", "--output", type=Path, default=DOCS)

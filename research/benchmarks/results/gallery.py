@@ -97,7 +97,7 @@ def gallery(results: Iterable[SceneResults]) -> str:
 
 
 def main() -> None:
-    parser = command_line("gallery", __doc__)
+    parser = command_line("results.gallery", __doc__)
     parser.add_argument("--runs", type=Path, default=PROJECT / "runs")
     parser.add_argument("--records", type=Path, default=PROJECT / "research" / "records")
     arguments = parser.parse_args()

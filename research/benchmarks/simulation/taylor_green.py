@@ -308,7 +308,7 @@ def load_reference() -> NDArray[np.float64]:
 
 
 def main() -> None:
-    parser = command_line("taylor_green", __doc__)
+    parser = command_line("simulation.taylor_green", __doc__)
     parser.add_argument("--machine", default=f"{os.cpu_count()} cores", help="written beside the results")
     parser.add_argument("--finest", action="store_true", help="also compare with a run on 384³ (six minutes more)")
     parser.add_argument("--parts", nargs="+", metavar="PART", help="measure only these, and leave the figure")
@@ -320,7 +320,7 @@ def main() -> None:
     parts = {
         name: partial(titled_part, *section) for name, section in known.items() if name in (arguments.parts or known)
     }
-    command = "taylor_green" + " --finest" * arguments.finest
+    command = "simulation.taylor_green" + " --finest" * arguments.finest
     folders = "insitu/simulations", "research/benchmarks/simulation/taylor_green.py"
     made = made_by(command, *folders, on=arguments.machine, environment="OMP_NUM_THREADS=1 ")
     failed = write_parts(PAGE, parts, made, stopwatch())

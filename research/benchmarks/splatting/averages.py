@@ -149,7 +149,7 @@ def speed(name: str, seconds: float) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print both tables."""
-    options = command_line("averages", __doc__)
+    options = command_line("splatting.averages", __doc__)
     options.add_argument("--quick", action="store_true", help="few averages and calls: does it run?")
     options.add_argument("--seconds", type=float, default=2.0, help="for each of the times (default 2)")
     given = options.parse_args(arguments)
@@ -158,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(speed("cloverleaf", 0.01 if given.quick else given.seconds))
     print(accuracy(20 if given.quick else 400))
     print(
-        f"<sub>{made_by('averages', 'surrogate', 'research/benchmarks')}, kernels {kernels.instruction_sets()[0]}.</sub>"
+        f"<sub>{made_by('splatting.averages', 'surrogate', 'research/benchmarks')}, kernels {kernels.instruction_sets()[0]}.</sub>"
     )
     sys.stdout.flush()
 

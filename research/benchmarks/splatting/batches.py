@@ -88,7 +88,7 @@ def _loop(surrogate: Surrogate, parameters: np.ndarray, cameras: Sequence[Camera
 
 def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | None = None) -> None:
     """Write the table."""
-    options = command_line("batches", __doc__)
+    options = command_line("splatting.batches", __doc__)
     options.add_argument("model", nargs="?", type=Path, help="folder of a trained surrogate")
     options.add_argument("--quick", action="store_true", help="small and few: does it run?")
     options.add_argument("--machine", default="", help="the machine, in words")
@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
     surrogate = Surrogate.load(given.model) if given.model else random_surrogate(200 if given.quick else GAUSSIANS)
     sizes, counts, seconds = ((16,), (1, 4), 0.01) if given.quick else (SIZES, COUNTS, 1.0)
     page = page_in(given.output, "python.md")
-    made = made_by("batches", on=given.machine)
+    made = made_by("splatting.batches", on=given.machine)
     parts = {"batches": lambda: measured(surrogate, sizes, counts, seconds)}
     if write_parts(page, parts, made, say or stopwatch()):
         sys.exit(1)

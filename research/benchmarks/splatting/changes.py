@@ -95,7 +95,7 @@ def changes(surrogate: Surrogate) -> dict[str, Callable[[], object]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = command_line("changes", __doc__)
+    parser = command_line("splatting.changes", __doc__)
     parser.add_argument("--gaussians", type=int, default=20_000)
     parser.add_argument("--seconds", type=float, default=5.0, help="for each kind of change")
     options = parser.parse_args(arguments)
@@ -104,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         calls = changes(made_up(options.gaussians))
         rows = [[what, str(measured(call, options.seconds, most=MOST))] for what, call in calls.items()]
     sys.stdout.write(table([f"parameters of {options.gaussians:,} Gaussians", "ms"], rows))
-    sys.stdout.write(f"\n{made_by('changes')}, one core. Times: median (fastest to slowest).\n")
+    sys.stdout.write(f"\n{made_by('splatting.changes')}, one core. Times: median (fastest to slowest).\n")
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ SETTINGS = TrainingSettings(relocation_interval=0)
 
 
 def main() -> None:
-    parser = command_line("gpu", __doc__)
+    parser = command_line("splatting.gpu", __doc__)
     parser.add_argument("--device", default="cuda", choices=["cuda", "cpu"])
     parser.add_argument("--quick", action="store_true", help="small scenes, for a moment")
     parser.add_argument("--output", type=Path, help="folder of the page; default docs, or runs/bench without a GPU")
@@ -120,7 +120,7 @@ def training(device: torch.device, quick: bool, seconds: float, say: Callable[[s
 def provenance(device: torch.device) -> str:
     """The line under every table."""
     name = torch.cuda.get_device_name() if device.type == "cuda" else machine()["processor"]
-    return f"{made_by('gpu', on=name)}, torch {torch.__version__}. Times: median (fastest to slowest)."
+    return f"{made_by('splatting.gpu', on=name)}, torch {torch.__version__}. Times: median (fastest to slowest)."
 
 
 def _sized(workload: Workload, quick: bool) -> Workload:

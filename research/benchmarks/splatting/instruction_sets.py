@@ -77,7 +77,7 @@ def in_words(scores: Mapping[str, list[Scores]]) -> str:
 
 def main() -> None:
     """Train, keep and print."""
-    parser, say = command_line("instruction_sets", __doc__), stopwatch()
+    parser, say = command_line("splatting.instruction_sets", __doc__), stopwatch()
     parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE")
     parser.add_argument(
         "--sets", nargs="+", default=list(kernels.instruction_sets()[1:]), help="default: all but the best"

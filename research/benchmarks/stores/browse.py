@@ -143,7 +143,7 @@ def main() -> None:
 
     from tests.support.browsers import FLAGS, find_browser
 
-    parser = command_line("browse", __doc__)
+    parser = command_line("stores.browse", __doc__)
     parser.add_argument(
         "--folder", type=Path, help="where the catalogs are made and stay (default: a temporary folder)"
     )

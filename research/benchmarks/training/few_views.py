@@ -87,7 +87,7 @@ def measured(scene: Scene, run: Path, counts: Sequence[int], say: Callable[[str]
 
 def main() -> None:
     """Train, score, print."""
-    parser, say = command_line("few_views", __doc__), stopwatch()
+    parser, say = command_line("training.few_views", __doc__), stopwatch()
     parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE")
     parser.add_argument("--views", type=int, nargs="+", default=[42, 92])
     parser.add_argument("--runs", type=Path, default=Path("runs"))
@@ -101,7 +101,7 @@ def main() -> None:
     except (ValueError, OSError) as error:
         parser.error(str(error))
     words = " ".join(map(str, (*given.scenes, "--views", *given.views)))
-    text = f"{table(HEADER, rows)}\n<sub>{made_by(f'few_views {words}')}, the scenes' own seeds</sub>"
+    text = f"{table(HEADER, rows)}\n<sub>{made_by(f'training.few_views {words}')}, the scenes' own seeds</sub>"
     print(text)
     if given.write:
         fill(PAGE, PART, text)

@@ -50,7 +50,7 @@ def draw(catalog: Catalog, view: int, output: Path) -> None:
 
 
 def main() -> None:
-    parser = command_line("members", __doc__)
+    parser = command_line("training.members", __doc__)
     parser.add_argument("catalog", nargs="?", type=Path, default=PROJECT / "runs" / "tgv" / "catalog.cdb")
     parser.add_argument("--view", type=int, default=30, help="which camera's pictures (default: 30)")
     parser.add_argument("-o", "--output", type=Path, default=DOCS / "tgv.png")

@@ -169,7 +169,7 @@ def measure(catalog: Catalog, count: int, batch: int, ranks: Ranks, steps: int) 
 
 def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | None = None) -> None:
     """Write the tables."""
-    options = command_line("ranks", __doc__)
+    options = command_line("training.ranks", __doc__)
     options.add_argument("catalog", type=Path)
     options.add_argument("--images", type=int, default=12_000, help="of each training")
     options.add_argument("--seeds", type=int, default=3)
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] | No
         "batches": lambda: trained(catalog, images, seeds, say),
         "ranks": lambda: shared(given.catalog, given.processes, given.quick, say),
     }
-    made = made_by(f"ranks {given.catalog}", on=given.machine)
+    made = made_by(f"training.ranks {given.catalog}", on=given.machine)
     if write_parts(page_in(given.output, "clusters.md"), parts, made, say):
         sys.exit(1)
 

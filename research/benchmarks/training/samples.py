@@ -59,7 +59,7 @@ def rows(
 @one_torch_thread()
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fill the part "samples" of the page."""
-    parser = command_line("samples", __doc__)
+    parser = command_line("training.samples", __doc__)
     parser.add_argument("catalogs", nargs="+", type=Path)
     parser.add_argument("--samples", type=int, nargs="+", default=[1, 2, 3], help="along the side of a pixel")
     parser.add_argument("--gaussians", type=int, default=18_000)
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         each = (rows(path, given.samples, given.gaussians, given.steps, say) for path in given.catalogs)
         return table(COLUMNS, [row for of in each for row in of])
 
-    made = made_by(f"samples {' '.join(map(str, given.catalogs))}")
+    made = made_by(f"training.samples {' '.join(map(str, given.catalogs))}")
     if write_parts(page_in(given.output, "splatting.md"), {"samples": measured}, made, say):
         raise SystemExit(1)
 

@@ -51,7 +51,7 @@ def test_fill_refuses_a_page_without_its_markers(tmp_path: Path, text: str) -> N
 
 
 def test_the_line_under_a_table_names_command_commit_and_machine() -> None:
-    made = made_by("changes", "docs", on="a processor", environment="LP_NUM_THREADS=0 ")
+    made = made_by("splatting.changes", "docs", on="a processor", environment="LP_NUM_THREADS=0 ")
     assert (
         made
         == f"`LP_NUM_THREADS=0 python -m research.benchmarks.splatting.changes`, commit {commit('docs')}, a processor"
@@ -66,7 +66,7 @@ def test_a_page_elsewhere_begins_as_it_is_in_docs(tmp_path: Path) -> None:
 
 def test_the_command_line_says_what_the_benchmark_does(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        command_line("changes", "What it does.\n\n    as it is laid out").parse_args(["--help"])
+        command_line("splatting.changes", "What it does.\n\n    as it is laid out").parse_args(["--help"])
     shown = capsys.readouterr().out
     assert "python -m research.benchmarks.splatting.changes" in shown
     assert "What it does.\n\n    as it is laid out" in shown

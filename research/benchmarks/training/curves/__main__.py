@@ -19,7 +19,7 @@ from research.benchmarks.training.curves.measured import FOLDER, load, measure, 
 
 def main() -> None:
     """Measure, keep and print."""
-    parser, say = command_line("curves", __doc__), stopwatch()
+    parser, say = command_line("training.curves", __doc__), stopwatch()
     parser.add_argument("scenes", type=Path, nargs="+", metavar="SCENE")
     parser.add_argument("--minutes", type=float, nargs="+", default=[0.5, 2.0, 4.0, 15.0])
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of the data sets (default: runs)")

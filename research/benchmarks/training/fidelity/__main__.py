@@ -26,7 +26,7 @@ QUICK = 0.02  # of the steps
 
 
 def main() -> None:
-    parser = command_line("fidelity", __doc__)
+    parser = command_line("training.fidelity", __doc__)
     parser.add_argument("--quick", action="store_true", help="a fiftieth of the steps, written beside the real results")
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), metavar="SCENE")
     parser.add_argument("--no-ensembles", dest="ensembles", action="store_false", help="fit single members only")

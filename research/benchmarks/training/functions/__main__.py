@@ -47,7 +47,7 @@ def functions_of(scene: Scene, base: VolumeRendering, seen: SeenValues | None) -
 
 def main() -> None:
     """Measure, print, and keep."""
-    parser, say = command_line("functions", __doc__), stopwatch()
+    parser, say = command_line("training.functions", __doc__), stopwatch()
     parser.add_argument("scene", type=Path)
     parser.add_argument("runs", type=Path, nargs="+", metavar="RUN")
     parser.add_argument("--members", type=int, default=6, help="test members, evenly spread (default: 6)")
@@ -86,7 +86,7 @@ def measured(
         folder = run if records is None else records / asked.name
         say(f"kept in {save(folder, surrogate, seeds[-1], about, time.process_time() - begun)}")
     text = f"{len(names)} test members of `{asked.name}` at {len(wanted.views)} test views each; {len(runs)} seeds."
-    command = f"functions {scene} {' '.join(map(str, runs))} --members {members} --views {views}"
+    command = f"training.functions {scene} {' '.join(map(str, runs))} --members {members} --views {views}"
     return f"{text}\n\n{rows_table(seeds)}\n<sub>{made_by(command)}</sub>"
 
 

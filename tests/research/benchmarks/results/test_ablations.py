@@ -59,7 +59,7 @@ def test_a_table_shows_differences_at_equal_time_and_at_equal_steps() -> None:
     assert "After equally many steps (10), default-in-paper-steps differs from paper by +6.00 ± 1.00 dB." in text
     assert "Without a result: start-sfm (ValueError: no points)." in text
     assert f"{len(VARIANTS) - 4} of {len(VARIANTS)} variants were not run: paper-bfloat16, " in text
-    assert "those rows measure what a step of it costs" in text
+    assert "Those rows measure what a step of it costs" in text
 
 
 def test_of_an_earlier_page_the_variants_without_a_row_are_named() -> None:

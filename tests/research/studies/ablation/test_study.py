@@ -68,7 +68,7 @@ def given_step_times(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Experiment take no time: for what is about which of them are done."""
+    """Experiments that take no time, for tests of which of them are done."""
     monkeypatch.setattr(module.Study, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1})
     monkeypatch.setattr("research.studies.ablation.table.plot", lambda _: None)
 
