@@ -35,7 +35,8 @@ def stopwatch() -> Callable[[str], None]:
 
 def made_by(command: str, *folders: str, on: str = "", environment: str = "") -> str:
     """The line under a table: the command after `python -m research.benchmarks.`, the commit of `folders` and the machine."""
-    return f"`{environment}python -m research.benchmarks.{command}`, commit {commit(*(folders or CODE))}, {on or machine()['processor']}"
+    called = f"`{environment}python -m research.benchmarks.{command}`"
+    return f"{called}, commit {commit(*(folders or CODE))}, {on or machine()['processor']}"
 
 
 def page_in(output: Path, name: str) -> Path:

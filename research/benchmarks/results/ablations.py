@@ -86,5 +86,5 @@ def _named_on(lines: str, variants: Sequence[Variant]) -> set[str]:
 
 def _sentences(rows: Sequence[Row]) -> list[str]:
     failed = [f"{row.variant.name} ({row.failures[0].error})" for row in rows if not row.results and row.failures]
-    lost = [f"Without a result: {'; '.join(failed)}."] if failed else []
+    lost = [f"Without a result: {each}." for each in failed]
     return [verdict(rows), *equal_steps(rows), *unequal_times(rows), *lost]

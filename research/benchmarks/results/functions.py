@@ -14,8 +14,8 @@ from surrogate.evaluation.tables import NOTHING, table
 
 TEXT = (
     "Test members at test views, rendered again from their fields under functions that differ from the one that was trained.  "
-    "These are half and twice its opacity, a ramp, its high values only, low values only, a bump in the middle, its colours "
-    "exchanged, and, apart from the others, a narrow peak.  PSNR in dB, in brackets that of the image under the trained function "
+    "These are half and twice its opacity, a ramp, its high values only, low values only, a bump in the middle, and its colours "
+    "exchanged.  A narrow peak is apart from the others.  PSNR in dB, in brackets that of the image under the trained function "
     "instead."
 )
 
