@@ -9,11 +9,17 @@ from urllib.parse import unquote
 
 import pytest
 
+from catalogs.cli import main as catalogs
+from insitu.cli import main as insitu
+from research.studies.__main__ import main as studies
+from surrogate.cli import main as surrogate
+
 PROJECT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
-MODULE = re.compile(r"python -m ((?:benchmarks|insitu|surrogate|catalogs)[\w.]*\w)")
+MODULE = re.compile(r"python\s+-m\s+((?:research|insitu|surrogate|catalogs)[\w.]*\w)")
+COMMAND = re.compile(r"(?<![\w./-])(insitu|surrogate|catalogs|research\.studies) ([a-z][a-z-]+)\b")
 TARGET = re.compile(r"^`?make ([a-z][a-z-]*(?: [a-z][a-z-]*)*)")
 
 every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
@@ -34,6 +40,18 @@ def test_files_that_are_named_exist(document: Path) -> None:
 def test_commands_that_are_named_exist(document: Path) -> None:
     named = set(MODULE.findall(document.read_text()))
     assert sorted(name for name in named if importlib.util.find_spec(name) is None) == []
+
+
+@every_document
+def test_subcommands_that_are_named_exist(document: Path) -> None:
+    text = document.read_text()
+    quoted = re.findall(r"`([^`]+)`", re.sub(r"(?ms)^```.*?^```", "", text)) + re.findall(
+        r"(?ms)^```\w*\n(.*?)^```", text
+    )
+    lines = [" ".join(line.split("#")[0].split()) for block in quoted for line in block.splitlines()]
+    named = {found.groups() for line in lines if (found := COMMAND.search(line)) and "import" not in line}
+    groups = {"insitu": insitu, "surrogate": surrogate, "catalogs": catalogs, "research.studies": studies}
+    assert sorted(pair for pair in named if pair[1] not in groups[pair[0]].commands) == []
 
 
 @every_document

@@ -30,7 +30,6 @@ ALLOWED = (
     "tests",
     "examples",
     "docs",
-    "CONTRIBUTING.md",
 )
 
 
