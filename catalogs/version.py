@@ -1,4 +1,4 @@
-"""Which version of this project runs: the same for all of its packages and commands."""
+"""Version and commit of this project, the same for all of its packages and commands."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ def described() -> str:
 
 
 def version_option(command: Command) -> Command:
-    """Give a command of click the option --version, which prints its name and what `described` says."""
+    """Give a click command the option --version, which prints its name and `described()`."""
     import click
 
-    def tell(context: click.Context, parameter: click.Parameter, asked: bool) -> None:
-        if asked and not context.resilient_parsing:
+    def show(context: click.Context, parameter: click.Parameter, requested: bool) -> None:
+        if requested and not context.resilient_parsing:
             click.echo(f"{context.find_root().info_name} {described()}")
             context.exit()
 
     option = click.option(
-        "--version", is_flag=True, is_eager=True, expose_value=False, callback=tell, help="Show version and commit."
+        "--version", is_flag=True, is_eager=True, expose_value=False, callback=show, help="Show version and commit."
     )
     return option(command)
 

@@ -1,10 +1,9 @@
-"""How a field is shown: the visualization parameters of a catalog.
+"""Appearances of a field: transfer functions, volume renderings and isosurfaces.
 
-Colours are straight (not premultiplied) RGB in [0, 1]; values are in the field's physical units, fixed for the
-whole ensemble before its first member, so that equal colours mean equal values in every image.
+Colours are straight (not premultiplied) RGB in [0, 1].  Values are in the field's physical units and fixed for the whole
+ensemble, so that equal colours mean equal values in every image.
 
-Every constructor raises ValueError naming the appearance, the argument and what it got, so that whatever exists can be drawn
-and written down; numpy's numbers become plain ones.
+Every constructor raises ValueError naming the appearance, the argument and its value; numpy's numbers become plain ones.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ class TransferFunction:
 class VolumeRendering:
     """Direct volume rendering of a field under a transfer function; `shaded` lights it by its gradient.
 
-    `field` names the one of a member's fields that is shown; "" is the only one it has.
+    `field` names the shown field; "" for members of a single field.
     """
 
     name: str
@@ -94,7 +93,7 @@ class VolumeRendering:
 class Isosurface:
     """The surface where a field equals `isovalue`, lit by a headlight (Phong: ambient, diffuse, specular, each from 0 on).
 
-    `field` names the one of a member's fields that is shown; "" is the only one it has.
+    `field` names the shown field; "" for members of a single field.
     """
 
     name: str
@@ -121,7 +120,7 @@ class Isosurface:
 
 @dataclass(frozen=True)
 class ImportedImages:
-    """Pictures made elsewhere: how they were rendered is not known beyond this `note`."""
+    """Images of another program, described only by a `note`."""
 
     name: str
     note: str = ""
@@ -137,12 +136,12 @@ KINDS: dict[str, Any] = {"volume": VolumeRendering, "isosurface": Isosurface, "i
 
 
 def field_of(appearance: Appearance) -> str:
-    """The name of the field that is shown; "" for the only one that a member has, and for images made elsewhere."""
+    """The name of the shown field; "" for members of a single field, and for imported images."""
     return "" if isinstance(appearance, ImportedImages) else appearance.field
 
 
 def shown_fields(appearances: Iterable[Appearance]) -> tuple[str, ...]:
-    """Names of the fields that are shown, each once, in the order of the appearances; none for images made elsewhere."""
+    """Names of the shown fields, each once, in the order of the appearances; none for imported images."""
     return tuple(dict.fromkeys(a.field for a in appearances if not isinstance(a, ImportedImages)))
 
 
@@ -191,12 +190,12 @@ def appearance_from_json(record: Mapping[str, Any], *, missing: bool = False) ->
         return forms[kind](**values)
     except (TypeError, ValueError) as error:
         place = f"appearance {record.get('name', '?')!r}"
-        said = str(error)
-        raise ValueError(said if said.startswith(place) else f"{place} of kind {kind!r}: {said}") from None
+        text = str(error)
+        raise ValueError(text if text.startswith(place) else f"{place} of kind {kind!r}: {text}") from None
 
 
 def _called(appearance: Appearance) -> str:
-    """What an appearance is called in sentences; raises ValueError where its name is none."""
+    """Subject of error messages about an appearance; raises ValueError unless its name is text."""
     if not isinstance(appearance.name, str) or not appearance.name:
         raise ValueError(f"the name of an appearance must be text, got {shortened(appearance.name)}")
     return f"appearance {appearance.name!r}"
@@ -205,8 +204,8 @@ def _called(appearance: Appearance) -> str:
 def _check_field(appearance: str, field: Any) -> None:
     if not isinstance(field, str) or field != field.strip() or not field.isprintable():
         raise ValueError(
-            f"appearance {appearance!r}: field must be the name of one of a member's fields, printable and without blanks "
-            f'around it, or "" for the only one, got {field!r}'
+            f'appearance {appearance!r}: field must be a printable name without blanks around it, or "" for members of a '
+            f"single field, got {field!r}"
         )
 
 
@@ -214,12 +213,12 @@ def _points(name: str, points: Any, width: int) -> tuple[tuple[float, ...], ...]
     """Control points of `width` numbers each, the first of them increasing and the others in [0, 1]."""
     if isinstance(points, str | bytes) or not isinstance(points, Iterable):
         raise ValueError(f"{name} must be at least two points of {width} numbers each, got {shortened(points)}")
-    found = tuple(numbers.row(point, width, f"each of {name}") for point in points)
-    if len(found) < 2:
-        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {found}")
-    array = np.array(found)  # [P, width]
+    rows = tuple(numbers.row(point, width, f"each of {name}") for point in points)
+    if len(rows) < 2:
+        raise ValueError(f"{name} must be at least two points of {width} numbers each, got {rows}")
+    array = np.array(rows)  # [P, width]
     if (np.diff(array[:, 0]) <= 0).any():
         raise ValueError(f"{name} must have strictly increasing values, got {array[:, 0].tolist()}")
     if (array[:, 1:] < 0).any() or (array[:, 1:] > 1).any():
-        raise ValueError(f"{name} must have colours and opacities in [0, 1], got {found}")
-    return found
+        raise ValueError(f"{name} must have colours and opacities in [0, 1], got {rows}")
+    return rows

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.numbers import count, finite, positive
 
-OBLIQUE = (0.52, -0.74, 0.43)  # from a volume's middle to the viewer of a first picture: from the front, a little above
-POLE = 3  # of the corners below, (0, -1, phi): where the order of viewpoints begins
+OBLIQUE = (0.52, -0.74, 0.43)  # direction to the camera of a first image: in front of the volume, a little above
+POLE = 3  # number of the corner (0, -1, phi), where the order of viewpoints begins
 CHECKS = {"fx": positive, "fy": positive, "cx": finite, "cy": finite, "width": count, "height": count}
 PARALLEL_LIMIT = 0.99  # |direction . up| beyond which another up vector is taken
 
@@ -74,8 +74,7 @@ class Camera:
     ) -> Camera:
         """A camera at `position` (3,) looking at `target` (3,), square pixels, centred principal point.
 
-        `up` (3,) points to the top of the image; where the viewing direction is within about 8 degrees
-        of it, +y (then +x) takes its place, because the image would have no defined orientation.
+        `up` (3,) points to the top of the image; if the viewing direction is within about 8 degrees of it, +y (then +x) is used.
         """
         position = np.asarray(position, dtype=np.float64)  # [3]
         forward = np.asarray(target, dtype=np.float64) - position  # [3]
@@ -170,9 +169,8 @@ def icosphere(frequency: int = 5) -> NDArray[np.float64]:
     Each face of an icosahedron with vertices at the cyclic permutations of (0, +-1, +-phi) is split into
     `frequency`**2 triangles and projected to the sphere (class I geodesic polyhedron; Goldberg 1937).
     Frequency 5 gives the method's 252 viewpoints.  Orientation and order are fixed: ring by ring of edges from the corner
-    (0, -1, phi), each ring by azimuth around it.  So neighbours in the order are neighbours on the sphere, and each half of
-    the viewpoints, even and odd, covers the sphere evenly: at frequency 5 no view is further than 14.1 degrees from one
-    of the other half.
+    (0, -1, phi), each ring by azimuth around it.  So the even and the odd viewpoints each cover the sphere evenly: at frequency 5
+    no view is further than 14.1 degrees from one of the other half.
     """
     if frequency < 1:
         raise ValueError(f"frequency must be at least 1, got {frequency}")
@@ -209,7 +207,7 @@ def orbit(
 ) -> list[Camera]:
     """Cameras on the icosphere around a sphere of `radius` (world units) at `center` (3,), looking inwards.
 
-    They stand where the sphere's silhouette fills `fill` of the shorter side of the frame.
+    At their distance the sphere's silhouette fills the fraction `fill` of the shorter side of the frame.
     """
     if not radius > 0:
         raise ValueError(f"radius must be positive, got {radius}")

@@ -1,4 +1,4 @@
-"""Some of many points, as far apart as can be found quickly."""
+"""Farthest-point sampling."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 
 def farthest_points(points: NDArray[np.float64], count: int, first: int = 0) -> list[int]:
-    """`count` rows of `points` (M, D), all where there are no more: the `first`, then always the farthest from those taken.
+    """At most `count` rows of `points` (M, D): the `first`, then always the one farthest from those before.
 
-    Farthest-point sampling (Gonzalez 1985), by Euclidean distance; the lowest row of equals.
+    By Euclidean distance (Gonzalez 1985); of equally far rows the lowest.
     """
-    taken = [first]
+    rows = [first]
     distances = np.linalg.norm(points - points[first], axis=1)  # [M]
-    while len(taken) < min(count, len(points)):
-        taken.append(int(np.argmax(distances)))
-        distances = np.minimum(distances, np.linalg.norm(points - points[taken[-1]], axis=1))
-    return taken
+    while len(rows) < min(count, len(points)):
+        rows.append(int(np.argmax(distances)))
+        distances = np.minimum(distances, np.linalg.norm(points - points[rows[-1]], axis=1))
+    return rows

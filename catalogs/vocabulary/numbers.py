@@ -1,4 +1,4 @@
-"""Numbers that come from people and files, checked and made plain Python floats."""
+"""Validation of numbers from users and files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def finite(value: Any, what: str) -> float:
-    """`value` as a float: Python's and numpy's numbers, and arrays and tensors of shape () that hold one.
+    """`value` as a float, from a number of Python or numpy, or an array or tensor of shape ().
 
     Raises ValueError naming `what` for text, truth values, arrays of other shapes, NaN and infinity.
     """

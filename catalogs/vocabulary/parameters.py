@@ -1,4 +1,4 @@
-"""The simulation parameters of an ensemble: names, units, bounds, and how members are placed among them."""
+"""The simulation parameters of an ensemble: names, units, bounds, scales and sampling."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from catalogs.vocabulary.quantity import label
 Outside = Literal["warn", "allow"]
 SPLITS = ("train", "validation", "test")
 SCALES = ("linear", "log")
-SLACK = 1e-9  # of a range: bounds that went through decimals
+SLACK = 1e-9  # of a range, for bounds rounded to decimals
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class Parameter:
 
     Attributes
     ----------
-    name : as it stands in tables and on pages.
+    name : in tables and on pages.
     low, high : the ensemble's bounds, in `unit`.
     unit : "" where dimensionless.
-    scale : "linear"; or "log" where ratios count and not differences, such as for a viscosity over several powers of ten: members
-        are drawn, sliders move and a surrogate learns in the logarithm.  Bounds and values are positive then.
+    scale : "linear"; or "log" where ratios matter, such as for a viscosity over several powers of ten: sampling, sliders and the
+        surrogate use the logarithm.  Bounds and values are positive then.
 
-    Raises ValueError naming the parameter and what is wrong with it.
+    Raises ValueError naming the parameter and the problem.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Parameter:
 
     @property
     def label(self) -> str:
-        """Its name and unit as an axis says them, such as "nu (m²/s)"."""
+        """Axis label, such as "nu (m²/s)"."""
         return label(self.name, self.unit)
 
     @property
@@ -82,7 +82,7 @@ class Parameter:
         return self.low + fraction * (self.high - self.low)
 
     def fraction(self, value: float) -> float:
-        """Inverse of `at`; minus infinity for what is not positive on a logarithmic scale."""
+        """Inverse of `at`; minus infinity for values up to zero on a logarithmic scale."""
         if self.scale == "log":
             low, high = math.log(self.low), math.log(self.high)
             return (math.log(value) - low) / (high - low) if value > 0.0 else -math.inf
@@ -132,7 +132,7 @@ class ParameterSpace:
         return len(self.parameters)
 
     def with_logarithms(self, least: float) -> ParameterSpace:
-        """The same, on logarithmic scales where bounds are positive and the upper one is at least `least` times the lower."""
+        """The same with logarithmic scales where bounds are positive and the upper is at least `least` times the lower."""
         wide = [p.low > 0.0 and p.high >= least * p.low for p in self.parameters]
         return ParameterSpace(
             tuple(replace(p, scale="log") if w else p for p, w in zip(self.parameters, wide, strict=True))
@@ -148,9 +148,8 @@ class ParameterSpace:
     ) -> NDArray[np.float64]:
         """`parameters` by name as an array (P,) in this space's order.
 
-        Values out of bounds are taken; unless `outside` is "allow", a UserWarning names each.  It points to the caller's line, or
-        further up by `stacklevel` as `warnings.warn` counts.  Raises ValueError for missing or unknown parameters and for what is
-        no finite number.
+        Values out of bounds are accepted with a UserWarning each, unless `outside` is "allow"; `stacklevel` is as in
+        `warnings.warn`.  Raises ValueError for missing or unknown parameters, and for other values than finite numbers.
         """
         if outside not in ("warn", "allow"):
             raise ValueError(f'outside must be "warn" or "allow", got {outside!r}')
@@ -171,7 +170,7 @@ class ParameterSpace:
         return values
 
     def outside(self, values: ArrayLike) -> dict[str, str]:
-        """The parameters of which `values` (P,) are out of bounds: their names, and a sentence about each."""
+        """Names of the parameters whose `values` (P,) are out of bounds, with a sentence about each."""
         return {
             p.name: f"parameter {p.name} = {value:g} lies outside its bounds [{p.low:g}, {p.high:g}]: "
             "predictions there extrapolate"
@@ -193,7 +192,7 @@ class ParameterSpace:
         return self._unscaled(low + (np.asarray(normalized, dtype=np.float64) + 1.0) / 2.0 * (high - low))
 
     def latin_hypercube(self, count: int, seed: int) -> NDArray[np.float64]:
-        """`count` members (count, P), one in each of `count` slices of every parameter, which are equal on its scale.
+        """`count` members (count, P), one in each of `count` equal slices of every parameter, on its scale.
 
         McKay, Beckman & Conover 1979; scipy's `LatinHypercube` with the given seed.
         """
@@ -212,12 +211,12 @@ class ParameterSpace:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether some parameter has a logarithmic scale."""
+        """True where some parameter has a logarithmic scale."""
         return bool(self._logarithmic)
 
     @property
     def _logarithmic(self) -> list[int]:
-        """The parameters on a logarithmic scale, by their places."""
+        """Positions of the parameters on a logarithmic scale."""
         return [i for i, p in enumerate(self.parameters) if p.scale == "log"]
 
     def _check_positive(self, values: NDArray[np.float64]) -> None:
@@ -236,7 +235,7 @@ class ParameterSpace:
         return scaled
 
     def _unscaled(self, scaled: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Inverse of `_scaled`; changes `scaled`."""
+        """Inverse of `_scaled`, in place."""
         for i in self._logarithmic:
             scaled[..., i] = np.exp(scaled[..., i])
         return scaled

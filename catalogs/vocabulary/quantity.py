@@ -1,4 +1,4 @@
-"""Physical quantities: what a field or a parameter is called, and its unit."""
+"""Physical quantities: names and units of fields and parameters."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity by `name` and `unit`, each "" where it is not known or there is none.
-
-    Raises ValueError where one of them is no printable text.
-    """
+    """A quantity by `name` and `unit`, each "" where unknown; raises ValueError unless both are printable text."""
 
     name: str = ""
     unit: str = ""
@@ -32,14 +29,14 @@ class Quantity:
 
 
 def label(name: str, unit: str) -> str:
-    """A name and its unit as an axis says them, such as "Q (1/s²)"; the one of them that is known, or ""."""
+    """Axis label of a name and its unit, such as "Q (1/s²)"; either may be ""."""
     return f"{name} ({unit})" if name and unit else name or unit
 
 
 def quantities_from(fields: Mapping[str, Any]) -> dict[str, Quantity]:
     """Quantities by the names of fields, from `{name: unit}`, `{name: Quantity}` or `{name: {"name": ..., "unit": ...}}`.
 
-    Raises ValueError naming what is none of these.
+    Raises ValueError naming any other value.
     """
     if not isinstance(fields, Mapping):
         raise ValueError(f'fields must be units by the names of fields, such as {{"Q": "1/s²"}}, got {fields!r}')
@@ -55,23 +52,24 @@ def _quantity(name: str, value: Any) -> Quantity:
 
 
 def quantities_of(given: Mapping[str, Quantity], shown: Sequence[str]) -> dict[str, Quantity]:
-    """`given` by the names under which appearances show their fields; "" where they show an only one without naming it.
+    """`given` by the names of the shown fields; a single unnamed field is "".
 
-    Raises ValueError where a field is described that is not shown.
+    Raises ValueError for fields that are not shown.
     """
     if tuple(shown) in ((), ("",)) and len(given) == 1:
         return {"": next(iter(given.values()))}
     unknown = [name for name in given if name not in shown]
     if unknown:
-        only = (
-            "an only one, whose name they do not say: describe that one" if tuple(shown) == ("",) else f"{list(shown)}"
-        )
-        raise ValueError(f"fields describes {unknown}, but the appearances show {only}")
+        if tuple(shown) == ("",):
+            raise ValueError(
+                f"the catalog has a single unnamed field: give exactly one entry in fields, got {list(given)}"
+            )
+        raise ValueError(f"fields describes {unknown}, but the appearances show {list(shown)}")
     return dict(given)
 
 
 def text(value: Any, what: str) -> str:
-    """`value` without blanks around it; raises ValueError naming `what` unless it is printable text, which "" is."""
+    """`value` without blanks around it; raises ValueError naming `what` unless it is printable text or ""."""
     if not isinstance(value, str) or not value.strip().isprintable():
         raise ValueError(f"{what} must be printable text, got {value!r}")
     return value.strip()

@@ -1,8 +1,7 @@
-"""A scene: everything that one run from the simulation to the report needs, read from one TOML file.
+"""A scene: all settings of one run from the simulation to the report, read from one TOML file.
 
-The table says where the fields come from, which members there are, how they are shown, from where, and with what
-budget the surrogate is trained.  Each half of the product checks the part it acts on: `source` belongs to `insitu`,
-`training` to `surrogate`; what both must agree on is checked here.
+It describes the source of the fields, the members, appearances, views and training.  `insitu` validates `source`, `surrogate`
+validates `training`; everything else is validated here.
 """
 
 from __future__ import annotations
@@ -26,14 +25,8 @@ from catalogs.vocabulary.variations import Family, Variation, variation_kind
 from catalogs.vocabulary.words import member_line, shortened
 
 SOURCES = ("simulation", "hooked", "loop", "hdf5", "files", "nerf", "catalog")
-PLANNED = ("simulation", "hooked")  # whose members the scene says, since no file holds them
-OF_A_CATALOG = {
-    "name",
-    "title",
-    "source",
-    "members",
-    "training",
-}  # what a scene of kind "catalog" says; the catalog says the rest
+PLANNED = ("simulation", "hooked")  # kinds of sources whose members the scene lists
+CATALOG_TABLES = {"name", "title", "source", "members", "training"}  # of a scene whose source is a catalog
 DATA_FOLDER = "GS_SURROGATE_DATA"
 NAN = ("refuse", "transparent")
 TABLES = {"name", "title", "source", "parameters", "members", "appearance", "variation", "fields"}
@@ -42,7 +35,7 @@ TABLES |= {"views", "render", "training"}
 
 @dataclass(frozen=True)
 class PlannedMember:
-    """A member that the scene asks for: its name in the catalog, parameters by name, and split."""
+    """A member to render: its name in the catalog, parameters by name, split and appearances."""
 
     name: str
     parameters: Mapping[str, float]
@@ -85,16 +78,16 @@ class ViewPlan:
 
 @dataclass(frozen=True)
 class VariedMembers:
-    """Which members show the settings of one variation.
+    """The members that show the settings of one variation.
 
-    Training and test members show training and test settings, validation members those of validation.  Of a field, whose settings
-    are appearances of the scene's own, every member shows all, and nothing here applies.
+    Training and test members show training and test settings, validation members those of validation.  Does not apply to field
+    variations, whose settings are shown by all members.
 
     Attributes
     ----------
-    variation : whose settings are shown.
+    variation : the variation.
     share : fraction of the training members that show it, drawn by the scene's seed; at least one.
-    compared : how many training settings a test member shows as well, evenly spread; None: all.
+    compared : number of evenly spread training settings that a test member shows as well; None: all.
     """
 
     variation: Variation
@@ -119,9 +112,9 @@ class VariedMembers:
 
 @dataclass(frozen=True)
 class RenderPlan:
-    """How exact the pictures must be: PSNR in dB against a converged reference, or a fixed step in world units.
+    """Accuracy of images: PSNR in dB against a converged reference, or a fixed step in world units.
 
-    `nan` is "refuse", or shows values that are NaN or infinite "transparent", such as land in an ocean.
+    `nan` is "refuse", or "transparent" for fields with NaN or infinite values, such as land in an ocean.
     """
 
     target_decibels: float = 50.0
@@ -139,15 +132,15 @@ class Scene:
 
     Attributes
     ----------
-    name : names the folder of its results, `runs/<name>`.
+    name : also of the folder of results, `runs/<name>`.
     source : the `[source]` table; its `kind` is one of `SOURCES`, "loop" where a simulation brings its members to the hook.
-    space : the ensemble's parameters; empty where the source's file states them (`hdf5`).
-    members : what a simulation must run; empty where the source's file holds the members.
-    validation_members : how many training members of a file become validation members.
-    appearances : how the field is shown, those of variations included; empty for images made elsewhere (`nerf`).
-    varied : which of them sample visualization parameters, and which members show them.
-    training : the raw `[training]` table, checked by the surrogate.
-    quantities : what the shown fields are called, and their units, from the `[fields]` table (`Q = "1/s²"`); a source may say more.
+    space : the ensemble's parameters; empty where the source's file has them (`hdf5`).
+    members : members to simulate; empty where the source's file has them.
+    validation_members : number of training members of a file that become validation members.
+    appearances : including those of variations; empty for imported images (`nerf`).
+    varied : the variations among the appearances, and the members that show them.
+    training : the raw `[training]` table, validated by the surrogate.
+    quantities : names and units of the shown fields, from the `[fields]` table (`Q = "1/s²"`); a source may add more.
     """
 
     name: str
@@ -167,11 +160,11 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
-        """Read a scene; raises ValueError naming the file, the table and the remedy, FileNotFoundError without one."""
+        """Read a scene; raises ValueError naming file, table and remedy, FileNotFoundError where the file is absent."""
         path = Path(path)
         if not path.is_file():
-            known = sorted(p.stem for p in path.parent.glob("*.toml"))
-            raise FileNotFoundError(f"there is no scene {path}; known here: {', '.join(known) or 'none'}")
+            present = sorted(p.stem for p in path.parent.glob("*.toml"))
+            raise FileNotFoundError(f"scene {path} does not exist; present here: {', '.join(present) or 'none'}")
         try:
             tables = tomllib.loads(path.read_text(encoding="utf-8"))
             return _parse(tables, path)
@@ -188,7 +181,7 @@ class Scene:
         return tuple(v.variation for v in self.varied)
 
     def assigned(self, members: Sequence[PlannedMember]) -> tuple[PlannedMember, ...]:
-        """The members, each with the appearances that it shows; all of them where nothing is varied."""
+        """The members with the appearances that each shows."""
         if not self.varied:
             return tuple(members)
         training = [m.name for m in members if m.split == "train"]
@@ -205,23 +198,23 @@ class Scene:
         return tuple(replace(member, appearances=shown(member)) for member in members)
 
     def run_directory(self, runs: str | os.PathLike[str] = "runs") -> Path:
-        """Where this scene's catalog, surrogate and report live."""
+        """The folder of this scene's catalog, surrogate and report."""
         return Path(runs) / self.name
 
     @property
     def catalog_path(self) -> Path:
-        """The catalog of a source of kind "catalog": its path, relative to the scene's own folder."""
+        """The path of the catalog of a source of kind "catalog", given relative to the scene's folder."""
         return self.path.parent / str(self.source["path"])
 
     def data_path(self) -> Path:
         """The source's file or folder, relative to $GS_SURROGATE_DATA (default `../shared/data`).
 
-        Raises FileNotFoundError saying what is missing and how to name its place.
+        Raises FileNotFoundError naming the path and the remedy.
         """
         path = Path(os.environ.get(DATA_FOLDER, "../shared/data")) / str(self.source["path"])
         if not path.exists():
             raise FileNotFoundError(
-                f"scene {self.name} needs {path}, which is not here: set {DATA_FOLDER} to the folder that holds "
+                f"scene {self.name} needs {path}, which is missing: set {DATA_FOLDER} to the folder that holds "
                 f"{self.source['path']}"
             )
         return path
@@ -254,7 +247,7 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
     families = [_family(record, appearances) for record in variations]
     appearances += tuple(a for family, _ in families for a in family.appearances)
     if not appearances and source["kind"] not in ("nerf", "catalog"):
-        raise ValueError("at least one [[appearance]] must say how the field is shown")
+        raise ValueError("at least one [[appearance]] is required")
     if len({a.name for a in appearances}) != len(appearances):
         raise ValueError("the names of appearances must be unique")
     check_fields(appearances)
@@ -278,10 +271,9 @@ def _parse(tables: Mapping[str, Any], path: Path) -> Scene:
 
 
 def _check_catalog_source(tables: Mapping[str, Any]) -> None:
-    """Raise ValueError for what a scene of a catalog can't say."""
-    surplus = sorted(set(tables) - OF_A_CATALOG)
-    if surplus:
-        raise ValueError(f"source of kind catalog: {surplus} are the catalog's own, leave them out")
+    """Raise ValueError for settings that do not apply to a scene of a catalog."""
+    if surplus := sorted(set(tables) - CATALOG_TABLES):
+        raise ValueError(f"source of kind catalog: {surplus} are in the catalog, leave them out")
     source = tables["source"]
     if unknown := sorted(set(source) - {"kind", "path", "hold_out"}):
         raise ValueError(f"source of kind catalog has unknown keys {unknown}; known are ['hold_out', 'path']")
@@ -293,11 +285,11 @@ def _check_catalog_source(tables: Mapping[str, Any]) -> None:
             f"source.hold_out, the share of members that test the surrogate, must lie in (0, 1), got {hold_out!r}"
         )
     if "validation" in tables.get("members", {}):
-        raise ValueError("members.validation does not apply: of a catalog's members some validate where none do yet")
+        raise ValueError("members.validation does not apply to a catalog, some of whose members validate by default")
 
 
 def _family(record: Mapping[str, Any], appearances: Sequence[Appearance]) -> tuple[Family, VariedMembers]:
-    """One `[[variation]]` table: a family of appearances around the one that it names, and who shows it."""
+    """One `[[variation]]` table: a family of appearances around its base, and the members that show it."""
     values = dict(record)
     form, base_name = variation_kind(values.pop("kind", None)), values.pop("of", None)
     share, compared = values.pop("members", 1.0), values.pop("compared", None)
@@ -341,10 +333,10 @@ def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple
 
 
 def _rows(entry: Any, space: ParameterSpace, place: str) -> list[list[float]]:
-    """The parameters (in the space's order) of what one entry of a list of members stands for.
+    """Parameters, in the space's order, of the members in one entry of a list.
 
-    One member is its values, or only its value where there is one parameter.  Several that differ in one parameter, such as the
-    dumps of a run, are a table: `{ Re = 400.0, time = [2.0, 4.5, 7.0] }`.
+    An entry is a list of values, a single value for one parameter, or a table of several members that differ in one parameter,
+    such as the dumps of a run: `{ Re = 400.0, time = [2.0, 4.5, 7.0] }`.
     """
     if not isinstance(entry, dict):
         values = entry if isinstance(entry, list) else [entry]

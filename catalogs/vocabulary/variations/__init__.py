@@ -1,7 +1,7 @@
-"""Variations: one base appearance, and visualization parameters that an explorer may set freely afterwards.
+"""Variations of a base appearance by visualization parameters, which can be set freely in the explorer.
 
-There is one class for each kind: an isovalue varies over a family of isosurfaces beside the base volume rendering, a transfer
-function by the displacement of its two inner control points, a field over a few appearances that are shown instead of the base.
+Isovalues vary over a family of isosurfaces beside the base, transfer functions by displacements of their two inner control points,
+fields over a few appearances that replace the base.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Fields: a few appearances, one of which is shown instead of the base; there is nothing between them."""
+"""Variation of the field: a few appearances, one of which replaces the base."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ APPEARANCE = "appearance"
 
 
 class FieldVariation(Variation):
-    """Other appearances of the catalog, mostly of other fields, each asked for by its name.
+    """Other appearances of the catalog, mostly of other fields, selected by name.
 
-    There is one parameter per setting, called like its appearance: 1 for the one that is shown and 0 for the others.  All settings
-    are trained.
+    Each setting has one parameter with the name of its appearance: 1 for the shown one and 0 for the others.  All settings are
+    trained.
     """
 
     kind = "field"
@@ -59,7 +59,7 @@ class FieldVariation(Variation):
         return values[name]
 
     def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
-        """As they are; no network is asked at the base."""
+        """The values themselves; NaN for the base."""
         return super().normalize(None) if values is None else np.array(values, dtype=np.float64)
 
     @classmethod
@@ -73,11 +73,11 @@ class FieldVariation(Variation):
         return Family(variation, ())
 
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
-        return True  # any appearance may stand for a field
+        return True  # any appearance can show another field
 
 
 def field_variation(base: str, *, appearances: Sequence[str]) -> FieldVariation:
-    """Other `appearances` of the catalog, by name, any one of which is shown instead of `base`: mostly those of other fields."""
+    """Variation over other `appearances` of the catalog, by name, each of which can replace `base`."""
     listed = [appearances] if isinstance(appearances, str) else appearances
     names: tuple[str, ...] = tuple(listed) if isinstance(listed, Iterable) else ()
     if not names or not all(isinstance(n, str) for n in names) or len(set(names)) != len(names) or base in names:

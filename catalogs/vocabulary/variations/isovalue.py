@@ -1,4 +1,4 @@
-"""Isovalues: a family of isosurfaces beside the base volume rendering."""
+"""Variation of the isovalue: a family of isosurfaces beside the base volume rendering."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class IsovalueVariation(Variation):
         return isovalue_family(base.name, style=style, **table)
 
     def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
-        """The trained isovalues lie at equal distances, as they were chosen to; linear between and beyond them."""
+        """Piecewise linear, with the trained isovalues at equal distances in [-1, 1]."""
         if values is None:
             return super().normalize(None)
         trained = np.array(sorted(value for (value,) in self.trained))  # [T]
@@ -62,8 +62,8 @@ def isovalue_family(
 ) -> Family:
     """Isosurfaces at the given isovalues beside the volume rendering `base`.
 
-    `style` are further arguments of `Isosurface`, such as its colour.  The parameter's bounds are those of the isovalues to
-    learn from, of which two must differ; the others must lie between them.
+    `style` are further arguments of `Isosurface`, such as its colour.  The parameter's bounds are the lowest and highest trained
+    isovalue, which must differ; all others must lie between them.
     """
     rows = [(split, float(v)) for split, vs in zip(SPLITS, (train, validation, test), strict=True) for v in vs]
     values = [value for _, value in rows]
@@ -85,5 +85,5 @@ def isovalue_family(
 
 
 def _digits(value: float) -> str:
-    """A number for a name: six digits where they say it all, else as many as it takes."""
+    """A number for a name: six digits if exact, else as many as needed."""
     return f"{value:g}" if float(f"{value:g}") == value else repr(value)

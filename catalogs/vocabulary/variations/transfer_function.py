@@ -34,11 +34,11 @@ class TransferFunctionVariation(Variation):
         return self.space.normalize((0.0,) * len(self.space) if values is None else values)
 
     def mismatches(self, appearances: Sequence[Appearance]) -> list[str]:
-        known = {appearance.name: appearance for appearance in appearances}
-        base = known[self.base]
+        by_name = {appearance.name: appearance for appearance in appearances}
+        base = by_name[self.base]
         if _four_points(base) is None:
-            return [f"the base {self.base} is no volume rendering of four opacity points"]
-        fields = {setting.appearance: field_of(known[setting.appearance]) for setting in self.settings}
+            return [f"the base {self.base} is not a volume rendering with four opacity points"]
+        fields = {setting.appearance: field_of(by_name[setting.appearance]) for setting in self.settings}
         return super().mismatches(appearances) + [
             f"{name} shows the field {field!r}, its base {field_of(base)!r}"
             for name, field in fields.items()
@@ -68,10 +68,10 @@ def transfer_function_family(
     seed: int = 0,
     unit: str = "",
 ) -> Family:
-    """The 76 training transfer functions around `base`; others for validation and test, drawn evenly from the same box by `seed`.
+    """The 76 training transfer functions around `base`, and others for validation and test, drawn from the same box by `seed`.
 
-    GS-Surrogate, transfer-function editing: both inner control points are displaced by every pair of the 8 displacements
-    {-, 0, +}² without the zero (64 functions), and one coordinate of one point alone by each of three steps (12).
+    As in GS-Surrogate's transfer-function editing, 64 functions displace both inner control points, each by one of the 8 non-zero
+    displacements {-, 0, +}².  The other 12 displace one coordinate of one point by each of three steps.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def transfer_function_family(
     first_step, second_step : (value, opacity) by which c1 and c2 are displaced.
     single_steps : the three steps of the single displacements, as multiples.
 
-    Raises ValueError naming the function where a displaced point would leave its place between its neighbours, or [0, 1].
+    Raises ValueError naming the function where a displaced point would cross its neighbours or leave [0, 1].
     """
     points = base.transfer_function.opacity_points
     if len(points) != 4 or (points[0][1], points[3][1]) != (0.0, 1.0):
@@ -122,7 +122,7 @@ def displaced(base: TransferFunction, displacement: Sequence[float]) -> Transfer
 
 
 def _four_points(appearance: Appearance) -> TransferFunction | None:
-    """The transfer function, if it is one of four opacity points."""
+    """The transfer function, if it has four opacity points."""
     if not isinstance(appearance, VolumeRendering) or len(appearance.transfer_function.opacity_points) != 4:
         return None
     return appearance.transfer_function

@@ -1,4 +1,4 @@
-"""What all variations have in common: a base, a space of visualization parameters, and the settings that sample it."""
+"""Base class of variations: a base appearance, a space of visualization parameters, and settings that sample it."""
 
 from __future__ import annotations
 
@@ -38,11 +38,10 @@ class Variation(ABC):
     Attributes
     ----------
     kind : the name of the class in JSON and TOML.
-    name, plural : what varies, in words.
-    continuous : whether values between those of the settings may be asked for; a catalog's table has columns of them.
-    field_values : names of the parameters that are values of the field, or differences of them, and so have its unit.
-    edits_base : whether the settings are the base with another transfer function: only opacities and colours change, and the base
-        itself is the middle of the space, zero.
+    name, plural : of the varied quantity, in words.
+    continuous : True where values between the settings are valid; a catalog's table has columns of them.
+    field_values : names of the parameters in the field's unit, such as values and their differences.
+    edits_base : True where the settings are the base with another transfer function; the base is zero, the middle of the space.
     base : name of the appearance that is varied.
     space : the visualization parameters.
     settings : the appearances beside the base.
@@ -69,7 +68,7 @@ class Variation(ABC):
         if any(len(s.values) != len(self.space) for s in self.settings):
             raise ValueError(f"every setting of {self.base} must have {len(self.space)} values, for {names}")
         if any(s.appearance == self.base for s in self.settings):
-            raise ValueError(f"the base {self.base} stands among the settings of its own variation: leave it out")
+            raise ValueError(f"the base {self.base} is among the settings of its own variation: leave it out")
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self}>"
@@ -90,26 +89,26 @@ class Variation(ABC):
 
     @property
     def asked_names(self) -> tuple[str, ...]:
-        """Names of what a surrogate is asked for: the parameters, or `appearance`."""
+        """Names of the arguments that select a setting: the parameters, or `appearance`."""
         return self.space.names
 
     def asked(self, setting: Setting) -> dict[str, float | str]:
-        """What a surrogate is asked for, by name, to show a setting."""
+        """The arguments, by name, that select a setting."""
         return dict(zip(self.space.names, setting.values, strict=True))
 
     def values_of(
         self, asked: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
     ) -> tuple[float, ...] | None:
-        """The visualization parameters (V,) of what is asked for by some of `asked_names`; None for the base appearance.
+        """The visualization parameters (V,) for arguments by some of `asked_names`; None for the base appearance.
 
-        Displacements that are left out are zero.  Raises ValueError for an appearance that is none of the variation's; raises and
-        warns as `ParameterSpace.values` does.
+        Omitted displacements are zero.  Raises ValueError for an appearance outside the variation; raises and warns as
+        `ParameterSpace.values` does.
         """
         whole = dict.fromkeys(self.space.names, 0.0) | dict(asked)
         return tuple(self.space.values(whole, outside=outside, stacklevel=stacklevel + 1).tolist())
 
     def with_unit(self, unit: str) -> Variation:
-        """Itself, with `unit`, that of the field, for those of `field_values` that have none."""
+        """The same with the field's `unit` for those of `field_values` that have none."""
         if not unit:
             return self
         parameters = tuple(
@@ -126,13 +125,13 @@ class Variation(ABC):
         return tuple(s.appearance for s in self.settings if s.split in splits)
 
     def normalize(self, values: Sequence[float] | None) -> NDArray[np.float64]:
-        """Visualization parameters (V,) as a network sees them, about -1 to 1; of the base for None, NaN where it has none."""
+        """Visualization parameters (V,) scaled to about -1 to 1; for None those of the base, NaN where it has none."""
         return np.full(len(self.space), np.nan) if values is None else self.space.normalize(values)
 
     def mismatches(self, appearances: Sequence[Appearance]) -> list[str]:
-        """Sentences naming each setting whose appearance shows something else than its values say; names must be known."""
-        known = {appearance.name: appearance for appearance in appearances}
-        wrong = (s for s in self.settings if not self._shows(known[s.appearance], s.values, known[self.base]))
+        """A sentence for each setting whose values contradict its appearance; all appearances must be given."""
+        by_name = {appearance.name: appearance for appearance in appearances}
+        wrong = (s for s in self.settings if not self._shows(by_name[s.appearance], s.values, by_name[self.base]))
         return [f"{setting.appearance} does not show {self.asked(setting)}" for setting in wrong]
 
     def to_json(self) -> dict[str, Any]:
@@ -147,14 +146,14 @@ class Variation(ABC):
     @classmethod
     @abstractmethod
     def family(cls, base: VolumeRendering, known: Sequence[str], **table: Any) -> Family:
-        """The family that a scene's `[[variation]]` table asks for; `known` are the names of the scene's own appearances.
+        """The family of a scene's `[[variation]]` table; `known` are the names of the scene's appearances.
 
-        Raises ValueError or TypeError for a table that is not acceptable.
+        Raises ValueError or TypeError for an invalid table.
         """
 
     @abstractmethod
     def _shows(self, appearance: Appearance, values: tuple[float, ...], base: Appearance) -> bool:
-        """Whether the appearance is what the values (V,) make of the base."""
+        """True where the appearance is the base with the values (V,)."""
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ def test_a_member_that_claims_more_than_it_has_is_found(varied: Catalog) -> None
     record = varied.path / "members/base/member.json"
     record.write_text(record.read_text().replace('"dvr"', '"dvr", "plain"'))
     problems = [str(finding) for finding in check(varied.path)]
-    assert any("rows.csv is not what its member.json" in problem for problem in problems)
+    assert any("rows.csv differs from what member.json" in problem for problem in problems)
     assert sum("members/base/plain/" in problem and "missing" in problem for problem in problems) == 12
 
 

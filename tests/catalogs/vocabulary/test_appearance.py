@@ -156,7 +156,7 @@ def test_what_names_no_field_is_refused(field: object) -> None:
         {"kind": "volume", "name": "look", "transfer_function": asdict(FUNCTION), "field": field},
         {"kind": "isosurface", "name": "look", "isovalue": 1.0, "field": field},
     ):
-        with pytest.raises(ValueError, match="appearance 'look': field must be the name") as caught:
+        with pytest.raises(ValueError, match="appearance 'look': field must be a printable name") as caught:
             appearance_from_json(record)
         assert repr(field) in str(caught.value)
     with pytest.raises(ValueError, match="'field'"):

@@ -125,7 +125,7 @@ def test_a_mistake_in_a_run_is_named(tmp_path: Path, old: str, new: str, named: 
 
 def test_an_unknown_scene_lists_the_known_ones(tmp_path: Path) -> None:
     (tmp_path / "known.toml").write_text(MINIMAL)
-    with pytest.raises(FileNotFoundError, match="known here: known"):
+    with pytest.raises(FileNotFoundError, match="present here: known"):
         Scene.load(tmp_path / "unknown.toml")
 
 
@@ -151,7 +151,7 @@ def test_a_catalog_is_found_beside_the_scene_and_says_all_else(tmp_path: Path) -
         ("hold_out = 1.2", r"source.hold_out.*must lie in \(0, 1\), got 1.2"),
         ("hold_out = true", "got True"),
         ("holdout = 0.2", r"unknown keys \['holdout'\]"),
-        ("[views]\nwidth = 3", r"\['views'\] are the catalog's own"),
+        ("[views]\nwidth = 3", r"\['views'\] are in the catalog"),
         ("[members]\nvalidation = 3", "members.validation does not apply"),
         ("[members]\ntrain = 3", "only seed and validation apply"),
     ],
@@ -414,7 +414,7 @@ def test_the_scene_of_two_fields() -> None:
     ("old", "new", "named"),
     [
         ('field = "speed"', "", "['surface'] do not"),
-        ('field = "speed"', "field = 3", "appearance 'surface': field must be the name"),
+        ('field = "speed"', "field = 3", "appearance 'surface': field must be a printable name"),
         ('appearances = ["surface"]', 'appearances = ["surfaces"]', "['dvr', 'surface'], each an [[appearance]] table"),
         ('appearances = ["surface"]', 'appearances = ["iso=0.2"]', "got ['iso=0.2']"),
         ('appearances = ["surface"]', 'appearances = ["dvr"]', "beside the base dvr"),

@@ -75,7 +75,7 @@ def test_a_program_is_told_what_is_wrong(library: Path, tmp_path: Path) -> None:
     compiled("cc", EXAMPLE / "waves.c", f"-I{library}", *linked(library), "-o", tmp_path / "c")
     done = run(tmp_path / "c", tmp_path / "none.toml", tmp_path / "c.cdb")
     assert done.returncode == 1
-    assert "waves: FileNotFoundError: there is no scene" in done.stderr
+    assert "waves: FileNotFoundError: scene " in done.stderr
     assert not (tmp_path / "c.cdb").exists()
 
 

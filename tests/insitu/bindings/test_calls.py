@@ -98,7 +98,7 @@ def test_nothing_works_before_the_beginning_or_after_the_end(calls) -> None:
 def test_a_scene_that_is_none_is_told() -> None:
     calls = LibraryCalls()
     assert calls.initialize("nothing.toml", "a.cdb") == FAILED
-    assert calls.error.startswith("FileNotFoundError: there is no scene nothing.toml")
+    assert calls.error.startswith("FileNotFoundError: scene nothing.toml does not exist")
 
 
 def test_the_header_declares_what_the_interpreter_defines() -> None:

@@ -102,7 +102,7 @@ def test_a_catalog_is_the_source_of_a_scene(flow: Path) -> None:
         (("nowhere.cdb",), "nowhere.cdb does not exist"),
         (("notes.txt",), "notes.txt is neither a scene (a file FILE.toml), a catalog (a folder NAME.cdb) nor"),
         (("empty",), "there is no trained surrogate in empty, nor run.json"),
-        (("none.toml",), "there is no scene none.toml"),
+        (("none.toml",), "scene none.toml does not exist"),
         (("flow.cdb", "--minutes", "0.01"), "--minutes must be a time, at least 0.25, got 0.01"),
         (("flow.cdb", "--minutes", "1", "--steps", "5"), "in minutes or in steps, not in both"),
         (("flow.cdb", "gausians=3"), "did you mean gaussians"),

@@ -44,7 +44,7 @@ ONE, TWO = Setting("a", (0.1,), "train"), Setting("b", (0.2,), "train")
         ("isovalue", ("isovalue",), (ONE, replace(TWO, values=(1.0, 2.0))), "dvr must have 1 values"),
         ("isovalue", ("isovalue",), (ONE,), "at least two isovalues"),
         ("isovalue", ("isovalue",), (ONE, replace(TWO, values=(0.1,))), "at least two isovalues.*all different"),
-        ("isovalue", ("isovalue",), (ONE, replace(TWO, appearance="dvr")), "dvr stands among the settings"),
+        ("isovalue", ("isovalue",), (ONE, replace(TWO, appearance="dvr")), "dvr is among the settings"),
     ],
 )
 def test_an_impossible_variation_is_refused(
@@ -101,7 +101,7 @@ def test_an_appearance_that_shows_something_else_is_named() -> None:
     (problem,) = isovalues.variation.mismatches((BASE, replace(BASE, name="iso=2"), *isovalues.appearances[1:]))
     assert "iso=2" in problem
     (problem,) = functions.variation.mismatches((Isosurface("dvr", 1.0), *functions.appearances))
-    assert problem == "the base dvr is no volume rendering of four opacity points"
+    assert problem == "the base dvr is not a volume rendering with four opacity points"
 
 
 def test_settings_are_asked_for_by_their_parameters() -> None:
