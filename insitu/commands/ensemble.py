@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import ReadingOptions, appearances_of, pilots, reading_options, suggested
+from insitu.commands.reading import Looks, ReadingOptions, pilots, reading_options, suggested
 from insitu.commands.shell import command, engine_at, fail_on, how_to_run
 
 
@@ -57,28 +58,20 @@ def ensemble(
     exists, what is left out is the catalog's; members that it holds are skipped.
     """
     with command() as line:
-        from catalogs.vocabulary.scene import Scene, ViewPlan
         from insitu.ensembles.ensemble import run_ensemble
-        from insitu.members.planning import PlanOptions
 
-        if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
-            raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
         how = how_to_run(line, workers, shard)
-        asked = None if scene is None else Scene.load(scene)
-        given, known = appearances_of(catalog, appearance, asked)
-        stored = ReadingOptions(**reading).open(sources, given or known)
+        looks = Looks.of(catalog, scene, appearance, size, target_decibels)
+        stored = ReadingOptions(**reading).open(sources, looks.given or looks.known)
         members = stored.members(validation, seed)
         click.echo(str(stored))
-        if asked is not None:
-            members, options = asked.assigned(members), PlanOptions.of_scene(asked, stored.space)
-        else:
-            if not given and not known:
-                suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
-                click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
-                given = tuple(suggestion.appearance for suggestion in suggestions)
-            size = size or (None if known else 256)
-            views = None if size is None else ViewPlan(width=size, height=size)
-            options = PlanOptions(stored.space, given, views, target_decibels=target_decibels)
+        if looks.scene is not None:
+            members = looks.scene.assigned(members)
+        elif not looks.given and not looks.known:
+            suggestions = [suggestion for _, suggestion in suggested(pilots(stored, members, 5, nan)).values()]
+            click.echo("\n".join(suggestion.toml() for suggestion in suggestions))
+            looks = replace(looks, given=tuple(suggestion.appearance for suggestion in suggestions))
+        options = looks.options(stored.space)
         with engine_at(line, engine, workers, catalog) as where:
             result = run_ensemble(catalog, members, stored, options, nan=nan, existing=existing, **how, **where)
         line.close()

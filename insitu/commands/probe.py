@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -77,13 +78,12 @@ def _read(sources: tuple[Path, ...], count: int, reading: ReadingOptions, nan: s
     if len(sources) == 1 and is_ensemble(first):
         stored = reading.open([str(first)])
         return pilots(stored, stored.members(), count, nan)
-    how: dict[str, Any] = {
-        "spacing": reading.spacing,
-        "reader": reading.reader,
-        "sampling": reading.sampling,
-        "nan": nan,
+    location = replace(reading.location, nan=nan)
+    how: dict[str, Any] = {"reader": reading.reader, "sampling": reading.sampling}
+    return {
+        array or "": {path.name: read_field(path, location, array=array, **how) for path in sources}
+        for array in arrays or (None,)
     }
-    return {array or "": {p.name: read_field(p, array=array, **how) for p in sources} for array in arrays or (None,)}
 
 
 def _chosen(fields: dict[str, dict[str, Any]], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from catalogs.vocabulary.appearance import Appearance
+    from catalogs.vocabulary.parameters import ParameterSpace
+    from catalogs.vocabulary.scene import Scene
     from insitu.ensembles.files import FileEnsemble
+    from insitu.fields.location import FieldLocation
+    from insitu.members.planning import PlanOptions
     from insitu.readers.ensemble_file import StoredEnsemble
     from insitu.readers.reader import Sampling
     from insitu.readers.tables import MemberTable
@@ -138,7 +143,7 @@ class ReadingOptions:
             raise ValueError("--names and --split are of one file that holds all members; a table has columns")
         wanted = listed(self.parameters)
         table, code = members_of(lambda told: self._table(sources, wanted, told), self.reader, self.sampling, wanted)
-        how: dict[str, Any] = {**self.place, "reader": code, "sampling": self.sampling}
+        how: dict[str, Any] = {"location": self.location, "reader": code, "sampling": self.sampling}
         return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **how)
 
     def _table(self, sources: Sequence[str], wanted: Sequence[str], told: bool) -> MemberTable:
@@ -162,9 +167,11 @@ class ReadingOptions:
         return {name: (low, high) for name, low, high in self.bounds}
 
     @property
-    def place(self) -> dict[str, Any]:
-        """Where values lie in files that do not say."""
-        return {"spacing": self.spacing, "origin": self.origin, "dims": listed(self.dims) or None}
+    def location(self) -> FieldLocation:
+        """The place of values in files that do not say."""
+        from insitu.fields.location import FieldLocation
+
+        return FieldLocation(self.spacing, self.origin, dims=listed(self.dims) or None)
 
     @property
     def sampling(self) -> Sampling:
@@ -236,10 +243,44 @@ def suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str
     return found
 
 
-def appearances_of(catalog: Path, appearance: Path | None, scene: Any) -> tuple[Any, Any]:
-    """(given, known): the appearances that a file or a scene states, None without; and those of the catalog, if it exists."""
-    from catalogs.store.catalog import Catalog
-    from insitu.members.planning import appearances_from_toml, is_catalog
+@dataclass(frozen=True)
+class Looks:
+    """Images as --scene, --appearance, --size and --target-decibels ask for them, else as an existing catalog has them.
 
-    known: Sequence[Any] = Catalog.open(catalog).plan.appearances if is_catalog(catalog) else ()
-    return (appearances_from_toml(appearance) if appearance else scene.appearances if scene else None), known
+    Attributes
+    ----------
+    given, known : the appearances that a file or a scene states, () without; and those of the catalog, if it exists.
+    """
+
+    scene: Scene | None
+    given: tuple[Appearance, ...]
+    known: tuple[Appearance, ...]
+    size: int | None
+    target_decibels: float | None
+
+    @classmethod
+    def of(
+        cls, catalog: Path, scene: Path | None, appearance: Path | None, size: int | None, target_decibels: float | None
+    ) -> Looks:
+        """The options of a command; raises ValueError for a scene with others beside it."""
+        from catalogs.store.catalog import Catalog
+        from catalogs.vocabulary.scene import Scene
+        from insitu.members.planning import appearances_from_toml, is_catalog
+
+        if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
+            raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
+        loaded = None if scene is None else Scene.load(scene)
+        given = appearances_from_toml(appearance) if appearance else loaded.appearances if loaded else ()
+        known = Catalog.open(catalog).plan.appearances if is_catalog(catalog) else ()
+        return cls(loaded, given, known, size, target_decibels)
+
+    def options(self, space: ParameterSpace) -> PlanOptions:
+        """The plan of a catalog of these parameters."""
+        from catalogs.vocabulary.scene import ViewPlan
+        from insitu.members.planning import PlanOptions
+
+        if self.scene is not None:
+            return PlanOptions.of_scene(self.scene, space)
+        size = self.size or (None if self.known else 256)
+        views = None if size is None else ViewPlan(width=size, height=size)
+        return PlanOptions(space, self.given or None, views, target_decibels=self.target_decibels)

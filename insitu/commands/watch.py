@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from insitu.commands import shell
-from insitu.commands.reading import ReadingOptions, appearances_of, code_options, listed
+from insitu.commands.reading import Looks, ReadingOptions, listed, reading_options
 from insitu.commands.shell import command, fail_on, how_to_run
 
 if TYPE_CHECKING:
     from catalogs.progress import ProgressLine
+    from insitu.ensembles.watch import WatchOptions
     from insitu.members.planning import PlanOptions
 
 SECONDS = click.FloatRange(min=0)
@@ -29,23 +30,7 @@ SECONDS = click.FloatRange(min=0)
 @shell.CATALOG
 @shell.SCENE
 @shell.APPEARANCE
-@click.option("--array", "--field", "arrays", multiple=True, help="Array that holds the field; several, one by one.")
-@click.option(
-    "--bounds",
-    type=(str, float, float),
-    multiple=True,
-    metavar="NAME LOW HIGH",
-    help="Range of each parameter; a new catalog needs all.",
-)
-@click.option("--units", metavar="U,V", help="Units of the parameters, in the order of --bounds.")
-@click.option(
-    "--spacing", type=(float, float, float), metavar="X Y Z", help="Distance between values, if files do not say."
-)
-@click.option(
-    "--origin", type=(float, float, float), metavar="X Y Z", help="Place of the first value, if files do not say."
-)
-@click.option("--dims", metavar="z,y,x", help="What the axes of arrays are, in the arrays' own order.")
-@code_options
+@reading_options
 @shell.SIZE
 @shell.DECIBELS
 @click.option(
@@ -85,26 +70,24 @@ def watch(
     """Render the dumps in FOLDER as a simulation writes them.
 
     A dump is taken when it is whole: unchanged for --settle seconds, renamed into place, or marked.  Ctrl-C and SIGTERM end the
-    watch; the same command goes on, and members that are stored are skipped.
+    watch; the same command goes on, and members that are stored are skipped.  A new catalog needs --bounds of every parameter.
 
     With --reader adios2 and no pattern, FOLDER is a BP folder that is being written, or an SST stream, NAME.sst: its steps are
     rendered as they arrive, until the writer closes it.
     """
     with command() as line:
         from catalogs.vocabulary.appearance import shown_fields
-        from catalogs.vocabulary.scene import Scene, ViewPlan
-        from insitu.ensembles.watch import space_for
-        from insitu.members.planning import PlanOptions
+        from insitu.ensembles.watch import WatchOptions, space_for
 
-        if scene is not None and (appearance is not None or size is not None or target_decibels is not None):
-            raise ValueError("a scene says how to render: leave out --appearance, --size and --target-decibels")
-        asked = None if scene is None else Scene.load(scene)
-        given, known = appearances_of(catalog, appearance, asked)
-        if not given and not known:
+        looks = Looks.of(catalog, scene, appearance, size, target_decibels)
+        shown = looks.given or looks.known
+        if not shown:
             raise ValueError(
-                f"a new catalog needs --appearance FILE: `insitu probe` on a dump suggests one; {catalog} is none yet"
+                f"a new catalog needs --appearance FILE (`insitu probe` on a dump suggests one); {catalog} does not exist"
             )
         options = ReadingOptions(**reading)
+        if ignored := [name for name in ("parameters", "names", "split") if getattr(options, name)]:
+            raise ValueError(f"a watch takes parameters from paths and files: leave --{ignored[0]} out")
         if pattern is None and options.reader != "adios2":
             raise ValueError(
                 "please give --pattern, paths that name the parameters; only --reader adios2 follows one stream"
@@ -112,66 +95,44 @@ def watch(
         if pattern is not None and not folder.is_dir():
             raise ValueError(f"there is no folder {folder}")
         space = space_for(catalog, pattern or "", options.ranges, listed(options.units), told=bool(options.reader))
-        arrays = options.arrays or tuple(filter(None, shown_fields(given or known)))
-        if asked is not None:
-            plan = PlanOptions.of_scene(asked, space)
-        else:
-            size = size or (None if known else 256)
-            views = None if size is None else ViewPlan(width=size, height=size)
-            plan = PlanOptions(space, given, views, target_decibels=target_decibels)
+        options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(shown))))
+        plan = looks.options(space)
         if pattern is None:
-            _follow(line, folder, catalog, plan, options, arrays, until_idle, existing, nan)
+            _follow(line, folder, catalog, plan, options, until_idle, existing, nan)
             return
-        place = Place(folder, pattern, settle, marker, patience, 0.0 if once else until_idle)
-        _watch(line, place, catalog, plan, options, arrays, existing, nan, workers)
-
-
-@dataclass(frozen=True)
-class Place:
-    """What is watched, as the command is told: the first arguments of `insitu.ensembles.watch.WatchOptions`."""
-
-    folder: Path
-    pattern: str
-    settle: float
-    marker: str
-    patience: float
-    until_idle: float | None
+        watching = WatchOptions(folder, pattern, settle, marker, patience, 0.0 if once else until_idle, space.names)
+        how = {**how_to_run(line, workers, None), "nan": nan, "existing": existing}
+        _watch(line, watching, catalog, plan, options, how)
 
 
 def _watch(
     line: ProgressLine,
-    place: Place,
+    watching: WatchOptions,
     catalog: Path,
     plan: PlanOptions,
     options: ReadingOptions,
-    arrays: tuple[str, ...],
-    existing: Any,
-    nan: str,
-    workers: int | None,
+    how: dict[str, Any],
 ) -> None:
-    """Watch a folder for files."""
+    """Watch a folder for files; `how` is handed to `watch_folder`."""
     from insitu.ensembles.files import FileEnsemble
-    from insitu.ensembles.watch import Arrivals, WatchOptions, watch_folder
+    from insitu.ensembles.watch import Arrivals, watch_folder
     from insitu.readers.states import files_beside, states_of
 
-    space = plan.space
-    assert space is not None
+    assert plan.space is not None
     reader, sampling = options.reader, options.sampling
-    ensemble = FileEnsemble({}, space, arrays, **options.place, reader=reader, sampling=sampling)
-    watching = WatchOptions(
-        **vars(place),
-        parameters=space.names,
-        members=lambda row: states_of(row, reader, sampling, space.names),
+    ensemble = FileEnsemble({}, plan.space, options.arrays, options.location, reader, sampling)
+    watching = replace(
+        watching,
+        members=lambda row: states_of(row, reader, sampling, watching.parameters),
         beside=lambda path: files_beside(path, reader, sampling),
     )
-    how = how_to_run(line, workers, None)
-    how = {"workers": workers, "progress": how["progress"], "warn": how["warn"], "nan": nan, "existing": existing}
+    how.pop("shard")
     arrivals = Arrivals(watching)
     try:
         watch_folder(catalog, watching, ensemble, plan, arrivals=arrivals, say=line.say, **how)
     except KeyboardInterrupt:
         line.say("ended; the same command goes on from here")
-    _told(line, catalog, arrivals.failures)
+    _report(line, catalog, arrivals.failures)
 
 
 def _follow(
@@ -180,7 +141,6 @@ def _follow(
     catalog: Path,
     plan: PlanOptions,
     options: ReadingOptions,
-    arrays: tuple[str, ...],
     until_idle: float | None,
     existing: Any,
     nan: str,
@@ -189,19 +149,19 @@ def _follow(
     from insitu.ensembles.stream import StreamResult, render_stream
     from insitu.readers.adios import follow
 
-    arrived = StreamResult()
+    result = StreamResult()
     existing = "skip" if existing == "error" else existing
-    how: dict[str, Any] = {"arrays": arrays, "place": options.place, "nan": nan, "existing": existing}
+    how: dict[str, Any] = {"arrays": options.arrays, "location": options.location, "nan": nan, "existing": existing}
     try:
-        steps = follow(path, arrays, until_idle)
+        steps = follow(path, options.arrays, until_idle)
         warn = how_to_run(line, None, None)["warn"]
-        render_stream(catalog, steps, plan, **how, arrived=arrived, say=line.say, warn=warn)
+        render_stream(catalog, steps, plan, **how, arrived=result, say=line.say, warn=warn)
     except KeyboardInterrupt:
         line.say("ended; the same command goes on from here, with what the writer still holds")
-    _told(line, catalog, arrived.failures)
+    _report(line, catalog, result.failures)
 
 
-def _told(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> None:
+def _report(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> None:
     """Say how many members there are; what was stored just before the end is no failure, though it has been."""
     from catalogs.store.catalog import Catalog
     from insitu.members.planning import is_catalog

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 from catalogs.store.plan import name_problem
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
+from insitu.fields.location import FieldLocation
 from insitu.members.request import member_name
 from insitu.readers.codes import reader_of
 from insitu.readers.files import read_data
@@ -31,15 +32,13 @@ class FileEnsemble:
     rows : by the member's name.
     space : the parameters.
     arrays : which arrays of the files are the fields; () where each file holds one, or appearances name them.
-    spacing, origin, dims, reader, sampling : as in `insitu.readers.files.read_data`.
+    location, reader, sampling : as in `insitu.readers.files.read_data`.
     """
 
     rows: Mapping[str, TableRow] = field(repr=False)
     space: ParameterSpace
     arrays: tuple[str, ...] = ()
-    spacing: tuple[float, ...] | None = None
-    origin: tuple[float, ...] | None = None
-    dims: tuple[str, ...] | None = None
+    location: FieldLocation = FieldLocation()  # noqa: RUF009 - frozen
     reader: str = ""
     sampling: Sampling = Sampling()  # noqa: RUF009 - frozen
     expensive: ClassVar[bool] = False
@@ -81,8 +80,9 @@ class FileEnsemble:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        place = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
-        given = {k: list(v) for k, v in place.items() if v}
+        place = self.location
+        given = {"spacing": place.spacing, "origin": place.origin, "dims": place.dims}
+        given = {key: list(values) for key, values in given.items() if values}  # type: ignore[misc]
         return {"kind": "files", "arrays": list(self.arrays), **given, **self.sampling.identity}
 
     def members(self, validation: int = 0, seed: int = 0) -> tuple[PlannedMember, ...]:
@@ -95,11 +95,13 @@ class FileEnsemble:
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
         """What the member's file holds: fields by name, or one data set."""
         row, path = self.rows[member.name], self.rows[member.name].path
-        how: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "dims": self.dims}
-        how |= {"reader": self.reader, "index": row.index, "sampling": self.sampling}
-        if not self.arrays:
-            return read_data(path, **how)
-        return {array: read_data(path, array=array, **how) for array in self.arrays}
+
+        def read(array: str | None) -> Any:
+            return read_data(
+                path, self.location, array=array, reader=self.reader, index=row.index, sampling=self.sampling
+            )
+
+        return {array: read(array) for array in self.arrays} if self.arrays else read(None)
 
     def record(self, member: PlannedMember) -> Mapping[str, Any]:
         """`identity`, the file, the code that wrote it, the index of the state where it holds several, and what it holds."""

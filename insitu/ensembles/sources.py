@@ -13,6 +13,7 @@ from insitu.ensembles.dumps import TIME, FieldSource, but_time, runs_in_time
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.function_source import HookedSource, Simulate, scripted
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.readers.ensemble_file import StoredEnsemble
 from insitu.readers.layout import FileMapping
 from insitu.readers.reader import Sampling
@@ -192,7 +193,7 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
     name, sampling = _reader(scene, table)
     names = scene.space.names
     rows, code = members_of(lambda told: read_table(scene.data_path(), names, told=told), name, sampling, names)
-    place: dict[str, Any] = {key: tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims")}
+    spacing, origin, dims = (tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims"))
     bounds = {p.name: (p.low, p.high) for p in scene.space.parameters}
     stored = FileEnsemble.of(
         rows,
@@ -200,7 +201,7 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
         arrays=fields or tuple(filter(None, shown_fields(scene.appearances))),
         reader=code,
         sampling=sampling,
-        **place,
+        location=FieldLocation(spacing, origin, dims=dims),
     )
     if len(scene.space):
         stored = replace(stored, space=scene.space)

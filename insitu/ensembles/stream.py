@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from insitu.fields.location import FieldLocation
 from insitu.hook.session import Session
 from insitu.members.planning import PlanOptions
 from insitu.members.request import Existing, member_name
@@ -33,7 +34,7 @@ def render_stream(
     options: PlanOptions,
     *,
     arrays: tuple[str, ...] = (),
-    place: Mapping[str, Any] | None = None,
+    location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     nan: str = "refuse",
     existing: Existing = "skip",
     arrived: StreamResult | None = None,
@@ -47,7 +48,7 @@ def render_stream(
     steps : as they arrive; each says its parameters, and holds its arrays.
     options : what the catalog fixes, or must agree with; its space names the parameters.
     arrays : those that are the fields; () where there is one.
-    place : spacing, origin and dims of arrays that do not say.
+    location : spacing, origin and dims of arrays that do not say.
     nan, existing : as in `render_member`.
     arrived : where it is noted what became of the steps, for a caller who interrupts.
     say : told what was rendered, and what could not be.
@@ -67,7 +68,7 @@ def render_stream(
                     raise ValueError(f"it does not say {lacking}; it says {dict(step.says)}")
                 parameters = {parameter: step.says[parameter] for parameter in options.space.names}
                 name = member_name(parameters)
-                found = session.render_member(_field(step, arrays, place or {}), parameters)
+                found = session.render_member(_field(step, arrays, location), parameters)
             except (ValueError, TypeError, RuntimeError) as error:
                 arrived.failures[name] = f"{type(error).__name__}: {error}"
                 say(f"{name} can't be rendered: {error}")
@@ -78,8 +79,8 @@ def render_stream(
     return arrived
 
 
-def _field(step: StreamStep, arrays: tuple[str, ...], place: Mapping[str, Any]) -> Any:
+def _field(step: StreamStep, arrays: tuple[str, ...], location: FieldLocation) -> Any:
     """The field of a step, or its fields by name."""
     if not arrays:
-        return placed_field(step.arrays, volume(step.arrays, None), **place)
-    return {name: placed_field(step.arrays, volume(step.arrays, name), **place) for name in arrays}
+        return placed_field(step.arrays, volume(step.arrays, None), location=location)
+    return {name: placed_field(step.arrays, volume(step.arrays, name), location=location) for name in arrays}

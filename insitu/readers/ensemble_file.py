@@ -29,6 +29,7 @@ import numpy as np
 from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import HDF5, NETCDF, Arrays, LabelledArray, StoredArray, open_arrays
 from insitu.readers.attributes import as_text, attributes_about, bounds_about, splits_of
 from insitu.readers.identity import contents
@@ -152,9 +153,9 @@ class StoredEnsemble:
 
     def _field(self, arrays: Arrays, name: str, index: int) -> Field | LabelledArray:
         array = self.layout.array(arrays, name, index)
-        place: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "dims": self.mapped.dims}
+        location = FieldLocation(self.spacing, self.origin, dims=self.mapped.dims)
         called = array.stem if len(self.fields) > 1 else self.field_name
-        return placed_field(arrays, array, self.layout.places[index].index, **place, name=called)
+        return placed_field(arrays, array, self.layout.places[index].index, location, called)
 
 
 def with_validation(members: Sequence[PlannedMember], count: int, seed: int) -> tuple[PlannedMember, ...]:
@@ -192,7 +193,7 @@ def _described(
     order = axis_order(names, mapped.dims, {n: a.attrs for n, a in along.items() if a is not None})
     sizes = dict(zip(names, array.shape[-3:], strict=True))
     about = attributes_about(arrays, array)
-    steps, starts = place_of(arrays, array, names, spacing, origin, mapped.dims)
+    steps, starts = place_of(arrays, array, names, FieldLocation(spacing, origin, dims=mapped.dims))
     space = _space(arrays, layout, held[0], bounds)
     return kind(
         path=path,

@@ -7,6 +7,7 @@ import re
 import warnings
 import zipfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import Arrays, StoredArray, check_room, is_store, open_arrays
 from insitu.readers.attributes import wanted_array
 from insitu.readers.codes import reader_of
@@ -27,7 +29,6 @@ from render.xarray_fields import axis_order
 if TYPE_CHECKING:
     from render.grids import Grid
 
-Triple = Sequence[float] | None
 PICKLES = {".pkl", ".pickle"}  # which pyvista would run
 HEADER = 1 << 16  # bytes in which a VTK file says how large it is
 READING = (ValueError, TypeError, OSError, EOFError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile)
@@ -35,30 +36,25 @@ READING = (ValueError, TypeError, OSError, EOFError, KeyError, RuntimeError, Mem
 
 def read_field(
     path: str | os.PathLike[str],
+    location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     *,
     array: str | None = None,
-    spacing: Triple = None,
-    origin: Triple = None,
-    dims: Sequence[str] | None = None,
-    nan: str = "refuse",
     reader: str = "",
     sampling: Sampling = Sampling(),  # noqa: B008 - frozen
 ) -> Grid:
-    """The field stored in `path` as a grid; arguments are those of `read_data`, `nan` as in `render_member`."""
-    found = read_data(path, array=array, spacing=spacing, origin=origin, dims=dims, reader=reader, sampling=sampling)
+    """The field stored in `path` as a grid; arguments are those of `read_data`."""
+    found = read_data(path, location, array=array, reader=reader, sampling=sampling)
     try:
-        return to_grid(found, nan=nan, warn=False)
+        return to_grid(found, nan=location.nan, warn=False)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from error
 
 
 def read_data(
     path: str | os.PathLike[str],
+    location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     *,
     array: str | None = None,
-    spacing: Triple = None,
-    origin: Triple = None,
-    dims: Sequence[str] | None = None,
     reader: str = "",
     index: tuple[int, ...] = (),
     sampling: Sampling = Sampling(),  # noqa: B008 - frozen
@@ -67,9 +63,8 @@ def read_data(
 
     Parameters
     ----------
-    array : which of several; may be left out where there is only one.
-    spacing, origin : (x, y, z), world units, for files that do not say: .npy files, and arrays without coordinates.
-    dims : what the axes of an array are, in its own order, as in `render_member`.
+    location : `spacing` and `origin` for files that do not say: .npy files, and arrays without coordinates; `dims` of arrays.
+    array : one of several; may be left out where there is only one.
     reader : the name of the code that wrote the file (see `insitu.readers.codes`); "" where that can be seen, or none did.
     index : of the state, in a code's file that holds several, as `Reader.records` gives it.
     sampling : how a code's data come onto a regular grid.
@@ -80,27 +75,26 @@ def read_data(
     path = Path(path)
     if not is_field_file(path):
         raise FileNotFoundError(f"there is no file {path}")
-    place: dict[str, Any] = {"spacing": spacing, "origin": origin, "dims": dims}
     try:
         if (code := reader_of(path, reader)) is not None:
-            return _of_code(code, path, array, index, sampling, place)
+            return _of_code(code, path, array, index, sampling, location)
         if sampling != Sampling():
             raise ValueError(
                 f"only some readers resample: leave {', '.join(sampling.identity)} out, or choose one by --reader"
             )
         if path.suffix == ".gz":
             with unpacked(path) as inner:
-                return read_data(inner, array=array, **place)
+                return read_data(inner, location, array=array)
         if path.suffix == ".npy":
             check_room(path.stat().st_size, "it")
             values = np.load(path, mmap_mode="r", allow_pickle=False)
-            return _plain(values, "", **place)
+            return _plain(values, "", location)
         if path.suffix == ".npz":
-            return _packed(path, array, **place)
+            return _packed(path, array, location)
         if is_store(path):
             with open_arrays(path) as arrays:
-                return placed_field(arrays, volume(arrays, array), **place)
-        if any(given is not None for given in place.values()):
+                return placed_field(arrays, volume(arrays, array), location=location)
+        if _given(location):
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
         return _vtk(path, array)
     except READING as error:
@@ -114,7 +108,7 @@ def is_field_file(path: Path) -> bool:
 
 
 def _of_code(
-    code: Reader, path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling, place: dict[str, Any]
+    code: Reader, path: Path, array: str | None, index: tuple[int, ...], sampling: Sampling, location: FieldLocation
 ) -> Any:
     """A field of the file of a simulation code."""
     if sampling != Sampling() and not code.samples:
@@ -122,24 +116,28 @@ def _of_code(
     if code.opens is not None:
         index = index or code.records(path, sampling)[0].index
         with code.opens(path) as arrays:
-            return placed_field(arrays, volume(arrays, array, len(index)), index, **place)
-    given = [name for name, value in place.items() if value is not None]
+            return placed_field(arrays, volume(arrays, array, len(index)), index, location)
+    given = _given(location)
     if given:
         raise ValueError(f"files of {code.name} say where their values lie: leave {', '.join(given)} out")
     assert code.read is not None
     return code.read(path, array, index, sampling)
 
 
-def _plain(values: NDArray[Any], name: str, spacing: Triple, origin: Triple, dims: Sequence[str] | None) -> Field:
+def _given(location: FieldLocation) -> list[str]:
+    return [name for name in ("spacing", "origin", "dims") if getattr(location, name) is not None]
+
+
+def _plain(values: NDArray[Any], name: str, location: FieldLocation) -> Field:
     """Values without a place of their own."""
-    if dims is not None and values.ndim == 3:
-        order = axis_order("012", dims)
+    if location.dims is not None and values.ndim == 3:
+        order = axis_order("012", location.dims)
         values = values.transpose([int(order[letter]) for letter in "zyx"])
-    one, zero = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-    return Field(values, tuple(spacing or one), tuple(origin or zero), name)  # type: ignore[arg-type]
+    spacing, origin = location.spacing or (1.0, 1.0, 1.0), location.origin or (0.0, 0.0, 0.0)
+    return Field(values, tuple(spacing), tuple(origin), name)  # type: ignore[arg-type]
 
 
-def _packed(path: Path, array: str | None, spacing: Triple, origin: Triple, dims: Sequence[str] | None) -> Field:
+def _packed(path: Path, array: str | None, location: FieldLocation) -> Field:
     """An array of a .npz file; `spacing` and `origin` may be arrays beside it."""
     with np.load(path, mmap_mode=None, allow_pickle=False) as held:
         shapes = {name: _claimed(held, name) for name in held.files}
@@ -148,12 +146,11 @@ def _packed(path: Path, array: str | None, spacing: Triple, origin: Triple, dims
             raise ValueError(f"name the array to render: it has {shapes or 'none'}")
         if array is not None and array not in shapes:
             raise ValueError(f"no array {array!r}: it has {shapes or 'none'}")
-        if spacing is None and shapes.get("spacing") == (3,):
-            spacing = [float(v) for v in held["spacing"]]
-        if origin is None and shapes.get("origin") == (3,):
-            origin = [float(v) for v in held["origin"]]
+        beside = [k for k in ("spacing", "origin") if getattr(location, k) is None and shapes.get(k) == (3,)]
+        place: dict[str, Any] = {key: tuple(map(float, held[key])) for key in beside}
+        location = replace(location, **place)
         name = volumes[0] if array is None else array
-        return _plain(held[name], name, spacing, origin, dims)
+        return _plain(held[name], name, location)
 
 
 def _claimed(held: Any, name: str) -> tuple[int, ...]:

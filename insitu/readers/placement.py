@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from insitu.fields.field import Field
+from insitu.fields.location import FieldLocation
 from insitu.readers.arrays import Arrays, LabelledArray, StoredArray
 from insitu.readers.attributes import as_text, asking, attributes_about
 from render.xarray_fields import AXES, axis_order, placed
@@ -21,10 +22,7 @@ def placed_field(
     arrays: Arrays,
     array: StoredArray,
     index: tuple[int, ...] = (),
-    *,
-    spacing: Sequence[float] | None = None,
-    origin: Sequence[float] | None = None,
-    dims: Sequence[str] | None = None,
+    location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     name: str = "",
 ) -> Field | LabelledArray:
     """What lies at indices of the first axes of `array`, (z, y, x), as a field called `name`, by default as the array.
@@ -35,8 +33,8 @@ def placed_field(
     labelled = arrays.labelled(array, index, names)
     if len(labelled.shape) > 3:  # axes of one value, which `placed` drops
         names = tuple(n for n, size in zip(names, array.shape, strict=True) if size != 1)
-    place = place_of(arrays, array, names[-3:], spacing, origin, dims)
-    found = placed(labelled, dims, *place)
+    place = place_of(arrays, array, names[-3:], location)
+    found = placed(labelled, location.dims, *place)
     called, about = name or array.stem, attributes_about(arrays, array)
     time = float(about["time"]) if isinstance(about.get("time"), int | float | np.number) else None
     if found.axes is None:
@@ -46,20 +44,14 @@ def placed_field(
     return LabelledArray(found.values, ("z", "y", "x"), coords, called, array.attrs, time)
 
 
-def place_of(
-    arrays: Arrays,
-    array: StoredArray,
-    names: Sequence[str],
-    spacing: Sequence[float] | None,
-    origin: Sequence[float] | None,
-    dims: Sequence[str] | None,
-) -> tuple[Any, Any]:
+def place_of(arrays: Arrays, array: StoredArray, names: Sequence[str], location: FieldLocation) -> tuple[Any, Any]:
     """(spacing, origin) of the axes called `names`, (x, y, z), world units; as given, maybe None, where all have coordinates.
 
     Of axes without coordinates they are as given, else as attributes say.
     """
     along = {name: arrays.coordinate(array, name) for name in names}
-    order = axis_order(names, dims, {n: a.attrs for n, a in along.items() if a is not None})
+    spacing, origin = location.spacing, location.origin
+    order = axis_order(names, location.dims, {n: a.attrs for n, a in along.items() if a is not None})
     if all(along[order[letter]] is not None for letter in AXES):
         return spacing, origin
     about = attributes_about(arrays, array)

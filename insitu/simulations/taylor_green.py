@@ -2,7 +2,8 @@
 
 u = sin x cos y cos z,  v = -cos x sin y cos z,  w = 0  at t = 0 in the periodic box [0, 2π)³, ν = 1 / Re.
 
-The equations solved, the 2/3 rule (cubic) and the exact Galerkin truncation are those of `periodic_box`, whose modes
+The equations solved, the 2/3 rule (cubic) and the exact Galerkin truncation are those of its reference implementation
+(`tests/support/periodic_box.py`), whose modes
 this flow fills only in part: what the initial condition has of symmetry, the flow keeps for all time (Brachet et al.
 1983, J. Fluid Mech. 130, section 2).
 
@@ -58,7 +59,7 @@ class TaylorGreen:
     `spacing` and `origin` place the point samples for rendering, (x, y, z) order: points 2π i / n, i = 0 ... n - 1.
     The periodic repetition of plane 0 at 2π is not stored, so a rendered box spans n - 1 cells, [0, 2π - spacing].
 
-    Limits: only this initial condition (`PeriodicBox` takes any); disturbances that break its symmetries, which a real
+    Limits: only this initial condition; disturbances that break its symmetries, which a real
     flow would amplify, cannot occur; under-resolved once the smallest eddies are (see docs/taylor_green.md).
 
     >>> flow = TaylorGreen(resolution=16, reynolds=100.0)

@@ -10,7 +10,7 @@ import pytest
 import pyvista
 
 from render.datasets import ResamplingWarning, to_grid
-from render.raymarch import trilinear
+from tests.support.raymarch import trilinear
 
 
 def linear(points: np.ndarray) -> np.ndarray:

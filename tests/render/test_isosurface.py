@@ -14,8 +14,8 @@ from render.grids import Grid
 from render.isosurface import box_average, extract
 from render.placement import Placement
 from render.quality import psnr
-from render.raymarch import box_intersections, gradient, trilinear
 from render.views import Renderer
+from tests.support.raymarch import box_intersections, gradient, trilinear
 
 SURFACE = Isosurface("iso", 0.6, (0.9, 0.5, 0.2))
 

@@ -14,9 +14,9 @@ from render.grids import Grid
 from render.layers import BlockRenderer
 from render.partition import Piece
 from render.quality import psnr
-from render.raymarch import march
 from render.views import render_views
 from tests.support.decomposed import blocks_of, composited, kd_boxes, pinwheel
+from tests.support.raymarch import march
 
 FLOAT, EIGHT_BITS, SURFACES = 90.0, 80.0, 60.0  # dB
 

@@ -13,7 +13,7 @@ from render import choose_sample_distance, render_views
 from render.datasets import to_grid
 from render.grids import Grid
 from render.quality import psnr, spread
-from render.raymarch import march
+from tests.support.raymarch import march
 
 
 def cameras(grid: Grid, size: int = 48):

@@ -15,7 +15,7 @@ from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.cameras import Camera
 from render.datasets import to_grid
 from render.grids import Grid
-from render.raymarch import box_intersections, converged, gradient, march, trilinear
+from tests.support.raymarch import box_intersections, converged, gradient, march, trilinear
 
 SMOOTH = TransferFunction(((0, 0.1, 0.2, 0.9), (0.5, 0.8, 0.9, 0.1), (1, 1, 0.1, 0)), ((0, 0.0), (1, 0.8)), 0.3)
 

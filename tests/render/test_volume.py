@@ -14,9 +14,9 @@ from render import render_views
 from render.datasets import to_grid
 from render.grids import Grid
 from render.quality import psnr
-from render.raymarch import march
 from render.views import Renderer
 from render.window import open_window
+from tests.support.raymarch import march
 
 GRAY = ((0.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0))
 

@@ -83,12 +83,13 @@ def render(folder: Path, suffix: str, members: int) -> dict[str, float]:
     from catalogs.vocabulary.scene import ViewPlan
     from insitu.ensembles.ensemble import run_ensemble
     from insitu.ensembles.files import FileEnsemble
+    from insitu.fields.location import FieldLocation
     from insitu.members.planning import PlanOptions
     from insitu.readers.tables import match_files
     from render import to_grid
 
     place: dict[str, Any] = {"spacing": SPACING} if suffix == "npy" else {}
-    ensemble = FileEnsemble.of(match_files(PATTERN.format(suffix=suffix), folder), **place)
+    ensemble = FileEnsemble.of(match_files(PATTERN.format(suffix=suffix), folder), location=FieldLocation(**place))
     planned = ensemble.members()[:members]
     read = []
     for member in planned:

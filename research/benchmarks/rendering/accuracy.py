@@ -26,7 +26,6 @@ from render import Grid, choose_sample_distance, render_views, to_grid
 from render.isosurface import SUPERSAMPLING, extract
 from render.placement import Placement
 from render.quality import psnr
-from render.raymarch import converged
 from render.views import Renderer
 from render.volume import image_data
 from render.window import aim, open_window
@@ -34,6 +33,7 @@ from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, stopw
 from research.benchmarks.rendering.hard_inputs import hard_inputs
 from research.benchmarks.splatting.figures import panels
 from research.benchmarks.timing import processor_seconds
+from tests.support.raymarch import converged
 
 PAGE, FIGURE = DOCS / "rendering.md", DOCS / "rendering.png"
 SCENE = PROJECT / "scenes" / "tgv-dvr.toml"

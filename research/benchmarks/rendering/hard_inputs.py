@@ -11,7 +11,7 @@ from catalogs.vocabulary.appearance import Isosurface, TransferFunction, VolumeR
 from catalogs.vocabulary.cameras import Camera
 from render import Grid, render_views, to_grid
 from render.quality import psnr
-from render.raymarch import march
+from tests.support.raymarch import march
 
 ISOVALUE, OUTLIER = 5.0, (5, 5, 5)
 

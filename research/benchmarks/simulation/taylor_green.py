@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
 from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, stopwatch, table, titled, write_parts
 from research.benchmarks.splatting.figures import panels
 from research.benchmarks.timing import processor_seconds
+from tests.support.periodic_box import PeriodicBox
 
 PAGE, FIGURE = DOCS / "taylor_green.md", DOCS / "taylor_green.png"
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"

@@ -21,6 +21,7 @@ from insitu.cli import main
 from insitu.ensembles.ensemble import run_ensemble
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.sources import ensemble_of
+from insitu.fields.location import FieldLocation
 from insitu.members.planning import PlanOptions
 from insitu.readers.tables import match_files, read_table
 from tests.support.executors import AtOnce
@@ -71,7 +72,7 @@ def write(folder: Path, suffix: str = ".npy") -> FileEnsemble:
     pattern = f"run_{{width}}/dump_{{}}{suffix}"
     arrays = () if suffix == ".npy" else ("f",)
     place: dict[str, Any] = PLACE if suffix in (".npy", ".npz") else {}
-    return FileEnsemble.of(match_files(pattern, folder), arrays=arrays, **place)
+    return FileEnsemble.of(match_files(pattern, folder), arrays=arrays, location=FieldLocation(**place))
 
 
 def render(path: Path, ensemble: FileEnsemble, look: VolumeRendering = VOLUME, **more: Any) -> Any:
@@ -122,8 +123,9 @@ def test_members_keep_their_file_and_a_changed_one_is_named(tmp_path: Path) -> N
 def test_another_array_or_place_is_another_ensemble(tmp_path: Path) -> None:
     path, ensemble = tmp_path / "a.cdb", write(tmp_path, ".npz")
     render(path, ensemble, shard=(1, 2))
-    for changes in ({"arrays": ("other",), **PLACE}, {"arrays": ("f",), "spacing": (0.1, 0.1, 0.2)}):
-        other = FileEnsemble.of(match_files("run_{width}/dump_{}.npz", tmp_path), **changes)
+    for array, place in (("other", PLACE), ("f", {"spacing": (0.1, 0.1, 0.2)})):
+        table, location = match_files("run_{width}/dump_{}.npz", tmp_path), FieldLocation(**place)  # type: ignore[arg-type]
+        other = FileEnsemble.of(table, arrays=(array,), location=location)
         with pytest.raises(ValueError, match=r"source\.(arrays|spacing)"):
             render(path, other, shard=(2, 2))
 

@@ -24,6 +24,7 @@ from insitu.cli import main
 from insitu.ensembles.ensemble import run_ensemble
 from insitu.ensembles.files import FileEnsemble
 from insitu.ensembles.watch import Arrivals, WatchOptions, space_for, watch_folder
+from insitu.fields.location import FieldLocation
 from insitu.members.planning import PlanOptions
 from insitu.readers.tables import TableRow
 from tests.support.executors import AtOnce
@@ -32,7 +33,7 @@ from tests.support.hooked import SPACING, blob
 PROJECT = Path(__file__).resolve().parents[3]
 SPACE = ParameterSpace((Parameter("w", 0.0, 1.0),))
 OPTIONS = PlanOptions(SPACE, (Isosurface("core", 0.5),), ViewPlan(frequency=1, width=8, height=8))
-ENSEMBLE = FileEnsemble({}, SPACE, spacing=SPACING)
+ENSEMBLE = FileEnsemble({}, SPACE, location=FieldLocation(spacing=SPACING))
 PATTERN = "dump_{w}.npy"
 
 

@@ -15,8 +15,8 @@ from catalogs.vocabulary.scene import ViewPlan
 from insitu import Session
 from render import choose_sample_distance, to_grid
 from render.quality import psnr
-from render.raymarch import march
 from render.steepness import mean_change
+from tests.support.raymarch import march
 
 COLORS = ((-1.0, 0.1, 0.2, 0.9), (0.0, 0.9, 0.9, 0.8), (1.0, 0.9, 0.1, 0.0))
 PEAKS = VolumeRendering("peaks", TransferFunction(COLORS, ((-0.2, 0.0), (0.1, 0.9), (0.4, 0.0), (1.0, 0.0)), 0.3))

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from insitu.ensembles.files import FileEnsemble
+from insitu.fields.location import FieldLocation
 from insitu.readers import adios
 from insitu.readers.files import read_data
 from insitu.readers.reader import Sampling
@@ -121,7 +122,7 @@ def test_claims_are_not_believed(
     (tmp_path / "run.bp").touch()
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ValueError, match=message):
-        read_data(tmp_path / "run.bp", spacing=(1, 1, 1))
+        read_data(tmp_path / "run.bp", FieldLocation(spacing=(1, 1, 1)))
 
 
 def test_without_the_library_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from insitu.fields.location import FieldLocation
 from insitu.readers import amrex
 from insitu.readers.amrex_header import is_plotfile, read_plotfile
 from insitu.readers.files import read_data, read_field
@@ -99,7 +100,7 @@ def test_what_cannot_be_had_is_told(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no array 'T': the plotfile has density, Temp"):
         read_data(path, array="T")
     with pytest.raises(ValueError, match="leave spacing out"):
-        read_data(path, array="Temp", spacing=(1, 1, 1))
+        read_data(path, array="Temp", location=FieldLocation(spacing=(1, 1, 1)))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from insitu.fields.location import FieldLocation
 from insitu.readers.cloverleaf import recognizes
 from insitu.readers.files import read_data, read_field
 from insitu.readers.reader import Sampling
@@ -106,7 +107,7 @@ def test_what_a_dump_does_not_have_is_told(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no array 'temperature': the file has density, energy, x_vel"):
         read_data(path, array="temperature")
     with pytest.raises(ValueError, match="say where their values lie: leave spacing out"):
-        read_data(path, array="energy", spacing=(1, 1, 1))
+        read_data(path, array="energy", location=FieldLocation(spacing=(1, 1, 1)))
     with pytest.raises(ValueError, match="files of cloverleaf are not resampled: leave resolution out"):
         read_data(path, array="energy", sampling=Sampling((2, 2, 2)))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from insitu.simulations.periodic_box import PeriodicBox
+from tests.support.periodic_box import PeriodicBox
 
 VISCOSITY = 0.05
 DRIFT = (0.7, -0.4)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import insitu.simulations.taylor_green as module
-from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
+from tests.support.periodic_box import PeriodicBox
 
 REFERENCE = "TGV_Re1600_incompact3d_512.dat"
 

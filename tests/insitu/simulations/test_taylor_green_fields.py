@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from insitu.simulations import Field, simulation
-from insitu.simulations.periodic_box import PeriodicBox
 from insitu.simulations.runge_kutta import FlowState
 from insitu.simulations.taylor_green import TaylorGreen
 from insitu.simulations.taylor_green_fields import SIMULATION, dumps, run, run_fields
+from tests.support.periodic_box import PeriodicBox
 
 
 def test_run_returns_a_field_to_render():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from insitu.ensembles.files import FileEnsemble
+from insitu.fields.location import FieldLocation
 from insitu.readers.tables import match_files
 from render import to_grid
 from research.benchmarks.ensembles.files import PATTERN, SPACING, WRITERS, blob, write
@@ -20,7 +21,7 @@ def test_formats_hold_the_same(tmp_path: Path, suffix: str) -> None:
     megabytes = write(tmp_path, suffix, members=3, size=8)
     assert 0.001 < megabytes < 0.05
     place = {"spacing": SPACING} if suffix == "npy" else {}
-    ensemble = FileEnsemble.of(match_files(PATTERN.format(suffix=suffix), tmp_path), **place)
+    ensemble = FileEnsemble.of(match_files(PATTERN.format(suffix=suffix), tmp_path), location=FieldLocation(**place))
     members = ensemble.members()
     assert [m.parameters["width"] for m in members] == pytest.approx([0.2, 0.4, 0.6])
     grid = to_grid(ensemble.field(members[1], lambda fraction: None))

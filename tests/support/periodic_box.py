@@ -8,7 +8,7 @@ of the advection term coincide, and without viscosity energy and helicity are co
 The tensor u_i u_j loses its trace to the pressure and needs five forward transforms instead of six (Basdevant 1983,
 J. Comput. Phys. 50).
 
-This is the readable twin that `taylor_green` is tested against; that one is far faster for its one flow.
+This is the reference implementation that `insitu.simulations.taylor_green` is tested against, which is far faster for its one flow.
 """
 
 from __future__ import annotations
