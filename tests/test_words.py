@@ -29,7 +29,6 @@ ALLOWED = (
     "research",
     "tests",
     "examples",
-    "docs",
 )
 
 

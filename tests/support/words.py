@@ -23,7 +23,7 @@ PHRASES = re.compile(
     re.IGNORECASE,
 )
 STARTS = re.compile(r"(?:What|Whether|Where|How)\b")
-SENTENCE_END = re.compile(r"(?<=[.!?])[)\"'`*]*\s+(?=[\"'`(*\[]*[A-Z0-9`])")
+SENTENCE_END = re.compile(r"(?<=[.!?])[)\"'`*]*\s+(?=[\"'`(*\[]*[A-Z0-9`¹²³⁴])")
 LITERALS = re.compile(r"//.*|/\*.*?\*/|\"[^\"\n]*\"|'[^'\n]*'|`[^`]*`|<!--.*?-->|>[^<>]+<", re.DOTALL)
 ITEM = re.compile(r"[-*] |\d+\. |[\w`*., ]{1,60} : ")
 SKIPPED = re.compile(r"```|\||#|>>>|\.\.\. |---|[$>] |!\[.*\)$")

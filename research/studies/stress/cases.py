@@ -29,7 +29,7 @@ from surrogate.splatting import Constants, Primitives
 IMAGE, GRADIENT = 1e-5, 5e-5  # where nothing asks for others: some 100 and 500 roundings of float32
 FLOOR = 1.0 / 255.0
 FAR = torch.tensor([1e6, -2e6, 5e5], dtype=torch.float64)  # where numbers of float32 are 0.06 to 0.13 apart
-WHY_STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so that the rounding of a place (4e-6 px) is seen"
+WHY_STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so the rounding of a position (4e-6 px) is visible"
 STEEP: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": WHY_STEEP}
 
 
@@ -163,7 +163,7 @@ def _opacities() -> list[Case]:
     def with_opacities(first: float, second: float) -> Callable[[], Primitives]:
         return lambda: cloud()._replace(opacities=with_every_third(cloud().opacities, first, second))
 
-    behind = "all that is left of a gradient behind layers that let 1e-4 through is a difference of numbers 10^4 times as large"
+    behind = "behind layers that let 1e-4 through, a gradient is a difference of numbers 10^4 times as large"
     return [
         Case("opacity 0 and denormal (1e-42)", with_opacities(0.0, 1e-42)),
         Case("opacity 1e-8 and 1 - 1e-7", with_opacities(1e-8, 1.0 - 1e-7)),

@@ -35,9 +35,9 @@ ABSCISSAS, WEIGHTS = np.polynomial.legendre.leggauss(20)
 # Bounds where nothing asks for others.  The kernel interpolates a table of averages, whose slopes err more than its values.
 SHOWN, GRADIENT = 1e-5, 5e-4
 STEP = 1e-12  # of the range: a control point has to lie beyond the one before it
-WHY_STEEP = "the extinction changes within the least spread, so that the rounding of a value (6e-8) is seen"
+WHY_STEEP = "the extinction changes within the least spread, so the rounding of a value (6e-8) is visible"
 STEEP: dict[str, Any] = {"shown": 1e-4, "why": WHY_STEEP}
-WHY_NARROW = "what the rising half of a needle adds, its falling half takes away again, but for its width"
+WHY_NARROW = "the falling half of a needle cancels its rising half, except for its width"
 
 Apply = Callable[[AverageTable, Tensor, Tensor], tuple[Tensor, Tensor]]
 
@@ -108,7 +108,7 @@ def function_cases() -> list[FunctionCase]:
             values=(0.5, 0.5),
             spreads=(1e-30, 1e-12),
             gradient=2e-3,
-            why="in the middle of a step no spread changes the average: the largest of these gradients is small",
+            why="in the middle of a step no spread changes the average, so the largest of these gradients is small",
         ),
         FunctionCase("values beyond the function, to a million ranges", ramp, values=(-1e6, 1e6)),
         FunctionCase("values beyond the function, next to its ends", ramp, values=(-0.6, 1.6), spreads=(1e-3, 10.0)),

@@ -23,7 +23,7 @@ PAGE, PICTURE = "stress.md", "stress.png"
 COLUMNS = 9
 INTRODUCTION = """# Hard cases
 
-Each row below is a scene that is not ordinary. It is drawn and differentiated in float32 by {backends}, and by the float64
+Each row below is an extreme scene. It is drawn and differentiated in float32 by {backends}, and by the float64
 reference implementation (`surrogate/splatting/reference.py`), which defines the right result. Every row has bounds of its own;
 `python -m research.studies stress` ends with an error if one is missed. Nothing is repaired before the comparison: a NaN
 anywhere is a miss.
@@ -140,7 +140,8 @@ def _function_blocks(functions: Sequence[FunctionOutcome]) -> list[str]:
 
 def _reasons(cases: Sequence[Case | FunctionCase]) -> str:
     reasons = dict.fromkeys(case.why for case in cases if case.why)
-    return "\n".join(f"- {why}: {'; '.join(case.name for case in cases if case.why == why)}." for why in reasons)
+    rows = [(why, "; ".join(case.name for case in cases if case.why == why)) for why in reasons]
+    return table_of(rows, ("reason", lambda row: row[0]), ("rows", lambda row: row[1]))
 
 
 def _verdicts(heading: str, rows: Sequence[Sequence[Outcome]]) -> str:
@@ -168,7 +169,7 @@ def _drift_blocks(drift: Drift) -> list[str]:
         ("float32", lambda at: f"{at[2].psnr:.2f} dB"),
         ("nudged", lambda at: f"{at[3].psnr:.2f} dB"),
     )
-    verdict = f"**It does**: {'; '.join(drift.complaints)}." if drift.complaints else "It does not."
+    verdict = f"**It drifts**: {'; '.join(drift.complaints)}." if drift.complaints else "It does not drift."
     return [DRIFT.format(decibels=MOST_DECIBELS, times=MOST_TIMES), shown, verdict]
 
 

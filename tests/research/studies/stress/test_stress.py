@@ -171,7 +171,7 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
     assert done.output.count("holds ") == rows * len(kernels.instruction_sets()) + len(function_cases())
     page = (tmp_path / "good" / "stress.md").read_text()
     assert "All rows hold." in page
-    assert "It does not." in page
+    assert "It does not drift." in page
     assert "\n| 60 | " in page
     assert "\n| one Gaussian | 1e-05 | " in page
     assert "\n| NaN in means | yes |\n" in page
