@@ -1,4 +1,4 @@
-"""What notebooks show of a surrogate, and of its Gaussians at some parameters: facts and a small picture, as HTML."""
+"""Notebook cards of a surrogate, and of its Gaussians at some parameters: facts and a small image, as HTML."""
 
 from __future__ import annotations
 

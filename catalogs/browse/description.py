@@ -1,4 +1,4 @@
-"""What the page knows of a catalog: columns rather than an object per member, so that 100,000 members stay a few megabytes."""
+"""A catalog as its page needs it: columns rather than an object per member, so that 100,000 members stay a few megabytes."""
 
 from __future__ import annotations
 
@@ -20,15 +20,21 @@ Item = TypeVar("Item", bound=Hashable)
 
 
 def describe(catalog: Catalog) -> dict[str, Any]:
-    """What the page needs to know of the catalog, as JSON values.
+    """The catalog as JSON values.
 
-    Keys: `title`; `splits`, the names that all other splits are numbers of; `parameters` and `visualization` (`name`, `unit`,
-    `low`, `high`; of the latter also `values`, one per appearance, None where it has none); `appearances` (`name`, `title`,
-    `kind`, and `group` of those in a variation); `background` as a CSS color or None; `files`, the file name of each view;
-    `viewpoints`, sets of [x, y, z, up x, up y, up z] per view, unit vectors from the volume's middle towards the camera and to
-    the top of its picture; `view_splits` of each such set, a digit per view; `members`, columns: `names`, `splits` (a digit
-    each), `values` (a list per parameter), and, None where all have the first or only, `viewpoints` (which set) and
-    `appearances` (which of `appearance_sets`, lists of numbers).
+    Keys
+    ----
+    title : of the page.
+    splits : names, of which all other splits are numbers.
+    parameters, visualization : `name`, `unit`, `low`, `high`; of the latter also `values`, one per appearance or None.
+    appearances : `name`, `title`, `kind`, and `group` of those in a variation.
+    background : a CSS color or None.
+    files : the file name of each view.
+    viewpoints : sets of [x, y, z, up x, up y, up z] per view, unit vectors from the volume's middle to the camera, and upwards.
+    view_splits : of each such set, a digit per view.
+    appearance_sets : lists of numbers of appearances.
+    members : columns `names`, `splits` (a digit each), `values` (a list per parameter), `viewpoints` and `appearances`.  The last
+        two are numbers of sets, or None where all members have the first.
     """
     plan = catalog.plan
     members = catalog.members

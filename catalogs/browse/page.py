@@ -3,8 +3,7 @@
 The page works from any static host and straight from the file system, where a script may not fetch files: so the members and
 viewpoints travel inside it.  It asks nobody else for anything, and its content security policy holds it to that.
 
-Put together here rather than by a bundler or a template engine: plain files are joined in a fixed order, so that a catalog needs no
-Node.js where it is made.
+Plain files are joined here in a fixed order rather than by a bundler: a catalog needs no Node.js where it is made.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ class CatalogRequest(BaseHTTPRequestHandler):
     do_HEAD = do_GET
 
     def _is_let_in(self) -> bool:
-        """Whether the request has access; else answers it, and exchanges a token in the address for a cookie."""
+        """True if the request has access; else answers it, and exchanges a token in the address for a cookie."""
         access, query = self.server.access, parse_qs(urlsplit(self.path).query)
         brought = query.get("token", [None])[0]
         cookies = dict(pair.strip().partition("=")[::2] for pair in self.headers.get("Cookie", "").split(";"))
@@ -149,7 +149,7 @@ def open_below(folder: Path, name: str) -> BinaryIO:
         os.close(here)
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)
-        raise ValueError(f"{name!r} is no plain file")
+        raise ValueError(f"{name!r} is not a plain file")
     return os.fdopen(file, "rb")
 
 
@@ -162,9 +162,9 @@ def packed_picture(catalog: Catalog, name: str) -> bytes:
     member = catalog.member(of)
     view = int(Path(file).stem)
     if appearance not in member.appearances or not 0 <= view < len(member.cameras):
-        raise ValueError(f"{name!r} is no picture")
+        raise ValueError(f"{name!r} is not a picture")
     if name != f"{folder}/{of}/{catalog.plan.image_name(appearance, view)}" or folder != MEMBERS:
-        raise ValueError(f"{name!r} is no picture")
+        raise ValueError(f"{name!r} is not a picture")
     open_below(catalog.path, f"{folder}/{of}/{PACK}").close()
     return pack_of(member).file(number_of(member, appearance, view))[0]
 

@@ -1,7 +1,7 @@
 """Who may use a server of this project: pages of this machine, or whoever brings a token.
 
-A page of any web site may try to reach a server on 127.0.0.1, by a host name of its own that resolves to it (DNS rebinding), or by
-a WebSocket, which browsers let it open anywhere.  So a request must name the server by one of its own names, and come from no other
+A page of any web site may try to reach a server on 127.0.0.1.  It may use a host name of its own that resolves to it (DNS
+rebinding), or a WebSocket.  So a request must name the server by one of its own names, and come from no other
 site.  A server that others can reach wants a random token as well.  The printed address holds it; it is exchanged for a cookie, so
 that the page's address can be passed on.
 """
@@ -22,7 +22,7 @@ LOCAL = "127.0.0.1"
 
 @dataclass(frozen=True)
 class Access:
-    """What a server that listens on `host` answers.
+    """Access to a server that listens on `host`.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Access:
         return f"gs-surrogate-{hashlib.sha256(self.token.encode()).hexdigest()[:8]}"
 
     def address(self, port: int) -> str:
-        """What to open, with the token where one is needed; behind a proxy it is a path, below that of Jupyter."""
+        """The address to open, with the token where one is needed; behind a proxy it is a path, below that of Jupyter."""
         brought = f"?token={self.token}" if self.token else ""
         if self.base_url:
             return f"{'/'.join(['', *filter(None, self.base_url.split('/'))])}/proxy/{port}/{brought}"
@@ -55,7 +55,7 @@ class Access:
         return f"http://{name}:{port}/{brought}"
 
     def is_named_by(self, header: str) -> bool:
-        """Whether a request's Host header names this server.
+        """True if a request's Host header names this server.
 
         Plain addresses need no such care where there is a token; without one only loopback ones are answered.  Behind a proxy
         the name is that of the proxy, and the token alone counts.
@@ -72,8 +72,8 @@ class Access:
     def refusal(self, hosts: Sequence[str], origin: str | None, tokens: Sequence[str | None]) -> str:
         """Why a request is refused; "" where it is answered.
 
-        `hosts` are the names by which it calls the server, its Host header first; `origin` is its Origin header, and `tokens`
-        are what it brings as one; None for what it lacks.
+        `hosts` are the names by which it calls the server, its Host header first.  `origin` is its Origin header, and `tokens` are
+        those that it brings; None for what it lacks.
         """
         if not all(map(self.is_named_by, hosts)):
             return "this server answers to its own address only"
@@ -84,7 +84,7 @@ class Access:
         return ""
 
     def is_token(self, said: str | None) -> bool:
-        """Whether this is the token, found out in a time that tells nothing of it."""
+        """True if this is the token; the time that it takes is independent of it."""
         return said is not None and hmac.compare_digest(said.encode(errors="replace"), self.token.encode())
 
     def _names(self) -> set[str]:
@@ -96,13 +96,13 @@ class Access:
 
 
 def is_local(host: str) -> bool:
-    """Whether only this machine reaches a server that listens there."""
+    """True if only this machine reaches a server that listens there."""
     address = _address(host)
     return host == "localhost" or (address is not None and address.is_loopback)
 
 
 def is_any(host: str) -> bool:
-    """Whether the host stands for all of the machine's addresses."""
+    """True if the host stands for all of the machine's addresses."""
     address = _address(host)
     return host == "" or (address is not None and address.is_unspecified)
 

@@ -1,4 +1,4 @@
-"""What a browser may ask for: types, lengths, ranges and sizes of every message are checked before anything is drawn."""
+"""Requests of a browser: types, lengths, ranges and sizes of every message are checked before anything is drawn."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def camera_of(record: Any, size: Any, surrogate: Surrogate) -> Camera:
     try:
         return Camera.look_at(position, target, vertical_fov_degrees=field, width=width, height=height, up=up)
     except ValueError as error:
-        raise MessageError(f"this is no camera: {error}") from None
+        raise MessageError(f"not a camera: {error}") from None
 
 
 def color_of(value: Any) -> Color:

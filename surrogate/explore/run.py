@@ -1,4 +1,4 @@
-"""What an explorer looks at: a run's surrogate, and its catalog where it is still there."""
+"""The run that an explorer shows: its surrogate, and its catalog where it is still there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIDE = 512  # pixels of pictures where no catalog says another size
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A surrogate with what stands beside it."""
+    """A surrogate with its catalog and folder."""
 
     title: str  # of the window
     surrogate: Surrogate
@@ -69,7 +69,7 @@ class Run:
 
     @cached_property
     def origins(self) -> dict[str, float]:
-        """Where the inner control points of `base_function` lie, by the names of their displacements."""
+        """Values and opacities of the inner control points of `base_function`, by the names of their displacements."""
         return origins_of(self.base_function)
 
     @property

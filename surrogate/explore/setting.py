@@ -1,4 +1,4 @@
-"""What a picture of the explorer shows, whatever its camera."""
+"""Settings: what an image of the explorer shows, whatever its camera."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Setting:
 
 
 def listed(values: Mapping[str, float | str], origins: Mapping[str, float] | None = None) -> str:
-    """Such as "Re=1800, appearance=speed"; values with an origin are told from zero on, as in `shown`."""
+    """Such as "Re=1800, appearance=speed"; values with an origin are given from zero on, as in `shown`."""
     return ", ".join(f"{name}={_word(value)}" for name, value in shown(values, origins).items())
 
 

@@ -57,7 +57,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"camera": {**CAMERA, "position": [1, 2]}}, "camera.position must be a list of 3"),
     ({"camera": {**CAMERA, "position": [1, 2, math.nan]}}, "camera.position must be finite"),
     ({"camera": {**CAMERA, "position": [1e30, 2, 3]}}, "half sizes of the volume away"),
-    ({"camera": {**CAMERA, "target": CAMERA["position"]}}, "this is no camera"),
+    ({"camera": {**CAMERA, "target": CAMERA["position"]}}, "not a camera"),
     ({"camera": {**CAMERA, "up": [0, 0, 0]}}, "camera.up must have a length"),
     ({"camera": {**CAMERA, "field": 0}}, "camera.field must lie in"),
     ({"camera": {**CAMERA, "field": 180}}, "camera.field must lie in"),

@@ -17,7 +17,7 @@ const axes = [
   ...categories("split", "member", presentSplits, memberSplits.map(i => presentSplits.indexOf(catalog.splits[i]))),
 ];
 
-// The first category is at the top.  One is no axis, and too many can't be told apart on one.
+// The first category is at the top.  A single one needs no axis, and too many can't be distinguished on one.
 function categories(name, of, names, numbers) {
   if (names.length < 2 || names.length > CATEGORIES) return [];
   const column = Float64Array.from(numbers, number => names.length - 1 - number);

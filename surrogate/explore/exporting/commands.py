@@ -99,17 +99,17 @@ def _write(folder: Path, output: Path, kinds: Sequence[str], options: Mapping[st
         if options.get("compare") and kind != "png":
             raise ValueError(f"a comparison is a PNG, got {output.name}")
         if not output.parent.is_dir():
-            raise ValueError(f"{output.parent} is no folder: make it first")
+            raise ValueError(f"{output.parent} is not a folder: make it first")
         from catalogs.files import durable
         from surrogate.explore.exporting.naming import file_name
-        from surrogate.explore.exporting.options import from_options, guesses
+        from surrogate.explore.exporting.options import extrapolations, from_options
         from surrogate.explore.reliability.expectation import known
         from surrogate.explore.run import Run
 
         run = Run.open(folder)
         request, expectation = from_options(options, kind, run), known(run)
-        for guess in guesses(request, run):
-            click.echo(guess, err=True)
+        for sentence in extrapolations(request, run):
+            click.echo(sentence, err=True)
         with ProgressLine() as line:
             content = request.content(run, lambda *drawn: line.count("drawing", *drawn) if drawn else None, expectation)
         target = output / f"{file_name(run, request)}.{KINDS[kind][0]}" if output.is_dir() else output

@@ -1,4 +1,4 @@
-"""The difference of two pictures, as a coloured map and in numbers."""
+"""The difference of two images, as a coloured map and in numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from surrogate.evaluation.metrics import decibels
 
-COLOR_MAP = "inferno"  # perceptually uniform, readable in gray and without red-green vision; black is no difference
+COLOR_MAP = "inferno"  # perceptually uniform, readable in gray and without red-green vision; black where both agree
 ENTRIES = 256
 RANGES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # between which pictures in motion flicker least
 SHOWN = 0.995  # of the pixels lie within the chosen range; a few bright ones would darken all the others

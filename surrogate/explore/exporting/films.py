@@ -1,4 +1,4 @@
-"""Films of pictures: animated GIF, or MP4."""
+"""Films: animated GIF, or MP4."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.kinds import FRAMES_PER_SECOND
 
 SLOWEST, FASTEST = 0.5, 50.0  # browsers show GIFs of more than 50 pictures a second at 10
-COLORS = 256
-CONSTANT_RATE_FACTOR = 18  # of x264: hardly to be told from the original
+CONSTANT_RATE_FACTOR = 18  # of x264: hardly distinguishable from the original
 BT709, LIMITED = 1, 1  # ITU-T H.273: what players take a film's colours for, and what these are converted to
 
 
@@ -27,26 +26,26 @@ def film_bytes(
     there_and_back: bool = False,
     go_on: Callable[[], Any] = lambda: None,
 ) -> bytes:
-    """Pictures (H, W, 3) in [0, 1], or uint8, as a film.
+    """Images (H, W, 3) in [0, 1], or uint8, as a film.
 
-    With `there_and_back` it runs backwards from the last picture, each end once, so that nothing jumps.  `go_on` is called before
-    each picture is written, and what it raises ends the film.
+    With `there_and_back` it runs backwards from the last image, each end once.  `go_on` is called before each image is written;
+    an error that it raises ends the film.
 
-    "gif" never ends.  Each picture has a palette of its own, 256 colours by median cut (Heckbert 1982), and is not dithered: on
-    volume renderings that is 2 to 7 dB better than dithering, and 1 to 8 dB better than octrees.  A picture of 256² takes 0.1 s.
-    Times are rounded to 1/100 s.
+    "gif" is endless.  Each image has a palette of its own: 256 colours by median cut (Heckbert 1982), without dithering, which
+    costs 2 to 7 dB on volume renderings.  An image of 256² takes 0.1 s.  Times are rounded to 1/100 s.
 
     "mp4" is H.264 that browsers and QuickTime play.  Colours have half the resolution (4:2:0, Rec. 709): nothing else plays
-    everywhere.  A picture of odd width or height repeats its last column or row.
+    everywhere.  An image of odd width or height repeats its last column or row.  Written by PyAV itself: imageio (2.38) offers
+    neither the colour matrix nor odd sizes, and its films are 8 dB worse.
 
-    Raises ValueError for fewer than two pictures, of different shapes, or a rate that is not in 0.5 to 50 a second; for MP4 also
-    where PyAV is not installed or has no H.264 encoder.
+    Raises ValueError for fewer than two images, images of different shapes, or a rate that is not in 0.5 to 50 a second.  For MP4
+    it raises it where PyAV is not installed or has no H.264 encoder, too.
     """
     if not SLOWEST <= frames_per_second <= FASTEST:
         raise ValueError(f"a film has {SLOWEST:g} to {FASTEST:g} pictures a second, got {frames_per_second:g}")
     if kind == "mp4":
         _check_encoder()
-    frames: Iterable[Any] = _checked(pictures) if kind == "mp4" else map(_with_palette, _checked(pictures))
+    frames: Iterable[NDArray[np.uint8]] = _checked(pictures)
     if there_and_back:
         forwards = list(frames)
         frames = forwards + forwards[-2:0:-1]
@@ -55,9 +54,11 @@ def film_bytes(
     return stream.getvalue()
 
 
-def _write_gif(stream: io.BytesIO, frames: Iterator[Any], frames_per_second: float) -> None:
-    milliseconds = 10 * round(100.0 / frames_per_second)
-    next(frames).save(stream, "GIF", save_all=True, append_images=frames, duration=milliseconds, loop=0)
+def _write_gif(stream: io.BytesIO, frames: Iterator[NDArray[np.uint8]], frames_per_second: float) -> None:
+    from PIL import Image
+
+    images, milliseconds = map(Image.fromarray, frames), 10 * round(100.0 / frames_per_second)
+    next(images).save(stream, "GIF", save_all=True, append_images=images, duration=milliseconds, loop=0)
 
 
 def _check_encoder() -> None:
@@ -100,7 +101,7 @@ def _watched(frames: Iterable[Any], go_on: Callable[[], Any]) -> Iterator[Any]:
 
 
 def _checked(pictures: Iterable[NDArray[Any]]) -> Iterator[NDArray[np.uint8]]:
-    """The pictures as contiguous uint8; raises ValueError where they make no film."""
+    """The images as contiguous uint8; raises ValueError where they make no film."""
     shape: tuple[int, ...] = ()
     count = 0
     for picture in pictures:
@@ -111,9 +112,3 @@ def _checked(pictures: Iterable[NDArray[Any]]) -> Iterator[NDArray[np.uint8]]:
         yield np.ascontiguousarray(to_bytes(picture))
     if count < 2:
         raise ValueError(f"a film consists of two pictures or more, got {count}")
-
-
-def _with_palette(picture: NDArray[np.uint8]) -> Any:
-    from PIL import Image
-
-    return Image.fromarray(picture).quantize(COLORS, method=Image.Quantize.MEDIANCUT)

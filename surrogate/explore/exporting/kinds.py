@@ -1,4 +1,4 @@
-"""What can be exported, as which files, and how much of it unless something else is asked for.
+"""Kinds of exports, their files, and their default lengths.
 
 Nothing heavy is imported here, so that the commands' help can name it.
 """

@@ -1,48 +1,60 @@
-"""Text on pictures: its size, its colour, and lines that fit."""
+"""Images and text composed on one sheet: pixels of images stay exact, text is set in DejaVu Sans."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.files.images import to_bytes
 
 FONT = "fonts/ttf/DejaVuSans.ttf"  # comes with matplotlib, and has the letters of units and Greek parameters
 LEAST_TEXT, MOST_TEXT = 11, 28  # pixels
-TEXT_SHARE = 1.0 / 18.0  # of the height of a picture
+TEXT_SHARE = 1.0 / 18.0  # of the height of an image
 LIGHT = 0.5  # luminance of a background from which on text is black
 
 
+def composed(
+    size: tuple[int, int],
+    background: Sequence[float],
+    images: Iterable[tuple[tuple[int, int], NDArray[Any]]],
+    texts: Iterable[tuple[tuple[float, float], str, str]],
+    text_size: int,
+) -> NDArray[np.uint8]:
+    """A sheet (H, W, 3) of `size` (width, height) pixels on the straight RGB `background`.
+
+    `images` (h, w, 3), float in [0, 1] or uint8, come with their left and top; `texts` with a point (x, y) and their anchor there,
+    as Pillow has it.  Text is black or white.
+    """
+    from PIL import Image, ImageDraw
+
+    sheet = np.full((size[1], size[0], 3), to_bytes(np.asarray(background, np.float32)))
+    for (left, top), image in images:
+        sheet[top : top + image.shape[0], left : left + image.shape[1]] = to_bytes(image)
+    drawn = Image.fromarray(sheet)
+    luminance = float(np.dot(background, (0.2126, 0.7152, 0.0722)))  # of Rec. 709
+    ink = (0, 0, 0) if luminance > LIGHT else (255, 255, 255)
+    for point, text, anchor in texts:
+        ImageDraw.Draw(drawn).text(point, text, ink, font=_font(text_size), anchor=anchor)
+    return np.asarray(drawn)
+
+
 def text_size(height: int) -> int:
-    """Pixels of text beside pictures of this height."""
+    """Pixels of text beside images of this height."""
     return int(min(MOST_TEXT, max(LEAST_TEXT, round(height * TEXT_SHARE))))
 
 
 def line_height(size: int) -> int:
-    """Pixels from line to line; even, so that films of even pictures stay even."""
+    """Pixels from line to line; even, so that films of even images stay even."""
     return 2 * (round(0.85 * size))
 
 
-def pixel(color: Sequence[float]) -> tuple[int, ...]:
-    """A colour in [0, 1] as 8 bits."""
-    return tuple(to_bytes(np.asarray(color, np.float32)).tolist())
-
-
-def ink(background: Sequence[float]) -> tuple[int, int, int]:
-    """Black or white, whichever is read on the background."""
-    luminance = float(np.dot(background, (0.2126, 0.7152, 0.0722)))  # of Rec. 709
-    return (0, 0, 0) if luminance > LIGHT else (255, 255, 255)
-
-
-@functools.cache
-def font(size: int) -> Any:
-    import matplotlib
-    from PIL import ImageFont
-
-    return ImageFont.truetype(f"{matplotlib.get_data_path()}/{FONT}", size)
+def length(text: str, size: int) -> float:
+    """Pixels that a line of text takes."""
+    return float(_font(size).getlength(text))
 
 
 def wrapped(text: str, size: int, width: int) -> list[str]:
@@ -50,8 +62,16 @@ def wrapped(text: str, size: int, width: int) -> list[str]:
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and font(size).getlength(longer) <= width:
+        if lines and length(longer, size) <= width:
             lines[-1] = longer
         else:
             lines.append(word)
     return lines
+
+
+@functools.cache
+def _font(size: int) -> Any:
+    import matplotlib
+    from PIL import ImageFont
+
+    return ImageFont.truetype(f"{matplotlib.get_data_path()}/{FONT}", size)

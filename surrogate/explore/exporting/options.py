@@ -34,8 +34,8 @@ STORED = "stored"  # what --compare takes beside parameters
 def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequest:
     """The request of a command's options, for one of `KINDS`: `surrogate export`'s, or `surrogate sweep`'s for sheets and films.
 
-    Simulation parameters that neither they nor the picture to be `like` tell stand in the middle of their bounds.  Raises
-    ValueError for wrong options.
+    Simulation parameters that neither they nor the image to be `like` give are in the middle of their bounds.  Raises ValueError
+    for wrong options.
     """
     surrogate = run.surrogate
     like, camera, kept = _kept(options["like"]) if options.get("like") else (Setting({}), None, None)
@@ -61,8 +61,8 @@ def from_options(options: Mapping[str, Any], kind: Any, run: Run) -> CommandRequ
     return FilmRequest(*request, kind, options["fps"], options["there_and_back"], options["caption"])
 
 
-def guesses(request: CommandRequest, run: Run) -> list[str]:
-    """Sentences naming what lies out of bounds, where a surrogate can only guess."""
+def extrapolations(request: CommandRequest, run: Run) -> list[str]:
+    """Sentences that name values out of bounds, where the surrogate extrapolates."""
     if isinstance(request, SheetRequest | FilmRequest):
         setting, axes = request.sweep.base, request.sweep.axes
     else:
@@ -75,7 +75,9 @@ def guesses(request: CommandRequest, run: Run) -> list[str]:
         if low < of.low or high > of.high:
             first, last, least, most = (x + run.origins.get(name, 0.0) for x in (low, high, of.low, of.high))
             far = f"{first:g}" if low == high else f"{first:g} to {last:g}"
-            sentences.append(f"{name} = {far} lies outside its bounds [{least:g}, {most:g}]: a guess")
+            sentences.append(
+                f"{name} = {far} lies outside its bounds [{least:g}, {most:g}]: extrapolating beyond the training range"
+            )
     return sentences
 
 
@@ -92,7 +94,7 @@ def _kept(path: Path) -> tuple[Setting, Camera | None, Color | None]:
 
 
 def _setting(run: Run, assignments: Sequence[str], color_map: str, like: Setting) -> Setting:
-    """What the assignments ask for, over another setting, over the middle of all bounds; checked as a message of the page is."""
+    """The setting of assignments over `like` over the middle of all bounds, checked as a message of the page is."""
     space, asked = run.surrogate.space, dict(map(_assignment, assignments))
     known = [*space.names, *run.surrogate.visualization_names]
     strange = [name for name in asked if name not in known]
@@ -160,7 +162,7 @@ def _color(parts: Any) -> Color:
 
 
 def _pixels(size: str, camera: Camera) -> tuple[int, int]:
-    """Width and height of "640x480", of "512", or of "2x": so many times those of the camera."""
+    """Width and height of "640x480", of "512", or of "2x": twice those of the camera."""
     text = size.lower()
     width, _, height = text.partition("x")
     try:

@@ -1,4 +1,4 @@
-"""Pictures as files and messages: quick JPEG while something moves, and PNG and EXR that say how they were made."""
+"""Images as files and messages: quick JPEG while something moves, and PNG and EXR that record how they were made."""
 
 from __future__ import annotations
 
@@ -35,9 +35,8 @@ def encode(picture: NDArray[Any], kind: Kind, *, record: Mapping[str, Any] | Non
     Parameters
     ----------
     picture : (H, W, 3), or (H, W, 4) with premultiplied alpha; float32 in [0, 1], or uint8.
-    kind : "jpeg", whose colours keep their full resolution: with half of it pictures of saturated fields lose 4 dB, and are worse
-        than full ones of equal size; "png", 8 bits and straight alpha; or "exr", float32 and premultiplied as that format means
-        alpha: every bit of a float picture is kept.
+    kind : "jpeg", with colours at full resolution, as at half of it images of saturated fields lose 4 dB.  Or "png", 8 bits and
+        straight alpha.  Or "exr", float32 and premultiplied as that format means alpha: every bit of a float image is kept.
     record : JSON values that PNG and EXR keep and `record_of` reads, such as those of `record_for`.
 
     Raises ValueError for other shapes, dtypes or kinds, NaN (in EXR infinity too), and for a JPEG with alpha or a record, which
@@ -67,12 +66,11 @@ def record_for(
     background: Sequence[float] | None,
     expected: Expected | None = None,
 ) -> dict[str, Any]:
-    """What a picture should know of itself, as JSON values: enough to draw it again with the same surrogate.
+    """The record that an image keeps, as JSON values: enough to render it again with the same surrogate.
 
-    `surrogate` is the fingerprint of what the model was trained with, "" where it has none.  `Setting` takes back `parameters`,
-    `visualization` and `color_map`, `Camera.from_json` the `camera`; `background` is null for a transparent picture.  `expected`
-    says what error to expect in words, with `psnr` and `error` in dB, null where nothing alike was measured; it is null where
-    nobody measured yet.
+    `surrogate` is the fingerprint of the model's training, "" where it has none.  `Setting` takes back `parameters`,
+    `visualization` and `color_map`, `Camera.from_json` the `camera`; `background` is null for a transparent image.  `expected` is
+    the error to expect in words, with `psnr` and `error` in dB, null where none was measured; it is null without an expectation.
     """
     return {
         "parameters": {name: float(value) for name, value in setting.parameters.items()},

@@ -27,23 +27,24 @@ NODES = 64  # of the quadrature over how much a surface faces the viewer
 def ply_bytes(deformed: DeformedGaussians) -> bytes:
     """The Gaussians as a PLY file, in world units.
 
-    Properties are x y z, nx ny nz (zeros), f_dc_0..2, f_rest_* (9 where colours depend on the direction, 24 on lit surfaces, else
-    none), opacity, scale_0..2, rot_0..3: logits of opacities, logarithms of scales, unit quaternions w x y z.  The reference adds
-    0.5 to what its spherical harmonics sum up to, so f_dc is (color - 0.5) / `SH_C0`; its coefficients of degree 1 have our signs
-    and order (y, z, x), and stand channel by channel.  A comment holds the parameters as JSON.
+    Properties are x y z, nx ny nz (zeros), f_dc_0..2, f_rest_*, opacity, scale_0..2, rot_0..3.  These are logits of opacities,
+    log scales and unit quaternions w x y z.  There are 9 f_rest where colours depend on direction, 24 on lit surfaces, else
+    none.  The reference adds 0.5 to the sum of its spherical harmonics, so f_dc is (color - 0.5) / `SH_C0`.  Its coefficients
+    of degree 1 have our signs and order (y, z, x), channel by channel.  A comment holds the parameters as JSON.
 
-    Of Gaussians that absorb along rays the opacity is that of a ball of the same volume, from everywhere: the format has no other.
-    The light on surfaces is told by its harmonics up to degree 2, which blur highlights.  All else,
-    drawn again with this package's constants, is the same within 1e-4, but for a few pixels where Gaussians of equal
-    depth change places.  What a generic viewer does not do as this package does, so that its pictures are alike but not equal (with
-    the constants below 23 to 42 dB on four trained models, with the cut colours alone 37 to 52 dB):
+    The opacity of Gaussians that absorb along rays is that of a ball of the same volume, from everywhere: the format has no other.
+    Light on surfaces is given by its harmonics up to degree 2, which blur highlights.  All else, rendered again with this package's
+    constants, agrees within 1e-4, but for a few pixels where Gaussians of equal depth change places.
 
-    - it adds 0.3 px² to the variance of every projected Gaussian, where `Rasterizer.dilation` is mostly far less: small ones grow;
-    - it cuts each Gaussian's colour at 0 (some at 1 too), where ours may be negative and only the sum is cut;
-    - its cap of alpha is 0.99, and its near plane at 0.2 world units, whatever the size of the scene;
+    Generic viewers differ from this package, with the constants below by 23 to 42 dB on four trained models, with the cut colours
+    alone by 37 to 52 dB:
+
+    - they add 0.3 px² to the variance of every projected Gaussian; `Rasterizer.dilation` is mostly far less: small ones grow;
+    - they cut each Gaussian's colour at 0 (some at 1 too); ours may be negative, and only the sum is cut;
+    - their cap of alpha is 0.99, and their near plane is at 0.2 world units, whatever the size of the scene;
     - positions are float32 in world units: a box far from the origin loses digits;
-    - it does not know the background that opaque pictures were trained on (`Surrogate.background`);
-    - some accept only all 45 f_rest of degree 3, the reference's own viewer among them, unless told the degree.
+    - they lack the background that opaque images were trained on (`Surrogate.background`);
+    - some, such as the reference's own, accept only all 45 f_rest of degree 3 unless the degree is given.
     """
     table = _table(deformed)
     header = (
@@ -80,7 +81,7 @@ def _table(deformed: DeformedGaussians) -> NDArray[Any]:
 
 
 def _coefficients(gaussians: Gaussians) -> NDArray[np.float64]:
-    """What colours are by direction, (N, K, 3): the constant, then the factors of spherical harmonics as the reference has them."""
+    """Colours by direction, (N, K, 3): the constant, then the factors of spherical harmonics as the reference has them."""
     colors = _array(gaussians.colors)  # [N, 3 K]
     if gaussians.lighting is None:
         return colors.reshape(len(gaussians), -1, CHANNELS)

@@ -1,12 +1,11 @@
-"""Sweeps on paper: labelled strips and grids, and captions below the pictures of a film.
+"""Sweeps on paper: labelled strips and grids, and captions below the images of a film.
 
-Laid out here rather than by matplotlib: its subplots resample pictures, so that two fifths of their pixels or more change, and
-take six times as long for 200 of them.
+Laid out here rather than by matplotlib.  Its subplots resample images, so that two fifths of their pixels or more change, and take
+six times as long for 200 of them.  Its `figimage` needs the same layout in pixels.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,28 +15,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.files.images import to_bytes
-from surrogate.explore.exporting.lettering import LEAST_TEXT, font, ink, line_height, pixel, text_size
+from surrogate.explore.exporting.lettering import LEAST_TEXT, composed, length, line_height, text_size
 from surrogate.explore.exporting.pictures import encode
 from surrogate.explore.exporting.sweep import Axis, Sweep
 
-LONGEST_ROW = 8  # pictures of a strip; more are broken into rows
+LONGEST_ROW = 8  # images of a strip; more are broken into rows
 MOST_SIDE = 16384  # pixels of a sheet; what many viewers open, and PNG readers of this project
 MOST_PIXELS = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where pictures and their labels stand on a sheet, in pixels from its upper left corner."""
+    """Pixel positions on a sheet, from its upper left corner."""
 
     columns: int
     size: tuple[int, int]  # width and height of the sheet
-    first: tuple[int, int]  # left and top of the first picture
+    first: tuple[int, int]  # left and top of the first image
     steps: tuple[int, int]  # to the next column, and to the next row
     side: int  # width of the labels of rows
 
-    def place(self, index: int) -> tuple[int, int]:
-        """Left and top of a picture."""
+    def corner(self, index: int) -> tuple[int, int]:
+        """Left and top of an image."""
         row, column = divmod(index, self.columns)
         return self.first[0] + column * self.steps[0], self.first[1] + row * self.steps[1]
 
@@ -49,55 +47,46 @@ def strip(
     background: Sequence[float],
     record: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """A sweep as one PNG: its pictures side by side, each with its parameter's value above; of two parameters as a labelled grid.
+    """A sweep as one PNG: its images side by side, labelled with their parameter's value; of two parameters as a labelled grid.
 
     The `pictures`, (H, W, 3) each, come row by row.  The `background` is the straight RGB in [0, 1] of the paper; text is black or
     white.  The PNG keeps the `record`, JSON values as in `surrogate.explore.exporting.pictures.encode`.
 
-    More than eight pictures of one parameter are broken into rows.  Raises ValueError for a sheet larger than 16384 pixels a side
-    or 64 million pixels together, as soon as the first picture is drawn, and for more or fewer pictures than the sweep has.
+    More than eight images of one parameter are broken into rows.  Raises ValueError for a sheet larger than 16384 pixels a side or
+    64 million pixels together, as soon as the first image is drawn.  Raises it for more or fewer images than the sweep has, too.
     """
-    from PIL import Image, ImageDraw
-
     others = iter(pictures)
     first = next(others, None)
     if first is None:
         raise ValueError(f"a sheet of {len(sweep)} pictures needs as many, got none")
     height, width = first.shape[:2]
     layout, size = _layout(sweep, width, height), text_size(height)
-    sheet = Image.new("RGB", layout.size, pixel(background))
-    for index, picture in zip(range(len(sweep)), chain([first], others), strict=True):
-        sheet.paste(Image.fromarray(np.ascontiguousarray(to_bytes(picture))), layout.place(index))
-    write = functools.partial(ImageDraw.Draw(sheet).text, fill=ink(background), font=font(size))
+    images = zip(map(layout.corner, range(len(sweep))), chain([first], others), strict=True)
+    texts: list[tuple[tuple[float, float], str, str]] = []
     for index, text in enumerate(sweep.columns.labels):
-        left, top = layout.place(index)
-        write((left + width / 2, top - line_height(size) / 2), text, anchor="mm")
+        left, top = layout.corner(index)
+        texts.append(((left + width / 2, top - line_height(size) / 2), text, "mm"))
     for row, text in enumerate(sweep.rows.labels if sweep.rows else ()):
-        write((layout.side, layout.place(row * layout.columns)[1] + height / 2), text, anchor="rm")
-    return encode(np.asarray(sheet), "png", record=record)
+        texts.append(((layout.side, layout.corner(row * layout.columns)[1] + height / 2), text, "rm"))
+    return encode(composed(layout.size, background, images, texts, size), "png", record=record)
 
 
 def captioned(
     pictures: Iterable[NDArray[Any]], sweep: Sweep, *, background: Sequence[float]
 ) -> Iterator[NDArray[np.uint8]]:
-    """The pictures of a sweep over one parameter with its values written below: (H + h, W, 3) each."""
-    from PIL import Image, ImageDraw
-
+    """The images of a sweep over one parameter with its values written below: (H + h, W, 3) each."""
     for text, picture in zip(sweep.columns.labels, pictures, strict=True):
         height, width = picture.shape[:2]
         size = text_size(height)
         band = line_height(size)
-        while size > LEAST_TEXT and font(size).getlength(text) > width:
+        while size > LEAST_TEXT and length(text, size) > width:
             size -= 1
-        framed = Image.new("RGB", (width, height + band), pixel(background))
-        framed.paste(Image.fromarray(np.ascontiguousarray(to_bytes(picture))), (0, 0))
-        centre = (width / 2, height + band / 2)
-        ImageDraw.Draw(framed).text(centre, text, ink(background), font=font(size), anchor="mm")
-        yield np.asarray(framed)
+        caption = (width / 2, height + band / 2), text, "mm"
+        yield composed((width, height + band), background, [((0, 0), picture)], [caption], size)
 
 
 def _layout(sweep: Sweep, width: int, height: int) -> _Layout:
-    """For pictures of this size; raises ValueError for a sheet that is too large."""
+    """For images of this size; raises ValueError for a sheet that is too large."""
     size, gap = text_size(height), max(2, height // 64)
     line, cell = line_height(size), max(width, _widest(sweep.columns, size) + size)
     side = 0 if sweep.rows is None else _widest(sweep.rows, size) + size // 2
@@ -117,4 +106,4 @@ def _layout(sweep: Sweep, width: int, height: int) -> _Layout:
 
 
 def _widest(axis: Axis, size: int) -> int:
-    return math.ceil(max(font(size).getlength(text) for text in axis.labels))
+    return math.ceil(max(length(text, size) for text in axis.labels))

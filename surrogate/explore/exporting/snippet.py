@@ -59,7 +59,7 @@ def _unit_lines(setting: Setting, surrogate: Surrogate) -> list[str]:
 
 
 def _arguments(values: Mapping[str, float | str]) -> list[str]:
-    """Keyword arguments; those that are no names in Python as a mapping behind the others."""
+    """Keyword arguments; those that are not valid names in Python as a mapping behind the others."""
     exact = {name: value if isinstance(value, str) else float(value) for name, value in values.items()}
     odd = {name: value for name, value in exact.items() if not name.isidentifier() or keyword.iskeyword(name)}
     plain = [f"{name}={value!r}" for name, value in exact.items() if name not in odd]

@@ -36,7 +36,7 @@ class Axis:
     count : 2 to 200.
     unit : of the values; "" for none.
     scale : "linear" or "log".
-    origin : what labels add to a value: those of a displacement tell the place.
+    origin : what labels add to a value: for a displacement, so that they give the place.
     """
 
     name: str
@@ -120,7 +120,7 @@ class Sweep:
         return self.described({})
 
     def described(self, origins: Mapping[str, float]) -> str:
-        """In a line; control points are told by their places, see `Run.origins`."""
+        """In a line; control points are given by their places, see `Run.origins`."""
         over = " and ".join(str(axis) for axis in reversed(self.axes))
         return f"{len(self)} pictures over {over}" + (f", {listed(self.kept, origins)}" if self.kept else "")
 
@@ -132,7 +132,7 @@ class Sweep:
 
 
 def settings(sweep: Sweep) -> list[Setting]:
-    """What each picture shows, row by row."""
+    """The setting of each image, row by row."""
     return [sweep.at(values) for values in product(*(axis.values for axis in sweep.axes))]
 
 
@@ -159,8 +159,8 @@ def pictures(
 ) -> Iterator[NDArray[np.float32]]:
     """The pictures, opaque on `background`, (H, W, 3) each, row by row; each is drawn when it is asked for.
 
-    `progress` is told how many of how many are drawn.  What it raises ends the sweep, which keeps nothing; so does closing the
-    iterator.  Raises ValueError at once where the surrogate can't show the sweep, or the pictures are too large.
+    `progress` is called with how many of how many are drawn; an error that it raises ends the sweep, as closing the iterator does.
+     Raises ValueError at once where the surrogate can't show the sweep, or the pictures are too large.
     """
     if len(sweep) * camera.width * camera.height > MOST_PIXELS:
         raise ValueError(

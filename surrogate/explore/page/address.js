@@ -88,7 +88,7 @@ class Reading {
   checked(name, text, p, otherwise) {
     const value = Number(text);
     if (text.trim() === "" || !Number.isFinite(value)) {
-      this.note(name, "is no number", otherwise === "" ? "the bound" : digits(otherwise));
+      this.note(name, "is not a number", otherwise === "" ? "the bound" : digits(otherwise));
       return otherwise;
     }
     if (p.least <= value && value <= p.most) return value;
@@ -97,7 +97,7 @@ class Reading {
     return nearest;
   }
 
-  rest() { for (const name of this.left) this.notes.push(`${short(name)} is no part of a link: left out`); }
+  rest() { for (const name of this.left) this.notes.push(`${short(name)} is not part of a link: left out`); }
 }
 
 /** The name of a part for people: "A: Re" of "a.p.Re". */
@@ -121,16 +121,12 @@ function readPoints(reading, side, setting, facts) {
   const first = { ...setting.points };
   for (const point of POINTS) {
     const name = `${side}.${point}`, text = reading.text(name), parts = (text ?? "").split(",");
-    if (text !== null && parts.length !== 2) reading.note(name, "is no value and opacity", placeOf(first, point));
+    if (text !== null && parts.length !== 2) reading.note(name, "is not a value and opacity", placeOf(first, point));
     if (parts.length !== 2) continue;
     ["value", "opacity"].forEach((axis, i) => {
       const p = pointsOf(facts).find(one => one.name === `${point}_${axis}`);
       setting.points[p.name] = reading.checked(name, parts[i], p, setting.points[p.name]);
     });
-  }
-  for (const p of pointsOf(facts)) { // of links from before: displacements
-    const name = `${side}.${p.name}`, moved = { low: p.low - p.origin, high: p.high - p.origin, least: p.least - p.origin, most: p.most - p.origin };
-    if (reading.fields.has(name)) setting.points[p.name] = p.origin + reading.number(name, moved, 0);
   }
   if (first.c1_value !== undefined && setting.points.c1_value >= setting.points.c2_value) {
     reading.notes.push("the control points cross: they stand where they were at first");
@@ -145,7 +141,7 @@ function readOrbit(reading, otherwise) {
   const proper = values.length === 11 && values.every(Number.isFinite) && text.split(",").every(part => part.trim());
   const upright = Math.hypot(...direction) > 0.5 && Math.hypot(...up) > 0.5 && distance > 0 && field >= 1 && field <= 150;
   if (proper && upright) return roundedOrbit({ direction, up, distance, target: values.slice(7, 10), field });
-  reading.note("camera", "is no camera", "the first view");
+  reading.note("camera", "is not a camera", "the first view");
   return otherwise;
 }
 
@@ -153,7 +149,7 @@ function readBackground(reading, otherwise, facts) {
   const known = [...Object.values(BACKGROUNDS), facts.background].filter(Boolean), text = reading.text("background");
   if (text === null || known.includes(text.toLowerCase())) return text?.toLowerCase() ?? otherwise;
   if (/^#[0-9a-f]{6}$/i.test(text)) return text.toLowerCase();
-  reading.note("background", "is no colour #rrggbb", otherwise);
+  reading.note("background", "is not a colour #rrggbb", otherwise);
   return otherwise;
 }
 
@@ -177,6 +173,6 @@ function readSweep(reading, state, facts) {
     else reading.note(`sweep.${name}`, `is not 2 to ${MOST_COUNT}`, sweep[name]);
   }
   const possible = possibleSweep({ ...state, sweep }, facts);
-  if (possible.secondCount !== sweep.secondCount) reading.notes.push(`so many pictures don't fit: ${possible.secondCount} rows instead of ${sweep.secondCount}`);
+  if (possible.secondCount !== sweep.secondCount) reading.notes.push(`too many images: ${possible.secondCount} rows instead of ${sweep.secondCount}`);
   return possible;
 }

@@ -13,7 +13,7 @@ import { current, messageOf, pointsOf, possibleSweep } from "./state.js";
 import { Stream } from "./stream.js";
 import { described, shortest, spanOf } from "./words.js";
 
-const MOVING = 256; // pictures of about so many pixels squared while something moves
+const MOVING = 256; // side of images while something moves, pixels
 const LEAST_EXPORT = 256; // pixels of the shorter side of films and sheets
 const MOST_SIDE = 2048; // what the program draws
 const ADDRESSED = 350; // milliseconds between changes of the address: browsers refuse more than a hundred in half a minute

@@ -6,7 +6,7 @@ import { PRESETS, seenFrom } from "./orbit.js";
 import { slider } from "./sliders.js";
 import { BACKGROUNDS, COUNTS, current, endsOf, FULL_SIZES, mostRows, rangeOf, sweepable, sweptOf, variation } from "./state.js";
 import { transferEditor } from "./transfer.js";
-import { KIND_NAMES } from "./words.js";
+import { extrapolation, KIND_NAMES } from "./words.js";
 
 /** Sliders of the simulation parameters: { box, set(setting) }; those of the names in `swept` are hidden. */
 export function parameterPanel(explorer, swept) {
@@ -39,7 +39,7 @@ function memberMenu(explorer) {
   return field("Go to member", choice);
 }
 
-/** How the field is shown: { box, set(setting) }; null where there is one way only. */
+/** The visualization: { box, set(setting) }; null where there is one kind only. */
 export function visualizationPanel(explorer, swept) {
   const { facts } = explorer, setting = current(explorer.state), kinds = ["base", ...facts.variations.map(v => v.kind)];
   if (kinds.length === 1) return null;
@@ -85,7 +85,7 @@ export function displayPanel(explorer) {
   if (!behind.some(([color]) => color === state.background)) behind.push([state.background, state.background]);
   return section("Display",
     menu("Background", "background", state.background, behind, background => explorer.set({ background })),
-    menu("Pixels at rest", "full", state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => explorer.set({ full: +size })));
+    menu("Resolution when idle", "full", state.full, FULL_SIZES.map(size => [size, `${size}²`]), size => explorer.set({ full: +size })));
 }
 
 export function comparePanel(explorer) {
@@ -108,12 +108,12 @@ export function sweepPanel(explorer) {
   const names = known.map(p => [p.name, p.name.replace("_", " ")]), others = names.filter(([other]) => other !== first.name);
   const counted = (most, now) => [...new Set([...COUNTS.filter(n => n <= most), now])].sort((a, b) => a - b).map(n => [n, String(n)]);
   return section("Sweep",
-    menu("Across", "sweep-first", first.name, names, name => change({ name, low: "", high: "", ...(sweep.second === name && { second: "", secondLow: "", secondHigh: "" }) })),
+    menu("Columns", "sweep-first", first.name, names, name => change({ name, low: "", high: "", ...(sweep.second === name && { second: "", secondLow: "", secondHigh: "" }) })),
     limits(sweep, first, false, change),
-    menu("Pictures", "sweep-count", sweep.count, counted(Infinity, sweep.count), count => change({ count: +count })),
-    menu("Down", "sweep-second", sweep.second, [["", "nothing"], ...others], name => change({ second: name, secondLow: "", secondHigh: "" })),
+    menu("Images", "sweep-count", sweep.count, counted(Infinity, sweep.count), count => change({ count: +count })),
+    menu("Rows", "sweep-second", sweep.second, [["", "none"], ...others], name => change({ second: name, secondLow: "", secondHigh: "" })),
     second && limits(sweep, second, true, change),
-    second && menu("Rows", "sweep-rows", sweep.secondCount, counted(mostRows(sweep.count), sweep.secondCount), count => change({ secondCount: +count })));
+    second && menu("Number of rows", "sweep-rows", sweep.secondCount, counted(mostRows(sweep.count), sweep.secondCount), count => change({ secondCount: +count })));
 }
 
 /** From where to where a parameter is swept. */
@@ -125,9 +125,9 @@ function limits(sweep, p, second, change) {
   from.set(range.low);
   to.set(range.high);
   const labelled = (words, { input }) => element("label", {}, element("span", {}, p.unit ? `${words} (${p.unit})` : words), input);
-  const outside = range.low < p.low || range.high > p.high;
+  const warning = extrapolation(p, range.low, range.high);
   return element("div", {}, element("div", { class: "numbers" }, labelled("From", from), labelled("To", to)), from.note, to.note,
-    outside && element("p", { class: "warning outside" }, `Extrapolation: trained from ${digits(p.low)} to ${digits(p.high)}. A guess.`));
+    warning && element("p", { class: "warning outside" }, warning));
 }
 
 export function modelPanel(explorer) {

@@ -4,6 +4,7 @@ import { digits, element } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { player } from "./play.js";
 import { tidy } from "./state.js";
+import { extrapolation } from "./words.js";
 
 const MARGIN = 0.12; // how far a slider goes beyond the bounds, in widths; numbers that are typed may go farther
 
@@ -61,11 +62,10 @@ export function slider(parameter, id, moved) {
     current = value;
     range.value = on(value);
     number.set(value);
-    const slack = 1e-9 * (high - low), outside = value < low - slack || value > high + slack;
-    range.setAttribute("aria-valuetext", `${digits(value)}${unit ? ` ${unit}` : ""}${outside ? ", outside what was trained" : ""}`);
-    box.classList.toggle("is-outside", outside);
-    warning.hidden = !outside;
-    warning.textContent = outside ? `Extrapolation: trained from ${digits(low)} to ${digits(high)}. A guess.` : "";
+    warning.textContent = extrapolation(parameter, value);
+    warning.hidden = !warning.textContent;
+    range.setAttribute("aria-valuetext", `${digits(value)}${unit ? ` ${unit}` : ""}${warning.hidden ? "" : ", outside the training range"}`);
+    box.classList.toggle("is-outside", !warning.hidden);
   }
 
   return { box, set };

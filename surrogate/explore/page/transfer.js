@@ -3,6 +3,7 @@
 import { button, digits, drawn, element, menu } from "../web/elements.js";
 import { numberInput } from "./numbers.js";
 import { tidy } from "./state.js";
+import { extrapolation } from "./words.js";
 
 const WIDTH = 280, HEIGHT = 150, PAD = 8;
 const APART = 1e-3; // of the range of values: how near to each other control points may come
@@ -29,10 +30,10 @@ export function transferEditor(of, histogram, moved, colored) {
   );
   const gradient = element("div", { class: "gradient", "aria-hidden": "true" });
   const scale = element("div", { class: "scale" }, element("span", {}, digits(low)), element("span", {}, of.label || (of.unit ? `field value (${of.unit})` : "field value")), element("span", {}, digits(high)));
-  const inputs = of.points.map(numberFor), warning = element("p", { class: "warning outside", hidden: true }, "Extrapolation: a control point lies outside the dashed box, where it was trained. A guess.");
+  const inputs = of.points.map(numberFor), warning = element("p", { class: "warning outside", hidden: true }, "Extrapolating beyond training range: a control point lies outside its dashed box.");
   const colors = of.color_maps.length ? [
     menu("Colours", "color-map", "", [["", "as trained"], ...of.color_maps.map(({ name }) => [name, name])], name => { paintColors(name); colored(name); }),
-    element("p", { class: "hint" }, "Other colours than the trained ones are computed from learnt field values: good, not exact."),
+    element("p", { class: "hint" }, "Colours other than the trained ones are computed from learnt field values: good, not exact."),
   ] : [];
   const reset = button("Reset to base", () => change({ ...first }));
   const box = element("div", {}, svg, gradient, scale, ...colors, element("div", { class: "numbers" }, ...inputs.map(input => input.label)),
@@ -119,7 +120,7 @@ export function transferEditor(of, histogram, moved, colored) {
       made.setAttribute("aria-label", `Control point c${k + 1}`);
     });
     for (const { number, p } of inputs) number.set(points[p.name]);
-    warning.hidden = of.points.every(p => p.low - 1e-9 * (p.high - p.low) <= points[p.name] && points[p.name] <= p.high + 1e-9 * (p.high - p.low));
+    warning.hidden = !of.points.some(p => extrapolation(p, points[p.name]));
     if (colorMap === undefined) return;
     if (colors.length) box.querySelector("#color-map").value = colorMap;
     paintColors(colorMap);

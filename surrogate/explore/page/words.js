@@ -1,4 +1,4 @@
-// What is said of settings, and of the errors to expect.
+// Settings, and the errors to expect, in words.
 
 import { digits } from "../web/elements.js";
 import { pointsOf, variation } from "./state.js";
@@ -8,13 +8,13 @@ export const KIND_NAMES = { base: "Volume", isovalue: "Isovalue", transfer_funct
 /** A parameter's value with its name and unit. */
 export const valued = (p, value) => `${p.name.replace("_", " ")} ${digits(+value.toPrecision(5))}${p.unit ? ` ${p.unit}` : ""}`;
 
-/** A setting in words; parameters that are told elsewhere are left out. */
-export function described(setting, facts, without = []) {
-  const said = facts.parameters.filter(p => !without.includes(p.name)).map(p => valued(p, setting.parameters[p.name]));
-  if (setting.kind === "isovalue" && !without.includes("isovalue")) said.push(valued({ name: "isovalue", ...variation(facts, "isovalue") }, setting.isovalue));
+/** A setting in words. */
+export function described(setting, facts) {
+  const said = facts.parameters.map(p => valued(p, setting.parameters[p.name]));
+  if (setting.kind === "isovalue") said.push(valued({ name: "isovalue", ...variation(facts, "isovalue") }, setting.isovalue));
   if (setting.kind === "field") said.push(setting.appearance);
   if (setting.kind === "transfer_function") {
-    const moved = pointsOf(facts).filter(p => !without.includes(p.name) && setting.points[p.name] !== p.origin);
+    const moved = pointsOf(facts).filter(p => setting.points[p.name] !== p.origin);
     said.push(...moved.map(p => valued(p, setting.points[p.name])));
     if (setting.colorMap) said.push(setting.colorMap);
   }
@@ -30,6 +30,12 @@ export function spanOf(expected) {
   const span = `expected PSNR ${low === high ? low : `${low} to ${high}`} dB (higher is better; from 40 dB on differences are hardly visible)`;
   const far = expected.filter(one => one.psnr !== null && one.far).length;
   return [span, missing && `${missing} of ${expected.length} pictures: ${reason}`, far && `${far} of ${expected.length} far from training members: likely worse`].filter(Boolean).join("; ");
+}
+
+/** A warning where [low, high] leaves the range that was trained; "" where it does not. */
+export function extrapolation(p, low, high = low) {
+  const slack = 1e-9 * (p.high - p.low);
+  return low < p.low - slack || high > p.high + slack ? `Extrapolating beyond training range: ${digits(p.low)} to ${digits(p.high)}.` : "";
 }
 
 /** The same of one picture, as short as can be. */

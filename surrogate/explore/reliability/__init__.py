@@ -1,1 +1,1 @@
-"""How far a picture can be trusted: the stored truth, and what error to expect where there is none."""
+"""Reliability of an image: the stored truth, and the error to expect where there is none."""

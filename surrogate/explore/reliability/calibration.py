@@ -101,11 +101,11 @@ class MeasuredFamily:
         return max(distances)
 
     def reaches(self, point: NDArray[np.float64]) -> bool:
-        """Whether an expectation at `point` (P + V,) was checked from as far away as this is."""
+        """True if an expectation at `point` (P + V,) was checked from as far away as this is."""
         return float(np.linalg.norm(self.points - point, axis=1).min()) <= max(self.reach * SLACK, 1e-9)
 
     def shows(self, visualization: NDArray[np.float64]) -> bool:
-        """Whether visualization parameters (V,), as in a point, lie between those of the points."""
+        """True if visualization parameters (V,), as in a point, lie between those of the points."""
         shown = self.points[:, self.points.shape[1] - len(visualization) :]  # [R, V]
         return bool(((shown.min(axis=0) <= visualization + 1e-9) & (visualization - 1e-9 <= shown.max(axis=0))).all())
 

@@ -1,7 +1,7 @@
 """The error to expect at a setting: the median of the nearest measurements, adjusted to members that training never saw.
 
-A number is given only near to what was measured: within the bounds of all parameters, no farther from a measured setting than
-these lie from each other, in trained colours, and from where stored images look.
+A number is given only near to what was measured: in trained colours, within the bounds of all parameters, and from where stored
+images look.  The setting must not be farther from a measured one than these are from each other.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Expected:
 
     @property
     def warning(self) -> bool:
-        """Whether the page should say more than a number: it extrapolates, or guesses."""
+        """True where the page should say more than a number, because it extrapolates."""
         return self.far or self.psnr is None
 
     @property

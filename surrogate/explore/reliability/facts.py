@@ -1,4 +1,4 @@
-"""What the page must know before the first picture: one JSON value about a surrogate and, where it is there, its catalog.
+"""Facts that the page needs before the first image: one JSON value about a surrogate and, where it is there, its catalog.
 
     title          as given
     parameters     [{name, unit, scale, low, high, least, most, train, validation}]: `low` to `high` was trained, `least` to `most`
@@ -193,7 +193,7 @@ def _proper(summary: FieldSummary) -> bool:
 
 
 def _first_orbit(run: Run) -> Json:
-    """What the page starts with: the stored view that is nearest to `OBLIQUE`."""
+    """The first view: the stored one nearest to `OBLIQUE`."""
     if run.catalog is None:
         return orbit_of(first_camera(run.surrogate.normalization), run.middle)
     return orbit_of(max(run.cameras, key=lambda camera: float(np.dot(-camera.forward, OBLIQUE))), run.middle)
@@ -227,7 +227,7 @@ def _hexadecimal(color: Sequence[float]) -> str:
 
 
 def _clean(value: Any) -> Any:
-    """The same in plain JSON types, None for what is no finite number, "?" for half characters, which have no UTF-8."""
+    """The same in plain JSON types, None for NaN and infinities, "?" for half characters, which have no UTF-8."""
     if isinstance(value, Mapping):
         return {str(name): _clean(part) for name, part in value.items()}
     if isinstance(value, str):

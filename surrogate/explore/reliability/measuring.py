@@ -56,8 +56,8 @@ class Measurement:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Case:
-    """What is to be measured: a member in one appearance at some views."""
+class PlannedMeasurement:
+    """A member in one appearance at some views, to be measured."""
 
     member: Member
     appearance: str
@@ -95,7 +95,7 @@ def kept_measurements(run: Run) -> tuple[Measurement, ...] | None:
 
 
 def key_of(run: Run) -> dict[str, Any]:
-    """All that the measurements depend on: the model, the members, and which of their pictures are looked at."""
+    """The key of measurements: the model, the members, and which of their images are looked at."""
     members = [[m.name, dict(m.parameters), m.split, m.view_splits, m.appearances] for m in run.members]
     return {
         "surrogate": run.surrogate.digest,
@@ -105,8 +105,8 @@ def key_of(run: Run) -> dict[str, Any]:
     }
 
 
-def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
-    """What to measure: validation members, training members in the base appearance, and training members in varied appearances.
+def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[PlannedMeasurement]:
+    """Plan measurements: validation members, training members in the base appearance, and training members in varied appearances.
 
     Of training members only validation views are taken.  Of many cases some are chosen evenly.
     """
@@ -123,27 +123,33 @@ def cases_of(surrogate: Surrogate, members: Sequence[Member]) -> list[Case]:
     ]
 
 
-def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> list[Case]:
+def _cases(member: Member, shown: Mapping[str, Mapping[str, float | str]]) -> list[PlannedMeasurement]:
     """The member in each of the appearances that it was rendered in, at validation views; at training views without any."""
     seen = "validation" not in member.view_splits
     known = [i for i, split in enumerate(member.view_splits) if split == ("train" if seen else "validation")]
     views = tuple(known[i] for i in spread(len(known), VIEWS))
-    return [Case(member, a, varied, views, seen) for a, varied in shown.items() if a in member.appearances and views]
+    return [
+        PlannedMeasurement(member, a, varied, views, seen)
+        for a, varied in shown.items()
+        if a in member.appearances and views
+    ]
 
 
-def _in_turn(cases: Sequence[Case]) -> list[Case]:
+def _in_turn(cases: Sequence[PlannedMeasurement]) -> list[PlannedMeasurement]:
     """The cases in rounds: each round has every appearance once, at another member than the round before."""
-    of_appearance: dict[str, list[Case]] = {}
+    of_appearance: dict[str, list[PlannedMeasurement]] = {}
     for case in cases:
         of_appearance.setdefault(case.appearance, []).append(case)
     turned = [group[i % len(group) :] + group[: i % len(group)] for i, group in enumerate(of_appearance.values())]
     return [case for turn in itertools.zip_longest(*turned) for case in turn if case is not None]
 
 
-def _measured(surrogate: Surrogate, catalog: Catalog, cases: Sequence[Case], progress: Report) -> Iterator[Measurement]:
+def _measured(
+    surrogate: Surrogate, catalog: Catalog, planned: Sequence[PlannedMeasurement], progress: Report
+) -> Iterator[Measurement]:
     """Measure each case; those whose pictures can't be read are left out."""
-    total, counted = sum(len(case.views) for case in cases), itertools.count(1)
-    for case in cases:
+    total, counted = sum(len(case.views) for case in planned), itertools.count(1)
+    for case in planned:
         member, deformed = case.member, Setting(case.member.parameters, case.varied).gaussians(surrogate)
         found: list[float] = []
         for view in case.views:

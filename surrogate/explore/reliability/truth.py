@@ -182,7 +182,7 @@ def _same(space: ParameterSpace, wanted: NDArray[np.float64], known: NDArray[np.
 
 
 def _descriptor(camera: Camera, middle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What makes a view what it is, whatever its size, (17,): rotation, place in distances from the middle, intrinsics."""
+    """A view in numbers, whatever its size, (17,): rotation, position in distances from the middle, intrinsics."""
     to_middle = camera.rotation @ middle + camera.world_to_camera[:3, 3]  # [3], in camera axes
     distance = max(float(np.linalg.norm(to_middle)), 1e-300)
     size = np.array([camera.width, camera.height])

@@ -54,7 +54,7 @@ class Views:
         return cls(middle, (low[0], high[0]), (low[1], high[1]), high[2], _angle(float(steps.max())), tree)
 
     def cover(self, camera: Camera) -> bool:
-        """Whether some stored camera sees about what `camera` sees."""
+        """True if some stored camera sees about what `camera` sees."""
         *direction, distance, size, aside = _seen(camera, self.middle)
         if distance <= 0:  # it looks away
             return False

@@ -1,9 +1,8 @@
-"""What the page asks for over its WebSocket, and what comes back.
+"""Calls of the page over its WebSocket, and their answers.
 
-A message is JSON text, `{"call": name, "request": value}`.  Each gets one answer, in the order in which they came, as one binary
-message: the length of a JSON object (4 bytes, little-endian), the object, and behind it the bytes of the pictures, whose
-sizes the object lists under `pictures`.  What is wrong with a message comes back as `error`, in one sentence, and the
-connection lives on.
+A message is JSON text, `{"call": name, "request": value}`.  Each gets one binary answer, in the order of the messages.  It is
+the length of a JSON object (4 bytes, little-endian), the object, and the bytes of images, whose sizes it lists under `pictures`.  A
+wrong message is answered by `error`, one sentence, and the connection stays open.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ class Sockets:
                 raise MessageError(f"a message is JSON text, an object whose call is one of {', '.join(self._calls)}")
             return packed(call(asked.get("request")))
         except Exception as error:
-            return packed({"error": told(error)})
+            return packed({"error": reported(error)})
 
 
 def parsed(text: str | bytes) -> Any:
@@ -83,7 +82,7 @@ def parsed(text: str | bytes) -> Any:
     try:
         return json.loads(text)
     except Exception:  # of its encoding, its syntax, its depth, the length of its numbers
-        raise MessageError("this is no JSON, or nested too deep") from None
+        raise MessageError("not JSON, or nested too deep") from None
 
 
 def packed(answer: Answer) -> bytes:
@@ -93,8 +92,8 @@ def packed(answer: Answer) -> bytes:
     return b"".join([LENGTH.pack(len(head)), head, *pictures])
 
 
-def told(error: Exception) -> str:
-    """What a tab is told of an error; the names of files go to the terminal alone."""
+def reported(error: Exception) -> str:
+    """The sentence that a tab shows for an error; the names of files go to the terminal alone."""
     if isinstance(error, CatalogError | ImageError):
         log.warning("%s", error)
         return "a stored picture can't be read: the explorer's terminal says which"

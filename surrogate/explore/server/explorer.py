@@ -30,7 +30,7 @@ from surrogate.explore.reliability.facts import facts
 from surrogate.explore.reliability.truth import Truth
 from surrogate.explore.request import frame_request
 from surrogate.explore.run import Run
-from surrogate.explore.server.calls import Call, Sockets, parsed, told
+from surrogate.explore.server.calls import Call, Sockets, parsed, reported
 from surrogate.explore.server.frames import Frames
 from surrogate.explore.server.guard import PAGE, guard
 
@@ -67,7 +67,7 @@ class Explorer:
 
     @property
     def address(self) -> str:
-        """Where the page is, once `serve` listens."""
+        """The page's address, once `serve` listens."""
         return self.access.address(self.port)
 
     async def serve(self, *, port: int | None = None, ready: Callable[[str], Any]) -> None:
@@ -159,7 +159,7 @@ class Explorer:
         except InterruptedError:
             return web.Response(status=503)
         except Exception as error:
-            return web.json_response({"error": told(error)}, status=400 if isinstance(error, ValueError) else 500)
+            return web.json_response({"error": reported(error)}, status=400 if isinstance(error, ValueError) else 500)
         finally:
             self._exports -= 1
         headers = {"Content-Disposition": f'attachment; filename="{made.name}"'}
@@ -177,7 +177,7 @@ def ports_of(run: Run) -> tuple[int, ...]:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether aiohttp complains of this program: not of strangers who speak no HTTP, or of its own race when it stops."""
+    """True if aiohttp complains of this program: not of strangers who speak no HTTP, or of its own race when it stops."""
     theirs = HttpProcessingError | web.RequestPayloadError | ConnectionError | asyncio.InvalidStateError
     return record.exc_info is None or not isinstance(record.exc_info[1], theirs)
 

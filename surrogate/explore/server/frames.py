@@ -39,11 +39,10 @@ class Frames:
         self.deformed = lru_cache(maxsize=KEPT)(deformed)
 
     def answer(self, request: FrameRequest) -> dict[str, Any]:
-        """Encoded pictures and what is said beside them, as values that a message carries.
+        """Encoded images and their descriptions, as values that a message carries.
 
-        `pictures`: bytes of each, in the order of the settings, then of the truth, then of the difference of the first two; `form`;
-        `size` [width, height]; `drawn`, milliseconds; `expected`, of each setting, in PNG only; `difference` and `truth` where
-        they are asked for.
+        `pictures` are bytes: of the settings, the truth, and the difference of the first two.  `form`, `size` [width, height]
+        and `drawn`, milliseconds, are of all.  `expected` is of each setting, in PNG only; `difference` and `truth` on request.
         """
         started = time.perf_counter()
         pictures = [
@@ -78,7 +77,7 @@ class Frames:
         return [expectation.at(s, self.surrogate, request.camera).to_json() for s in request.settings]
 
     def nearest(self, request: FrameRequest) -> dict[str, Any] | None:
-        """What the stored picture shows that is most like the first setting from this camera; None without one.
+        """The parameters and view of the stored image most similar to the first setting from this camera; None without one.
 
         `parameters`, `visualization`, and `orbit` as in `surrogate.explore.reliability.facts`.
         """

@@ -21,8 +21,8 @@ HUB = "JUPYTERHUB_SERVICE_PREFIX"  # the variable in which JupyterHub tells Jupy
 class Shown:
     """An explorer that runs in this process until `close` is called or the kernel ends; in Jupyter it shows itself.
 
-    The browser must reach this machine's 127.0.0.1: where the kernel runs elsewhere, forward the port of `address` as well
-    (`ssh -L`), or give the `base_url` of a Jupyter that has jupyter-server-proxy.
+    The browser must reach this machine's 127.0.0.1.  Where the kernel runs elsewhere, forward the port of `address` (`ssh -L`), or
+    give the `base_url` of a Jupyter that has jupyter-server-proxy.
     """
 
     def __init__(self, run: Run, *, height: int = 720, base_url: str = "") -> None:
@@ -40,7 +40,7 @@ class Shown:
 
     @property
     def address(self) -> str:
-        """Where the page is: below the address of Jupyter, if it has a `base_url`."""
+        """The page's address: below that of Jupyter, if it has a `base_url`."""
         return self._explorer.address
 
     def close(self) -> None:
@@ -86,8 +86,8 @@ def show(
     """Explore `surrogate` in this notebook, `height` pixels tall.
 
     With the folder of its `run` (such as "runs/tgv") the page also knows the stored pictures: trained values, the truth, what
-    error to expect.  `base_url` is that of a Jupyter server with jupyter-server-proxy, through which the page is then reached;
-    JupyterHub tells it by itself, and "" goes to this machine's own port all the same.  Raises ModuleNotFoundError without the
+    error to expect.  `base_url` is that of a Jupyter server with jupyter-server-proxy, through which the page is then reached.
+    JupyterHub sets it, and "" goes to this machine's own port all the same.  Raises ModuleNotFoundError without the
     extra `[explore]`, RuntimeError where no server can start.
     """
     found = Run("surrogate", surrogate) if run is None else replace(Run.open(run), surrogate=surrogate)

@@ -103,7 +103,7 @@ def test_beyond_its_bounds_a_parameter_warns(page: Page, explorer: str, surrogat
     assert_shown(page, surrogate)
     assert request_of(page)["settings"][0]["parameters"]["p"] > 1
     assert warning.is_visible()
-    assert "guess" in warning.inner_text()
+    assert "Extrapolating" in warning.inner_text()
     page.get_by_label("p, exact value").fill("1")
     page.keyboard.press("Enter")
     assert warning.is_hidden()

@@ -198,18 +198,18 @@ def test_films(run: Path, tmp_path: Path, ending: str) -> None:
     assert len(output.read_bytes()) != len(content)  # with captions
 
 
-def test_what_is_a_guess_is_told(run: Path, tmp_path: Path) -> None:
+def test_extrapolation_is_reported(run: Path, tmp_path: Path) -> None:
     result = done(export, run, "-p", "p=1.5", "-o", tmp_path / "a.ply")
-    assert result.stderr == "p = 1.5 lies outside its bounds [0, 1]: a guess\n"
+    assert result.stderr == "p = 1.5 lies outside its bounds [0, 1]: extrapolating beyond the training range\n"
     result = done(sweep, run, "--over", "p", "--to", 2, "--steps", 2, "-o", tmp_path / "a.png")
-    assert "p = 0 to 2 lies outside its bounds [0, 1]: a guess\n" in result.stderr
+    assert "p = 0 to 2 lies outside its bounds [0, 1]: extrapolating beyond the training range\n" in result.stderr
 
 
 @pytest.mark.parametrize(
     ("command", "arguments", "complaint"),
     [
         (export, ("-o", "a.tiff"), "must end with one of .png, .exr, .ply, got a.tiff"),
-        (export, ("-o", "absent/a.png"), "absent is no folder: make it first"),
+        (export, ("-o", "absent/a.png"), "absent is not a folder: make it first"),
         (
             export,
             ("-p", "q=1", "-o", "a.png"),

@@ -12,7 +12,7 @@ from PIL import Image
 from catalogs.files.images import to_bytes
 from surrogate.explore.exporting.comparison import comparison
 from surrogate.explore.exporting.difference import difference_of
-from surrogate.explore.exporting.lettering import font, wrapped
+from surrogate.explore.exporting.lettering import length, wrapped
 from surrogate.explore.exporting.pictures import record_of
 
 RANDOM = np.random.default_rng(2)
@@ -54,7 +54,7 @@ def test_words_that_are_long_are_broken() -> None:
     assert taller.height > lower.height
     lines = wrapped(told[1], 12, 200)
     assert " ".join(lines) == told[1].strip()
-    assert all(font(12).getlength(line) <= 200 for line in lines)
+    assert all(length(line, 12) <= 200 for line in lines)
     assert wrapped("unbreakable", 12, 3) == ["unbreakable"]
 
 

@@ -25,7 +25,7 @@ from surrogate.explore.exporting.exports import (
     from_message,
 )
 from surrogate.explore.exporting.kinds import FILM_STEPS, KINDS
-from surrogate.explore.exporting.options import from_options, guesses
+from surrogate.explore.exporting.options import extrapolations, from_options
 from surrogate.explore.exporting.pictures import record_of
 from surrogate.explore.exporting.sweep import Axis, Sweep
 from surrogate.explore.request import MessageError
@@ -188,12 +188,12 @@ def test_a_film_has_one_parameter(run: Run) -> None:
     assert [axis.name for axis in asked.sweep.axes] == ["p"]  # the page has a film of a grid's columns
 
 
-def test_a_whole_sweep_may_be_a_guess(run: Run) -> None:
+def test_a_whole_sweep_may_extrapolate(run: Run) -> None:
     given = options(commands.sweep, "--over", "isovalue", "--to", 0.9, "-p", "p=0.5")
-    assert guesses(from_options(given, "sheet", run), run) == [
-        "isovalue = 0.1 to 0.9 lies outside its bounds [0.1, 0.8]: a guess"
+    assert extrapolations(from_options(given, "sheet", run), run) == [
+        "isovalue = 0.1 to 0.9 lies outside its bounds [0.1, 0.8]: extrapolating beyond the training range"
     ]
-    assert guesses(from_options(options(commands.export), "ply", run), run) == []
+    assert extrapolations(from_options(options(commands.export), "ply", run), run) == []
 
 
 def test_the_camera_of_a_message_is_that_of_its_frame(run: Run) -> None:

@@ -29,7 +29,7 @@ CASES = [  # state, label, typed, what is drawn, what is said
     ("", "p, exact value", "0.123456789012", {"p": 0.123456789012}, ""),
     ("", "p, exact value", "1.75", {"p": 1.75}, ""),
     ("", "p, exact value", "99999", {"p": 0.5}, "99999 can't be drawn: p goes from −1 to 2, and stays 0.5."),
-    ("", "p, exact value", "", {"p": 0.5}, "That is no number: p goes from −1 to 2, and stays 0.5."),
+    ("", "p, exact value", "", {"p": 0.5}, "That is not a number: p goes from −1 to 2, and stays 0.5."),
     ("a.show=isovalue", "isovalue, exact value", "100", {"isovalue": 0.45}, "100 can't be drawn"),
     ("a.show=transfer_function", "c1 opacity", "0.9", {"c1_opacity": 0.6}, ""),
     (
