@@ -1,4 +1,4 @@
-"""An ensemble of one's own, from the loop to the explorer: Gray-Scott patterns in 3D over feed rate, kill rate and time.
+"""A complete ensemble, from the loop to the explorer: Gray-Scott patterns in 3D over feed rate, kill rate and time.
 
 python examples/gray_scott.py
 surrogate train gray_scott.cdb --hold-out 0.2

@@ -15,7 +15,12 @@ from research.studies.__main__ import main as studies
 from surrogate.cli import main as surrogate
 
 PROJECT = Path(__file__).resolve().parent.parent
-DOCUMENTS = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").rglob("*.md"))]
+DOCUMENTS = [
+    PROJECT / "README.md",
+    PROJECT / "CONTRIBUTING.md",
+    *sorted((PROJECT / "docs").rglob("*.md")),
+    PROJECT / "docs" / "tutorial.ipynb",
+]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
 MODULE = re.compile(r"python\s+-m\s+((?:research|insitu|surrogate|catalogs)[\w.]*\w)")
@@ -29,6 +34,23 @@ every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path:
 def test_links_lead_somewhere(document: Path) -> None:
     targets = [unquote(link.split("#")[0]) for link in LINK.findall(document.read_text()) if "://" not in link]
     assert [target for target in targets if not (document.parent / target).exists()] == []
+
+
+@every_document
+def test_sections_that_are_linked_exist(document: Path) -> None:
+    links = [link.partition("#") for link in LINK.findall(document.read_text()) if "#" in link and "://" not in link]
+    lost = [
+        (page, anchor)
+        for page, _, anchor in links
+        if anchor not in anchors(document.parent / page if page else document)
+    ]
+    assert lost == []
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @every_document

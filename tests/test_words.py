@@ -28,7 +28,6 @@ ALLOWED = (
     "surrogate",
     "research",
     "tests",
-    "examples",
 )
 
 

@@ -2,10 +2,10 @@
 
     .venv-euler/bin/python examples/euler/compare.py [--cells 32 64 96]
 
-The folder, which $GS_SURROGATE_DATA names (default `../shared/data`), holds `clover.00001.00040.vtk.gz`, the code's dump of
-density and energy, and `cloverleaf3d_energy_64.h5`, the energy of 120 members and their parameters; the dump is of the first
-one.  Both codes have 64³ cells there; on other numbers of cells the finer field is averaged, or interpolated between centres of
-cells.  Prints a table.
+$GS_SURROGATE_DATA names the folder (default `../shared/data`).  It has `clover.00001.00040.vtk.gz`, the code's dump of density
+and energy, and `cloverleaf3d_energy_64.h5`, the energy of 120 members and their parameters.  The dump is of the first member.
+Both codes have 64³ cells there.  On other numbers of cells the finer field is averaged, or interpolated between centres of cells.
+Prints a table.
 """
 
 from __future__ import annotations

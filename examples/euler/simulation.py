@@ -1,4 +1,4 @@
-"""CloverLeaf3D's problem, solved by PyClaw: three states of an ideal gas at rest, let go in a box with reflecting walls."""
+"""CloverLeaf3D's problem, solved by PyClaw: three states of an ideal gas, released from rest in a box with reflecting walls."""
 
 from __future__ import annotations
 

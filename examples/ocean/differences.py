@@ -1,9 +1,9 @@
-"""How much each parameter of scene ocean changes the temperature: members at its bounds, the others in the middle.
+"""The effect of each parameter of scene ocean on the temperature: members at its bounds, the others in the middle.
 
     .venv-ocean/bin/python examples/ocean/differences.py [scenes/ocean.toml] [--days 20 60]
 
-Prints the root mean square and the largest difference over the water, in °C, after so many days; and how far the temperature has
-come from that at rest.  Minutes.
+Prints the root mean square and the largest difference over the water, in °C, after the given days, and the distance of the
+temperature from that at rest.  Minutes.
 """
 
 from __future__ import annotations

@@ -27,10 +27,10 @@ HALOS = 2  # cells around the domain in every array of Veros
 def simulate(
     parameters: Mapping[str, float], times: Sequence[float], cells: Sequence[int], step: float
 ) -> Iterator[Field]:
-    """The potential temperature (°C) after so many days of wind; NaN on land.
+    """The potential temperature (°C) after each of `times`, in days of wind; NaN on land.
 
     Parameters are `wind`, which amplifies the wind stress, `K_gm` of Gent and McWilliams (m²/s) and the lateral viscosity `A_h`
-    (m²/s); `cells` along x, y and z, and the time `step` in seconds.
+    (m²/s).  `cells` are along x, y and z; the time `step` is in seconds.
     """
     ocean = TropicalOcean(override={"nx": cells[0], "ny": cells[1], "nz": cells[2]})
     ocean.parameters, ocean.step_seconds = dict(parameters), step

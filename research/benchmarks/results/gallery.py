@@ -39,7 +39,7 @@ class Case(NamedTuple):
 CASES = (
     Case("tgv", "Taylor-Green vortex, bundled solver: Reynolds number, time", 25),
     Case("cloverleaf", "CloverLeaf3D, its own files: six parameters", 23),
-    Case("nyx", "Nyx cosmology, pictures made by others: three parameters", 1),
+    Case("nyx", "Nyx cosmology, images rendered by others: three parameters", 1),
     Case("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 23),
     Case("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 11),
 )
@@ -81,7 +81,7 @@ def figures(scene: SceneResults) -> str:
     return (
         f"**{part.figure('psnr', *UNSEEN)} dB** at unseen views and parameters (trivial: {trivial}), "
         f"{scene.report['gaussians']:,} Gaussians, {scene.report['model_megabytes']:.2g} MB, "
-        f"{scene.report['milliseconds']['view_change']:.1f} ms a picture"
+        f"{scene.report['milliseconds']['view_change']:.1f} ms an image"
     )
 
 
