@@ -1,4 +1,4 @@
-"""How an engine is found by its address."""
+"""Connection to an engine by its address."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ def opened(
 ) -> Iterator[Cluster | None]:
     """The engine at an address such as "dask://10.0.0.1:8786"; None for None.
 
-    `folders` are those that the tasks write to, `files` such as they read; every worker must see them.  `say` is told what a user
-    should know, such as that there is no worker to do the work.  Raises ValueError for what is no
-    address, EngineError where there is no such engine, or it is not fit.
+    `folders` are written by the tasks, `files` are read; every worker must see them.  `say` gets messages for the user, such as
+    that there is no worker.  Raises ValueError for an invalid address, EngineError where no engine answers or a worker is unfit.
     """
     if address is None:
         yield None

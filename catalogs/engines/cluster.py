@@ -1,4 +1,4 @@
-"""The workers of a Dask cluster as an engine: native futures, since executors made of them hang when a worker dies late."""
+"""The workers of a Dask cluster as an engine, by native futures: Dask's executors hang when a worker dies late."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from catalogs.engines.preflight import Prepared, complaints, marked, software, t
 from catalogs.vocabulary.words import shortened
 
 CONNECT_SECONDS = 30.0
-QUIET_SECONDS = 10.0  # without a worker, before anybody is told
-LOOK_SECONDS = 2.0  # between two looks at the workers
+QUIET_SECONDS = 10.0  # without a worker before it is reported
+LOOK_SECONDS = 2.0  # between two counts of the workers
 INSTALL = "pip install 'gs-surrogate[dask]'"
 
 
@@ -26,7 +26,7 @@ INSTALL = "pip install 'gs-surrogate[dask]'"
 class Cluster:
     """Runs tasks on the workers of a `client`, a `distributed.Client`; `address` is its scheduler's.
 
-    `say` is told what a user should know while it goes on: that it waits for workers, and what they are at when it is left.
+    `say` gets messages for the user: that it waits for workers, and which tasks still run after an interruption.
     """
 
     client: Any
@@ -42,10 +42,10 @@ class Cluster:
         say: Callable[[str], None] = lambda _: None,
         files: Sequence[Path] = (),
     ) -> Iterator[Cluster]:
-        """The cluster of the scheduler at "tcp://HOST:PORT", all of whose present workers are fit, and see `folders` and `files`.
+        """The cluster of the scheduler at "tcp://HOST:PORT", after validating all present workers.
 
-        It waits for the first worker, as long as that takes.  Raises EngineError where there is no scheduler, or a worker is not
-        fit, before any task begins.
+        Waits for the first worker without limit.  Raises EngineError, before any task begins, where no scheduler answers, or a
+        worker is unfit or doesn't see `folders` and `files`.
         """
         try:
             from distributed import Client
@@ -74,9 +74,8 @@ class Cluster:
     ) -> None:
         """As `Engine.run`; a task whose worker dies is run on another one, up to the scheduler's `allowed-failures`.
 
-        What workers are at when this is left with an error, they go on with until they ask `stop_requested`, and `say` is told
-        which tasks these are; tasks report nothing until they end.
-        Without any worker it waits for one.  Raises EngineError where the scheduler is lost.
+        After an exception running tasks continue until they poll `stop_requested`; `say` gets their names.  Tasks report nothing
+        until they end.  Waits for a worker where there is none.  Raises EngineError where the scheduler is lost.
         """
         from distributed import as_completed
 
@@ -89,7 +88,7 @@ class Cluster:
             while running and hopeless is None:
                 batch = completed.next_batch(block=False) if completed.queue.qsize() else ()
                 if self.client.status != "running":
-                    raise EngineError(f"the Dask scheduler at {self.address} is gone; what was finished is kept")
+                    raise EngineError(f"the Dask scheduler at {self.address} is gone; finished results remain")
                 if not batch:
                     time.sleep(TICK_SECONDS)
                 for future in batch:
@@ -105,18 +104,17 @@ class Cluster:
         finally:
             if running:
                 with suppress(Exception):  # of a scheduler that is gone
-                    self._take_back(running)
+                    self._cancel(running)
 
-    def _take_back(self, running: Mapping[Any, str]) -> None:
-        """Cancel everything, and say what had begun."""
-        found = self.client.run(executing, on_error="ignore")
-        begun = {key for keys in found.values() for key in keys}
+    def _cancel(self, running: Mapping[Any, str]) -> None:
+        """Cancel all tasks, and report those that had begun."""
+        keys = {key for keys in self.client.run(executing, on_error="ignore").values() for key in keys}
         self.client.cancel(list(running), force=True)
-        at_work = [name for future, name in running.items() if future.key in begun]
-        if at_work:
-            others = len(running) - len(at_work)
-            taken_back = f"; {others} that had not begun were taken back" if others else ""
-            self.say(f"workers stop, where that leaves nothing half-done, {shortened(at_work, 5)}{taken_back}")
+        begun = [name for future, name in running.items() if future.key in keys]
+        if begun:
+            others = len(running) - len(begun)
+            queued = f"; {others} queued tasks cancelled" if others else ""
+            self.say(f"stopping {shortened(begun, 5)} at the next safe point{queued}")
 
     def _submitted(self, name: str, task: Task) -> Any:
         prepared = Prepared(task, software(), os.getcwd(), threads_here)
@@ -133,24 +131,24 @@ class Cluster:
         try:
             result = future.result()  # computed once more where its worker has died since
         except Exception as error:
-            told = told_error(error)
-            failed(name, told)
-            return told
+            reason = plain_error(error)
+            failed(name, reason)
+            return reason
         done(name, result)
         return None
 
     def _check(self, folders: Sequence[Path], files: Sequence[Path]) -> None:
         self._wait_for_a_worker()
         with marked(folders) as marks:
-            asked = software(), marks, os.getcwd(), [str(file.absolute()) for file in files]
-            found = dict(self.client.run(complaints, *asked, on_error="return"))
-            with_scheduler = {"the scheduler": self._of_scheduler()} | {f"worker {a}": f for a, f in found.items()}
+            expected = software(), marks, os.getcwd(), [str(file.absolute()) for file in files]
+            of_workers = dict(self.client.run(complaints, *expected, on_error="return"))
+            problems = {"the scheduler": self._of_scheduler()} | {f"worker {a}": p for a, p in of_workers.items()}
         threads = {f"worker {address}": count for address, count in self.client.nthreads().items()}
         lines = []
-        for who, wrong in with_scheduler.items():
-            if isinstance(wrong, BaseException):
-                wrong = [f"can't load gs-surrogate ({type(wrong).__name__}: {wrong}): {INSTALL} there"]
-            lines += [f"{who} {what}" for what in [*wrong, *threads_complaints(threads.get(who, 1))]]
+        for process, found in problems.items():
+            if isinstance(found, BaseException):
+                found = [f"can't load gs-surrogate ({type(found).__name__}: {found}): {INSTALL} there"]
+            lines += [f"{process} {problem}" for problem in [*found, *threads_complaints(threads.get(process, 1))]]
         if lines:
             more = f"; and {len(lines) - 5} more" if len(lines) > 5 else ""
             raise EngineError(f"the Dask cluster at {self.address} is not fit: {'; '.join(lines[:5])}{more}")
@@ -163,13 +161,13 @@ class Cluster:
             time.sleep(TICK_SECONDS)
 
     def _workers(self) -> int | None:
-        """How many there are; None where the scheduler does not answer."""
+        """Number of workers; None where the scheduler does not answer."""
         with suppress(Exception):
             return len(self.client.nthreads())
         return None
 
     def _of_scheduler(self) -> list[str] | BaseException:
-        """What is wrong with the scheduler, which unpacks tasks to hand them on but runs none: it need see no folder."""
+        """Problems of the scheduler, which unpickles tasks but runs none and need not see the folders."""
         try:
             return list(self.client.run_on_scheduler(complaints, software(), (), os.sep))
         except Exception as error:
@@ -178,57 +176,57 @@ class Cluster:
 
 @dataclass
 class Absence:
-    """Tells `say` once when the scheduler at `address` has had no worker for a while, and when there is one again."""
+    """Reports once by `say` when the scheduler at `address` has had no worker for a while, and when one has come."""
 
     say: Callable[[str], None]
     address: str
     _looked: float = -math.inf
-    _absent: float | None = None  # since when
-    _is_there: bool = False
-    _is_told: bool = False
+    _absent_since: float | None = None
+    _present: bool = False
+    _reported: bool = False
 
     def look(self, count: Callable[[], int | None], waiting: int = 0) -> bool:
-        """Whether a worker was there when somebody last looked, which `count` does every few seconds; `waiting` tasks need one."""
+        """True if there was a worker at the last `count`, which is called every few seconds; `waiting` tasks need one."""
         now = time.monotonic()
         if now - self._looked >= LOOK_SECONDS:
             self._looked = now
             self._note(count(), now)
-        if self._absent is not None and not self._is_told and now - self._absent >= QUIET_SECONDS:
+        if self._absent_since is not None and not self._reported and now - self._absent_since >= QUIET_SECONDS:
             what = f", for which {waiting} tasks wait" if waiting else ", and it waits for one"
             self.say(
                 f"the Dask scheduler at {self.address} has no worker{what}: start some with "
                 f"`dask worker {self.address} --nthreads 1 --nworkers N`"
             )
-            self._is_told = True
-        return self._is_there
+            self._reported = True
+        return self._present
 
     def _note(self, count: int | None, now: float) -> None:
-        """So many are there now; None where nobody knows."""
+        """Note the present number of workers, None where unknown."""
         if count is None:
             return
-        self._is_there = count > 0
-        if self._is_there and self._is_told:
+        self._present = count > 0
+        if self._present and self._reported:
             self.say("a worker has come: it goes on")
-        if self._is_there:
-            self._absent, self._is_told = None, False
-        elif self._absent is None:
-            self._absent = now
+        if self._present:
+            self._absent_since, self._reported = None, False
+        elif self._absent_since is None:
+            self._absent_since = now
 
 
 def executing(dask_worker: Any) -> list[str]:
-    """On a worker: the keys of the tasks that it is at."""
+    """On a worker: the keys of its running tasks."""
     return [task.key for task in dask_worker.state.executing]
 
 
 def threads_here() -> int:
-    """On a worker: how many tasks it runs at once."""
+    """On a worker: the number of tasks that it runs at once."""
     from distributed import get_worker
 
     return int(get_worker().state.nthreads)
 
 
-def told_error(error: BaseException) -> BaseException:
-    """The error, or in words what Dask's own of a worker that died again and again means."""
+def plain_error(error: BaseException) -> BaseException:
+    """The error, with Dask's `KilledWorker` explained."""
     from distributed.scheduler import KilledWorker
 
     if not isinstance(error, KilledWorker):

@@ -1,4 +1,4 @@
-"""What all engines have in common."""
+"""Interface of all engines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Task = Callable[[], Any]
 
 
 class EngineError(RuntimeError):
-    """An engine can't be reached, is not fit for the work, or was lost."""
+    """An engine can't be reached, has unfit workers, or was lost."""
 
 
 class Engine(Protocol):
@@ -29,9 +29,8 @@ class Engine(Protocol):
     ) -> None:
         """Run picklable `tasks` by name until each is `done` (with its result) or `failed` (with its error).
 
-        A task whose worker dies is run once more, so tasks must be such that this does no harm.  `tick` is called a few times a
-        second, with what tasks reported since, if the engine knows.  After an error for which `give_up` holds, no further task is
-        begun: the rest fail with that error.  Where this is left with an error, KeyboardInterrupt included, no further task is
-        begun either.
+        A task whose worker dies is run once more, so tasks must be repeatable.  `tick` is called a few times a second with the
+        tasks' reports, if the engine has any.  After an error for which `give_up` is true, no further task begins and the rest
+        fail with that error.  After an exception from here, KeyboardInterrupt included, no further task begins either.
         """
         ...

@@ -12,7 +12,7 @@ from catalogs.engines.engine import TICK_SECONDS, Task
 
 @dataclass(frozen=True)
 class OnExecutor:
-    """Runs tasks on an `executor`, whose own worker processes it neither starts nor ends nor replaces."""
+    """Runs tasks on an `executor`, whose worker processes it neither starts nor ends nor replaces."""
 
     executor: Executor
 

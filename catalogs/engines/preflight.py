@@ -1,4 +1,4 @@
-"""Whether the workers of a cluster can do the work: asked of all before it begins, and by each before every task."""
+"""Validation of a cluster's workers: all before the work begins, and each one before every task."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from catalogs.engines.engine import ONE_THREAD, Task
 from catalogs.version import described
 
 
-@functools.cache  # a process that was started before an update goes on with the code from before
+@functools.cache  # a process from before an update still runs the old code
 def software() -> str:
-    """What runs here, such as "gs-surrogate 0.1.0 (commit 1a2b3c4d5e6f), Python 3.11"."""
+    """Versions of this process, such as "gs-surrogate 0.1.0 (commit 1a2b3c4d5e6f), Python 3.11"."""
     return f"gs-surrogate {described()}, Python {'.'.join(platform.python_version_tuple()[:2])}"
 
 
 @contextmanager
 def marked(folders: Sequence[Path]) -> Iterator[list[str]]:
-    """Files that lie in each of `folders`, or the nearest folder above that exists, until the context is left; their paths."""
+    """Paths of temporary files in each of `folders`, or in its nearest existing parent."""
     with ExitStack() as stack:
         paths = []
         for folder in folders:
@@ -33,38 +33,37 @@ def marked(folders: Sequence[Path]) -> Iterator[list[str]]:
         yield paths
 
 
-def complaints(wanted: str, marks: Sequence[str], folder: str, files: Sequence[str] = ()) -> list[str]:
-    """On a worker or the scheduler: what is wrong there, in words.
-
-    `folder` is the one that the work begins in, `files` are some that it reads.
-    """
-    found = [] if software() == wanted else [f"runs {software()}, not {wanted}: install the same there, and restart it"]
+def complaints(expected: str, marks: Sequence[str], folder: str, files: Sequence[str] = ()) -> list[str]:
+    """Problems of the worker or scheduler that runs this: its software, unseen `marks` or `files`, a missing working `folder`."""
+    problems = []
+    if software() != expected:
+        problems.append(f"runs {software()}, not {expected}: install the same there, and restart it")
     for mark in marks:
         place = os.path.dirname(mark)
         if not os.path.exists(mark):
-            found.append(f"does not see the folder {place}: it must be on a file system that all machines share")
+            problems.append(f"does not see the folder {place}: it must be on a file system that all machines share")
         elif not os.access(place, os.W_OK):
-            found.append(f"may not write to {place}")
-    found += [
+            problems.append(f"may not write to {place}")
+    problems += [
         f"does not see {file}: it must be on a file system that all machines share"
         for file in files
         if not os.access(file, os.R_OK)
     ]
     if not os.path.isdir(folder):
-        found.append(f"has no folder {folder}, which paths are relative to: start from a shared one")
-    return found
+        problems.append(f"has no folder {folder}, which paths are relative to: start from a shared one")
+    return problems
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A task that sees to it that its worker is fit and set up: workers may have joined after all were asked.
+    """A task that validates and prepares its worker first, which may have joined late.
 
     Attributes
     ----------
-    task : what is run.
-    software : what must run there, see `software`.
-    folder : the one that relative paths mean.
-    threads : tells how many tasks the worker runs at once.
+    task : the function to run.
+    software : the required versions, see `software`.
+    folder : the working folder.
+    threads : returns the number of tasks that the worker runs at once.
     """
 
     task: Task
@@ -73,16 +72,15 @@ class Prepared:
     threads: Callable[[], int]
 
     def __call__(self) -> Any:
-        """The task's result; raises RuntimeError where the worker is not fit."""
-        wrong = complaints(self.software, (), self.folder) + threads_complaints(self.threads())
-        if wrong:
-            raise RuntimeError(f"its worker on {platform.node()} {'; '.join(wrong)}")
+        """The task's result; raises RuntimeError where the worker is unfit."""
+        if problems := complaints(self.software, (), self.folder) + threads_complaints(self.threads()):
+            raise RuntimeError(f"its worker on {platform.node()} {'; '.join(problems)}")
         for name, value in ONE_THREAD.items():
-            os.environ.setdefault(name, value)  # read by Mesa at its first picture; Dask itself sets OpenMP's
+            os.environ.setdefault(name, value)  # read by Mesa at its first image; Dask itself sets OpenMP's
         os.chdir(self.folder)
         return self.task()
 
 
 def threads_complaints(threads: int) -> list[str]:
-    """OpenGL does not bear two threads that draw in one process."""
+    """Problem of a worker with several threads: OpenGL can't draw in two threads of one process."""
     return [] if threads == 1 else [f"has {threads} threads: start it with --nthreads 1, and more with --nworkers"]

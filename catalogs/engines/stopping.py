@@ -1,4 +1,4 @@
-"""Whether whoever gave a task to an engine has taken it back, which a long one asks now and then: nothing stops it from outside."""
+"""Cooperative cancellation: long tasks poll `stop_requested()`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import threading
 
 
 class StopRequested(Exception):
-    """The work was interrupted; raised by a task on its way so that it leaves nothing half-done."""
+    """Raised by a task that stops at a safe point after an interruption."""
 
 
 def stop_requested() -> bool:
-    """Whether the task that this thread runs was taken back; False outside of a Dask cluster's workers."""
+    """True where this thread's task was cancelled; False outside of a Dask cluster's workers."""
     if "distributed" not in sys.modules:
         return False
     from distributed import get_worker

@@ -82,7 +82,7 @@ def test_a_scheduler_that_is_lost_is_told(tmp_path: Path, monkeypatch: pytest.Mo
         def kill(reports: Iterable[Any]) -> None:
             own.scheduler.kill()
 
-        with pytest.raises(EngineError, match="is gone; what was finished is kept"):
+        with pytest.raises(EngineError, match="is gone; finished results remain"):
             engine.run({"a": partial(dask_tasks.noted, tmp_path, "a", 60.0)}, lambda *_: None, lambda *_: None, kill)
 
 
@@ -142,7 +142,7 @@ def test_interrupted_it_stops_the_tasks_that_ask_and_says_which(workers: LocalCl
     begun, stopped = sorted(path.name for path in tmp_path.iterdir())
     assert stopped == f"{begun}.stopped"
     assert said == [
-        f"workers stop, where that leaves nothing half-done, task {begun}; 4 that had not begun were taken back"
+        f"stopping task {begun} at the next safe point; 4 queued tasks cancelled"
     ]
 
 
