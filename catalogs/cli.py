@@ -6,10 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from catalogs.version import version_option
+
+if TYPE_CHECKING:
+    from catalogs.progress import ProgressLine
 
 CATALOG = click.argument("path", type=click.Path(file_okay=False, path_type=Path))
 
@@ -28,35 +32,32 @@ def main() -> None:
     help="Move members that must be rendered again into PATH/damaged, and rebuild all rows from the members' records.",
 )
 def check(path: Path, repair: bool) -> None:
-    """Hold PATH to every rule of Cinema specification D, and decode every image; exit status 1 if anything is wrong.
+    """Validate PATH against Cinema specification D and decode every image; the exit status is 1 if there are findings.
 
-    Without --repair nothing is written.  With it, members with missing, truncated or altered pictures, records or summaries are
-    moved into PATH/damaged, never deleted, so that rendering the scene again fills them in; what is wrong still is
-    printed, and decides about the exit status.
+    Without --repair nothing is written.  With it, members with missing or damaged images, records or summaries are moved into
+    PATH/damaged, so that rendering the scene again replaces them; remaining findings are printed.
     """
-    from catalogs.progress import ProgressLine
     from catalogs.store.catalog import Catalog
     from catalogs.tools.check import check as run
     from catalogs.tools.repair import Repaired, how_to_render_again
     from catalogs.tools.repair import repair as mend
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         progress = partial(line.count, "checking")
         done = mend(path, progress=progress) if repair else Repaired((), tuple(run(path, progress=progress)))
-    findings = done.findings
-    for told in (*done.set_aside, *findings):
-        click.echo(str(told))
+    for text in map(str, (*done.set_aside, *done.findings)):
+        click.echo(text)
     if done.set_aside:
         click.echo(how_to_render_again(Catalog.open(path), done.set_aside))
-    if findings:
-        raise click.ClickException(f"{path}: {len(findings)} finding{'s' * (len(findings) > 1)}")
+    if count := len(done.findings):
+        raise click.ClickException(f"{path}: {count} finding{'s' * (count > 1)}")
     click.echo(f"{path}: nothing wrong{' any more' if repair else ''}")
 
 
 @main.command()
 @CATALOG
 def show(path: Path) -> None:
-    """Say what is in PATH, as a table."""
+    """Print the contents of PATH as a table."""
     from catalogs.tools.show import described
 
     with _plain_errors():
@@ -68,18 +69,17 @@ def show(path: Path) -> None:
 @click.argument("into", type=click.Path(file_okay=False, path_type=Path))
 @click.argument("sources", metavar="FROM...", nargs=-1, required=True, type=click.Path(path_type=Path))
 def merge(into: Path, sources: tuple[Path, ...]) -> None:
-    """Add the members of the catalogs FROM to the catalog INTO, which is made if it is not there.
+    """Add the members of the catalogs FROM to the catalog INTO, which is created if necessary.
 
-    All must be of one scene: equal parameters, views, appearances, variations and encoding.  A member that several have is
-    there once; where its pictures differ, nothing is written.  The catalogs FROM stay as they are; pictures are hard
-    links to theirs where the file system has those, else copies.  Run it again to go on after an interruption.
+    All must be of one scene: equal parameters, views, appearances, variations and encoding.  A member of several catalogs is
+    added once; if its images differ, nothing is written.  The catalogs FROM don't change; images become hard links where
+    possible, else copies.  Run it again to resume after an interruption.
     """
-    from catalogs.progress import ProgressLine
     from catalogs.tools.merge import merge as run
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         made = run(into, sources, progress=partial(line.count, unit="members"))
-    copied = f"; {made.copied} pictures were copied, not linked" if made.copied else ""
+    copied = f"; {made.copied} images were copied, not linked" if made.copied else ""
     click.echo(f"{into}: {made.added} members added, {made.same} found in several catalogs{copied}")
 
 
@@ -87,15 +87,14 @@ def merge(into: Path, sources: tuple[Path, ...]) -> None:
 @CATALOG
 @click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
 def pack(path: Path, destination: Path) -> None:
-    """Write PATH into the new catalog DESTINATION with one HDF5 file of pictures for each member.
+    """Write PATH into the new catalog DESTINATION with one HDF5 file of images per member.
 
-    Every other command, training and evaluation read it as they read PATH, and pycinema opens it; it takes no new members from
-    simulations.  Run it again to go on after an interruption, or to take in members that are new in PATH.
+    All other commands, training, evaluation and pycinema read it like PATH; simulations can't add members.  Run it again to
+    resume after an interruption, or to add new members of PATH.
     """
-    from catalogs.progress import ProgressLine
     from catalogs.tools.packing import pack as run
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         done = run(path, destination, progress=partial(line.count, "packing", unit="members"))
     click.echo(f"{destination}: {done.made} members packed, {done.there} were there")
 
@@ -104,11 +103,10 @@ def pack(path: Path, destination: Path) -> None:
 @CATALOG
 @click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
 def unpack(path: Path, destination: Path) -> None:
-    """Write the packed catalog PATH into the new catalog DESTINATION with a file for each picture, as before `catalogs pack`."""
-    from catalogs.progress import ProgressLine
+    """Write the packed catalog PATH into the new catalog DESTINATION with a file per image, as before `catalogs pack`."""
     from catalogs.tools.packing import unpack as run
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         done = run(path, destination, progress=partial(line.count, "unpacking", unit="members"))
     encoded = f"; {done.other_bytes} images have the same pixels, encoded in other bytes" if done.other_bytes else ""
     click.echo(f"{destination}: {done.made} members unpacked, {done.there} were there{encoded}")
@@ -117,17 +115,16 @@ def unpack(path: Path, destination: Path) -> None:
 @main.command()
 @CATALOG
 @click.argument("destination", type=click.Path(file_okay=False, path_type=Path))
-@click.option("--rows", default=100_000, show_default=True, help="The most that a shard's table may have.")
+@click.option("--rows", default=100_000, show_default=True, help="Maximum of a shard's table.")
 def split(path: Path, destination: Path, rows: int) -> None:
-    """Write PATH as shards for Cinema clients whose tables can't be so large, under the index DESTINATION/data.csv.
+    """Write PATH as shards for Cinema viewers with limited tables, under the index DESTINATION/data.csv.
 
-    Each shard is a whole catalog in DESTINATION/shards; pictures are hard links where the file system has those.  Training and
-    browsing don't need it: they never read the table of a catalog.
+    Each shard is a complete catalog in DESTINATION/shards; images are hard links where possible.  Training and browsing don't
+    need shards.
     """
-    from catalogs.progress import ProgressLine
     from catalogs.tools.split import split as run
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         made = run(path, destination, rows=rows, progress=partial(line.count, "splitting", unit="members"))
     count, most = sum(len(shard.members) for shard in made), max(shard.rows for shard in made)
     click.echo(f"{destination}: {count} members in {len(made)} shards of at most {most:,} rows")
@@ -135,31 +132,30 @@ def split(path: Path, destination: Path, rows: int) -> None:
 
 @main.group(name="import")
 def import_group() -> None:
-    """Import images that were rendered elsewhere."""
+    """Import images rendered by other programs."""
 
 
 @import_group.command()
 @click.argument("directory", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--catalog", required=True, type=click.Path(path_type=Path), help="The .cdb folder to write.")
-@click.option("--bounds", required=True, metavar="X0,Y0,Z0,X1,Y1,Z1", help="World box that holds the volume.")
+@click.option("--bounds", required=True, metavar="X0,Y0,Z0,X1,Y1,Z1", help="World box of the volume.")
 @click.option(
     "--background",
     default="1,1,1",
     show_default=True,
     metavar="R,G,B",
-    help="Color behind opaque pictures; none keeps the alpha of transparent ones.",
+    help="Color behind opaque images; none keeps the alpha of RGBA images.",
 )
 @click.option("--names", metavar="A,B,...", help="Names of the parameters; p0, p1, ... by default.")
-@click.option("--validation-members", default=2, show_default=True, help="Training members to set aside.")
+@click.option("--validation-members", default=2, show_default=True, help="Number of validation members.")
 @click.option("--seed", default=0, show_default=True, help="Draws the validation members.")
 def nerf(
     directory: Path, catalog: Path, bounds: str, background: str, names: str | None, validation_members: int, seed: int
 ) -> None:
     """Import the D-NeRF / Blender data set in DIRECTORY (transforms_*.json with `params` per frame)."""
     from catalogs.exchange import import_nerf
-    from catalogs.progress import ProgressLine
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         box = _numbers("--bounds", bounds, 6)
         made = import_nerf(
             directory,
@@ -177,21 +173,20 @@ def nerf(
 @main.command()
 @CATALOG
 @click.argument("directory", type=click.Path(path_type=Path))
-@click.option("--format", "kind", required=True, type=click.Choice(["colmap", "nerf"]), help="Whose layout.")
-@click.option("--appearance", help="Whose pictures; needed where there are several.")
+@click.option("--format", "kind", required=True, type=click.Choice(["colmap", "nerf"]), help="Layout.")
+@click.option("--appearance", help="Name of the appearance; required if there are several.")
 @click.option("--members", metavar="A,B,...", help="Names of members; all by default.")
 @click.option(
-    "--background", metavar="R,G,B", help="Color behind the pictures; by default colmap gets black, nerf alpha."
+    "--background", metavar="R,G,B", help="Color behind the images; by default colmap gets black, nerf alpha."
 )
 def export(
     path: Path, directory: Path, kind: str, appearance: str | None, members: str | None, background: str | None
 ) -> None:
-    """Write pictures and cameras of PATH into the new folder DIRECTORY, for programs that read COLMAP's or NeRF's files."""
+    """Write images and cameras of PATH into the new folder DIRECTORY, in COLMAP's or NeRF's layout."""
     from catalogs.exchange import export as run
-    from catalogs.progress import ProgressLine
     from catalogs.store.catalog import Catalog
 
-    with _plain_errors(), ProgressLine() as line:
+    with _progress() as line:
         made = run(
             Catalog.open(path),
             directory,
@@ -220,8 +215,17 @@ def browse(path: Path, host: str, port: int, show_page: bool) -> None:
 
 
 @contextmanager
+def _progress() -> Iterator[ProgressLine]:
+    """A progress line for a command, with plain errors."""
+    from catalogs.progress import ProgressLine
+
+    with _plain_errors(), ProgressLine() as line:
+        yield line
+
+
+@contextmanager
 def _plain_errors() -> Iterator[None]:
-    """Tell in one line, without a traceback, what a user can mend."""
+    """Print a user's mistake in one line, without a traceback."""
     try:
         yield
     except (ValueError, OSError) as error:

@@ -38,14 +38,14 @@ SCRIPTS = (
 def write_page(path: Path) -> Path:
     """Write `index.html` into the catalog at `path` and return its path.
 
-    Raises CatalogError where there is no catalog or its pictures are none that browsers show, OSError where the folder refuses.
+    Raises CatalogError where there is no catalog or browsers can't show its image format, OSError where the folder refuses.
     """
     durable.replace(path / PAGE, page_of(Catalog.open(path)).encode())
     return path / PAGE
 
 
 def page_of(catalog: Catalog) -> str:
-    """The HTML of the page, as it stands with the catalog's present members."""
+    """The HTML of the page with the catalog's present members."""
     if catalog.plan.image_format != "png":
         raise CatalogError(f"{catalog.path} holds {catalog.plan.image_format} images, which no browser shows: only png")
     style = _text(ASSETS / "look.css") + _text(FOLDER / "page.css")

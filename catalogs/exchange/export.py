@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -27,26 +26,7 @@ WRITERS = 4
 BLACK = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class ExportLayout:
-    """The files of one kind of data set.
-
-    Attributes
-    ----------
-    check : raises ExchangeError for selections that the layout can't hold.
-    place : an image's file, relative to the folder.
-    texts : all other files, by path relative to the folder.
-    """
-
-    check: Callable[[Selection], None]
-    place: Callable[[SelectedImage], str]
-    texts: Callable[[Selection], Iterator[tuple[str, str]]]
-
-
-LAYOUTS: Mapping[str, ExportLayout] = {
-    "colmap": ExportLayout(lambda selection: None, colmap_text.place, colmap_text.texts),
-    "nerf": ExportLayout(transforms_text.check, transforms_text.place, transforms_text.texts),
-}
+LAYOUTS = {"colmap": colmap_text, "nerf": transforms_text}  # each with `check`, `place` and `texts`
 
 
 def export(

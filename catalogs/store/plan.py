@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from catalogs.vocabulary.appearance import (
     shown_fields,
 )
 from catalogs.vocabulary.cameras import Camera
+from catalogs.vocabulary.numbers import color, row
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.quantity import Quantity, quantities_from, quantities_of
 from catalogs.vocabulary.variations import ISOVALUE, Setting, Variation, variation_from_json
@@ -71,16 +71,16 @@ class CatalogPlan:
     packed: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "bounds", _box(self.bounds))
         object.__setattr__(self, "provenance", json_values(self.provenance, "provenance"))
-        if self.background is not None:
-            object.__setattr__(self, "background", _color(self.background))
         names = self.appearance_names
         if not names or len(set(names)) != len(names):
             raise CatalogError(f"a catalog needs appearances with unique names, got {names}")
         for problem in filter(None, map(name_problem, names)):
             raise CatalogError(f"invalid appearance name: {problem}")
         try:
+            object.__setattr__(self, "bounds", _box(self.bounds))
+            if self.background is not None:
+                object.__setattr__(self, "background", color(self.background, "background"))
             check_fields(self.appearances)
             object.__setattr__(self, "quantities", quantities_of(quantities_from(self.quantities), self.fields))
         except ValueError as error:
@@ -277,21 +277,10 @@ def read_json(path: Path, kind: type = dict) -> Any:
     return record
 
 
-def _box(bounds: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    try:
-        low, high = (tuple(map(float, corner)) for corner in bounds)
-    except (TypeError, ValueError):
-        low = high = ()
-    if not len(low) == len(high) == 3 or not all(-math.inf < a < b < math.inf for a, b in zip(low, high, strict=True)):
-        raise CatalogError(f"bounds must be two corners low < high of three finite numbers, got {bounds}")
-    return low, high
-
-
-def _color(color: Any) -> tuple[float, ...]:
-    try:
-        values = tuple(map(float, color))
-    except (TypeError, ValueError):
-        values = ()
-    if len(values) != 3 or not all(0.0 <= value <= 1.0 for value in values):
-        raise CatalogError(f"background must be None or three numbers in [0, 1], got {color!r}")
-    return values
+def _box(bounds: Any) -> tuple[tuple[float, ...], ...]:
+    corners = (
+        tuple(row(corner, 3, "each corner of bounds") for corner in bounds) if isinstance(bounds, Iterable) else ()
+    )
+    if len(corners) != 2 or not all(a < b for a, b in zip(*corners, strict=True)):
+        raise ValueError(f"bounds must be two corners low < high of three finite numbers, got {bounds}")
+    return corners

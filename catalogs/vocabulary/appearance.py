@@ -109,8 +109,7 @@ class Isosurface:
         what = _called(self)
         _check_field(self.name, self.field)
         object.__setattr__(self, "isovalue", numbers.finite(self.isovalue, f"{what}: isovalue"))
-        color = numbers.row(self.color, 3, f"{what}: color, red, green and blue in [0, 1],")
-        object.__setattr__(self, "color", tuple(numbers.fraction(c, f"{what}: color") for c in color))
+        object.__setattr__(self, "color", numbers.color(self.color, f"{what}: color"))
         for light in ("ambient", "diffuse", "specular", "specular_power"):
             strength = numbers.finite(getattr(self, light), f"{what}: {light}")
             if strength < 0.0:

@@ -58,3 +58,8 @@ def row(values: Any, length: int, what: str) -> tuple[float, ...]:
     if len(numbers) != length:
         raise ValueError(f"{what} must be {length} numbers, got {len(numbers)}: {shortened(values)}")
     return tuple(finite(number, what) for number in numbers)
+
+
+def color(values: Any, what: str) -> tuple[float, ...]:
+    """Red, green and blue in [0, 1]."""
+    return tuple(fraction(value, what) for value in row(values, 3, f"{what}, red, green and blue in [0, 1],"))

@@ -13,7 +13,6 @@ import pytest
 
 import catalogs
 from catalogs.exchange import selection
-from catalogs.exchange.export import LAYOUTS
 from catalogs.exchange.nerf import ImportedMember
 from catalogs.exchange.transforms import Frame
 from catalogs.files.durable import Stamp
@@ -98,7 +97,6 @@ SHOWN: list[tuple[Any, str]] = [
     (FRAME, "r_0.png"),
     (ImportedMember("a", (0.1, 0.2), "train", (FRAME,) * 100, ("train",) * 100), "a"),
     (CardImage(np.zeros((64, 64, 3), np.uint8), "below"), "below"),
-    (LAYOUTS["nerf"], "check="),
     (selection.SelectedImage(MEMBER, 3, "train"), "view=3"),
     (selection.Selection(Catalog(Path("flow.cdb"), PLAN), (MEMBER,) * 1000, "dvr"), "(1000 in all) of flow.cdb, dvr"),
     (PngHeader(8, 6, 8, 2, False), "8"),

@@ -141,9 +141,7 @@ def test_interrupted_it_stops_the_tasks_that_ask_and_says_which(workers: LocalCl
         assert outcomes(engine, {"next": partial(dask_tasks.square, 3)})[0] == {"next": 9}
     begun, stopped = sorted(path.name for path in tmp_path.iterdir())
     assert stopped == f"{begun}.stopped"
-    assert said == [
-        f"stopping task {begun} at the next safe point; 4 queued tasks cancelled"
-    ]
+    assert said == [f"stopping task {begun} at the next safe point; 4 queued tasks cancelled"]
 
 
 def test_a_file_that_a_worker_does_not_see_is_named(workers: LocalCluster, tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def test_a_space_gives_names_and_bounds(data: DataSet, tmp_path: Path) -> None:
         ({"space": ParameterSpace((Parameter("x", 0, 1), Parameter("y", 0, 1)))}, "contradict"),
         ({"validation_members": 12}, "12 validation members leave no training member"),
         ({"validation_members": 13}, "leave no training member: there are 12"),
-        ({"background": (255, 255, 255)}, "background must be None or three numbers in"),
+        ({"background": (255, 255, 255)}, "background must lie in"),
         ({"bounds": ((1, 1, 1), (0, 0, 0))}, "bounds must be two corners low < high"),
         ({"names": ["profile", "b"]}, "'profile' contains 'file'"),
     ],
