@@ -50,7 +50,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(autouse=True)
 def seeded() -> None:
-    """What a test draws from torch's own generator does not depend on the tests before it."""
+    """Random numbers of torch's own generator do not depend on earlier tests."""
     if torch := sys.modules.get("torch"):
         torch.manual_seed(0)
 

@@ -1,7 +1,7 @@
 """The road of a person with an ensemble of their own, as the README tells it: the loop, training, the report, the explorer.
 
-The project is packed, installed into a fresh virtual environment and used from an empty folder, so that nothing of the source tree
-can help; only what it depends on, and its compiled kernels, are taken from the environment of the tests.
+The project is packed, installed into a fresh virtual environment and used from an empty folder, so that nothing of the source
+tree can help.  Only its dependencies and its compiled kernels are taken from the environment of the tests.
 """
 
 from __future__ import annotations

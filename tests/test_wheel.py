@@ -1,4 +1,4 @@
-"""What a user's installer unpacks."""
+"""The contents of the wheel."""
 
 from __future__ import annotations
 

@@ -27,7 +27,6 @@ ALLOWED = (
     "insitu",
     "surrogate",
     "research",
-    "tests",
 )
 
 

@@ -16,7 +16,7 @@ TENSOR = torch.from_numpy(VALUES)
 
 
 class OnDevice:
-    """What lies on a device: DLPack refuses it without a copy, as it does for cupy's and jax's arrays."""
+    """An array on a device: DLPack refuses it without a copy, as it does for cupy's and jax's arrays."""
 
     dtype, device, shape = np.dtype("float64"), "gpu:0", VALUES.shape
 

@@ -1,4 +1,4 @@
-"""Where blocks lie, and where in a picture they can be seen."""
+"""Places of blocks, and the parts of an image where they are visible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is a field and what is not, said before anything is drawn."""
+"""Fields are recognized, and others refused, before anything is drawn."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def seen_along(pieces, eye, direction, shape):
 
 
 def samples_of(pieces, shape):
-    """How many pieces own each sample."""
+    """The number of pieces that own each sample."""
     counts = np.zeros(shape, dtype=int)
     for piece in pieces:
         counts[tuple(map(slice, piece.start, piece.stop))] += 1

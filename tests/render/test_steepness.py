@@ -1,4 +1,4 @@
-"""How fast a field changes under a transfer function, against fields whose answer is known."""
+"""The steepness of a field under a transfer function, against fields with known answers."""
 
 from __future__ import annotations
 

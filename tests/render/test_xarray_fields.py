@@ -30,7 +30,7 @@ def array(dims: str = "zyx", **axes: np.ndarray) -> Any:
 
 
 def is_function(grid: Any) -> bool:
-    """Whether every sample is the function at its place in the world."""
+    """True if every sample is the function at its place in the world."""
     places = [o + s * np.arange(n) for o, s, n in zip(grid.origin, grid.spacing, grid.shape[::-1], strict=True)]
     z, y, x = np.meshgrid(*places[::-1], indexing="ij")
     return np.allclose(grid.values, function(x, y, z), atol=1e-3)

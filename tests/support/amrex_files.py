@@ -13,7 +13,7 @@ IEEE = {8: "8, (64 11 52 0 1 12 0 1023)", 4: "8, (32 8 23 0 1 9 0 127)"}
 
 
 def boxes_of(low: Sequence[int], counts: Sequence[int], size: int) -> list[Box]:
-    """A part of a level cut into boxes of at most so many cells along an axis."""
+    """A part of a level cut into boxes of at most `size` cells along an axis."""
     starts = [range(a, a + n, size) for a, n in zip(low, counts, strict=True)]
     ends = [a + n - 1 for a, n in zip(low, counts, strict=True)]
     return [
@@ -109,7 +109,7 @@ def refined(values: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def merged(levels: Sequence[NDArray[np.floating]], boxes: Sequence[Sequence[Box]]) -> NDArray[np.floating]:
-    """What the finest level of a plotfile means: each cell from the finest level that has it."""
+    """The merged levels of a plotfile: each cell from the finest level that has it."""
     found = levels[0]
     for values, own in zip(levels[1:], boxes[1:], strict=True):
         found = refined(found).copy()

@@ -1,4 +1,4 @@
-"""What a person sees on the page and does to it."""
+"""A person's view of the page, and actions on it."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ def image_of(page: Page, side: int = 0) -> Locator:
 
 
 def picture_at(address: str) -> Picture:
-    """What the image at an address shows."""
+    """The image at an address."""
     member, appearance, file = unquote(address).split("/")[-3:]
     return member, appearance, int(file.removesuffix(".png"))
 
 
 def shown(page: Page, side: int = 0) -> Picture:
-    """What the picture on the screen shows, once it is the one that the page wants."""
+    """The image on the screen, once it is the one that the page wants."""
     page.wait_for_selector(f".pane[data-side='{side}'] .stage[aria-busy=false]")
     return picture_at(image_of(page, side).get_attribute("src") or "")
 
 
 def turned(page: Page, before: Picture) -> Picture:
-    """What is shown once that is another picture than before."""
+    """The image on the screen, once it differs from the one before."""
     page.wait_for_function(
         "before => decodeURIComponent(document.querySelector('.picture').src).endsWith(before) === false",
         arg=f"{before[0]}/{before[1]}/{before[2]:03d}.png",

@@ -1,7 +1,7 @@
 """A real browser for tests of pages: the system's Chromium, without a window, driven by Playwright.
 
-`page` is a fresh tab of its own profile; whatever it complains about (exceptions, errors in its console: blocked or missing
-files among them) fails the test, unless the test takes it out of `complaints`.  `phone` is the same, the size of a phone and
+`page` is a fresh tab of its own profile.  Its complaints (exceptions, errors in its console: blocked or missing files among
+them) fail the test, unless the test takes them out of `complaints`.  `phone` is the same, the size of a phone and
 touched.  Under a content security policy `page.wait_for_function` takes functions ("() => ..."), no expressions.  Playwright's
 loop runs in the thread of the tests, so tests that need `asyncio` run it in another.
 """
@@ -51,7 +51,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def complaints() -> list[str]:
-    """What the pages of a test complained about."""
+    """The complaints of a test's pages."""
     return []
 
 
@@ -100,7 +100,7 @@ def phone(new_page: NewPage) -> Page:
 
 
 def pixels(element: Locator) -> NDArray[np.uint8]:
-    """What is on the screen where the element is, [H, W, 3] uint8; it is scrolled to first."""
+    """The screen's pixels of an element, [H, W, 3] uint8; it is scrolled to first."""
     element.scroll_into_view_if_needed()
     box = element.bounding_box()
     assert box is not None, "the element is not on the screen"
@@ -112,7 +112,7 @@ def pixels(element: Locator) -> NDArray[np.uint8]:
 
 
 def serious_findings(page: Page) -> list[str]:
-    """What axe-core holds against the page's accessibility, serious or critical: "rule: help (element)"."""
+    """Serious and critical accessibility violations by axe-core: "rule: help (element)"."""
     script = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
     # By the debugger, not as an element of the page, whose content security policy would refuse it.
     page.evaluate(script)

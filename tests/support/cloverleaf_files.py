@@ -20,7 +20,7 @@ def e12_4(value: float) -> str:
 
 
 def printed(values: NDArray[np.floating]) -> NDArray[np.float64]:
-    """What is left of values that were printed so."""
+    """The values after printing and reading."""
     return np.vectorize(lambda value: float(e12_4(value)), otypes=[np.float64])(values)
 
 

@@ -13,7 +13,7 @@ from surrogate.training.data import Example
 
 
 def stored_picture(gaussians: Gaussians, camera: Camera, parameters: Tensor) -> Example:
-    """What `camera` sees of Gaussians as a stored image of those `parameters` (P,)."""
+    """The view of Gaussians by `camera`, as a stored image of those `parameters` (P,)."""
     with torch.no_grad():
         drawn = Rasterizer().draw(gaussians, camera)
     rgba = torch.cat([drawn.color, drawn.alpha[..., None]], dim=2).numpy().clip(0, 1)
@@ -22,5 +22,5 @@ def stored_picture(gaussians: Gaussians, camera: Camera, parameters: Tensor) -> 
 
 
 def same(a: Gaussians, b: Gaussians) -> bool:
-    """Whether all numbers are equal."""
+    """True if all numbers are equal."""
     return all(torch.equal(x, y) for x, y in zip(a.tensors().values(), b.tensors().values(), strict=True))

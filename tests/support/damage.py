@@ -29,7 +29,7 @@ NUMBERS = (
 
 
 def damaged(data: bytes, head: int | None = None) -> st.SearchStrategy[bytes]:
-    """What may become of a file of these bytes; the first `head` of them, by default all, are the ones that change."""
+    """Damaged versions of a file of these bytes; only the first `head` of them, by default all, change."""
     size = len(data) if head is None else min(head, len(data))
     digits = [match.span() for match in re.finditer(rb"\d+", data[:size])] or [(0, 0)]
     return st.one_of(
@@ -50,9 +50,9 @@ def _other_byte(data: bytes, place: int, byte: int) -> bytes:
 
 
 def read_or_refused(read: Callable[[], Any], path: Path, most: int = 64 << 20) -> Any:
-    """What `read` gives of a damaged file, None where that is one clear error: a ValueError that names the file.
+    """The result of `read` for a damaged file, None for one clear error: a ValueError that names the file.
 
-    Either way it takes no more than so many bytes of memory.
+    Either way it takes at most `most` bytes of memory.
     """
     found, refused = None, ""
     with memory_at_most(most):
@@ -68,7 +68,7 @@ def read_or_refused(read: Callable[[], Any], path: Path, most: int = 64 << 20) -
 
 @contextmanager
 def memory_at_most(most: int) -> Iterator[None]:
-    """Fail where Python and numpy take more than so many bytes meanwhile."""
+    """Fail if Python and numpy take more than `most` bytes meanwhile."""
     tracemalloc.start()
     try:
         yield

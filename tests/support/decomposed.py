@@ -21,7 +21,7 @@ from render.volume import drawn_range
 
 
 def kd_boxes(shape: tuple[int, ...], count: int, rng: np.random.Generator) -> list[Piece]:
-    """So many uneven boxes that fill a lattice of this shape: the longest one is cut again and again, anywhere."""
+    """Uneven boxes, `count` of them, that fill a lattice of this shape: the longest one is cut repeatedly, anywhere."""
     boxes = [Piece(0, (0, 0, 0), tuple(shape))]  # type: ignore[arg-type]
     while len(boxes) < count:
         boxes.sort(key=lambda box: max(np.subtract(box.stop, box.start)))

@@ -1,4 +1,4 @@
-"""What the explorer's page shows, beside what the API draws for the same wish."""
+"""The explorer's page, beside the API's images for the same settings."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def shown(page: Page, number: int = 0) -> NDArray[np.float32]:
 
 
 def drawn(page: Page, surrogate: Surrogate, number: int = 0) -> NDArray[np.float32]:
-    """What the API draws for the page's wish, (H, W, 3) in [0, 1]."""
+    """The API's image for the page's settings, (H, W, 3) in [0, 1]."""
     request = frame_request(request_of(page), surrogate)
     deformed = request.settings[number].gaussians(surrogate)
     return deformed.render(request.camera, background=request.background)[..., :3]
@@ -93,7 +93,7 @@ def assert_shown(page: Page, surrogate: Surrogate, number: int = 0) -> NDArray[n
 
 
 def saved(page: Page, kind: str, folder: Path) -> Path:
-    """What the page saves, as a file."""
+    """A file that the page saves."""
     page.locator("#export-kind").select_option(kind)
     with page.expect_download() as coming:
         page.locator("#export").click()

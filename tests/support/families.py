@@ -43,7 +43,7 @@ def transfer_functions(steps: NDArray[np.float64], places: Mapping[str, ArrayLik
 
 
 def appearance_of(setting: Setting, function: TransferFunction) -> Appearance:
-    """What a setting shows where the base has that transfer function."""
+    """The image of a setting whose base has that transfer function."""
     if len(setting.values) == 1:
         return Isosurface(setting.appearance, setting.values[0])
     return VolumeRendering(setting.appearance, displaced(function, setting.values))

@@ -71,7 +71,7 @@ BLOBS = FieldBlobs()
 
 
 def appearance_of(setting: Setting) -> Appearance:
-    """What a setting of `ISOVALUE` or `FUNCTIONS` shows."""
+    """The image of a setting of `ISOVALUE` or `FUNCTIONS`."""
     return families.appearance_of(setting, FUNCTION)
 
 

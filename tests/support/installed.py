@@ -56,6 +56,6 @@ def environment(installed: Path) -> dict[str, str]:
 
 
 def run_installed(command: Sequence[str], installed: Path, place: Path) -> subprocess.CompletedProcess[str]:
-    """What one of its commands, or its `python`, answers in the folder `place`."""
+    """The output of one of its commands, or its `python`, in the folder `place`."""
     program = [str(installed / command[0]), *command[1:]]
     return subprocess.run(program, cwd=place, env=environment(installed), capture_output=True, text=True, timeout=300)

@@ -54,5 +54,5 @@ def jupyter(folder: Path, host: str) -> Iterator[str]:
 
 
 def login(address: str) -> str:
-    """What a browser opens to be known there."""
+    """The address that logs a browser in."""
     return f"{address}{PREFIX}api/status?token={TOKEN}"

@@ -42,7 +42,7 @@ class LocalCluster:
 
 @contextmanager
 def local_cluster(folder: Path, workers: int = 2) -> Iterator[LocalCluster]:
-    """A scheduler and so many workers of one thread; they end with the context."""
+    """A scheduler and `workers` of one thread; they end with the context."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

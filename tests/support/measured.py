@@ -16,5 +16,5 @@ def measured(split: str, p: float, *psnr: float, varied: dict[str, float | str] 
 
 
 def expected(rows: Sequence[Measurement], surrogate: Surrogate | None = None) -> Expectation:
-    """What these rows let expect, without a catalog."""
+    """The expectation from these rows, without a catalog."""
     return Expectation.of(rows, surrogate or plain(), ())

@@ -23,7 +23,7 @@ PATIENCE = 60.0  # seconds after which ranks that wait for one another fail
 
 
 class Meeting:
-    """Where the threads leave what they exchange."""
+    """The place where the threads exchange values."""
 
     def __init__(self, size: int) -> None:
         self.size, self.left, self.barrier = size, [None] * size, threading.Barrier(size, timeout=PATIENCE)
@@ -57,7 +57,7 @@ class ThreadRank:
 
 
 def on_ranks(size: int, work: Callable[[ThreadRank], Any]) -> list[Any]:
-    """What `work` returns on each rank, or the exception that it raises there."""
+    """The result of `work` on each rank, or the exception that it raises there."""
     meeting = Meeting(size)
 
     def run(number: int) -> Any:
@@ -80,7 +80,7 @@ def need_mpi() -> str:
 
 
 def under_mpi(module: str, ranks: int, *arguments: str, seconds: float = 240.0) -> subprocess.CompletedProcess[str]:
-    """A module run by so many ranks."""
+    """A module run by a number of ranks."""
     command = need_mpi()
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"}
     return subprocess.run(

@@ -3,8 +3,8 @@
 ∂u/∂t + ∇·(u u) = -∇p + ν ∇²u,  ∇·u = 0  on [0, 2π)^d
 
 Fourier modes with |k_i| < n/3 in every direction (cubic truncation).  Products of two such modes that alias on n points
-land outside of the kept modes (the 2/3 rule, Orszag 1971), so the method is the exact Galerkin truncation: all forms
-of the advection term coincide, and without viscosity energy and helicity are conserved up to the time step's error.
+land outside of these modes (the 2/3 rule, Orszag 1971), so the method is the exact Galerkin truncation.  All forms of the
+advection term coincide, and without viscosity energy and helicity are conserved up to the time step's error.
 The tensor u_i u_j loses its trace to the pressure and needs five forward transforms instead of six (Basdevant 1983,
 J. Comput. Phys. 50).
 

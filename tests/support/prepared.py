@@ -65,7 +65,7 @@ class Program:
         return self.returncode
 
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
-        """What it has still to say, little enough for a pipe to hold."""
+        """Its remaining output, short enough for a pipe."""
         self.wait(timeout)
         return self.stdout.read(), self.stderr.read()
 

@@ -28,7 +28,7 @@ def require_gloo() -> None:
 
 @contextlib.contextmanager
 def started(program: str, *arguments: object, count: int = 2) -> Iterator[list[Program]]:
-    """So many processes that run the same program, by rank; they end with the context."""
+    """Processes that run the same program, by rank; they end with the context."""
     require_gloo()
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -48,7 +48,7 @@ def started(program: str, *arguments: object, count: int = 2) -> Iterator[list[P
 
 
 def outputs(program: str, *arguments: object, count: int = 2) -> list[str]:
-    """What each of so many processes writes, by rank; raises AssertionError where one fails."""
+    """The output of each process, by rank; raises AssertionError if one fails."""
     with started(program, *arguments, count=count) as running:
         told = [process.communicate(LIMIT) for process in running]
         failed = [errors for process, (_, errors) in zip(running, told, strict=True) if process.wait() != 0]

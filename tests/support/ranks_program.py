@@ -1,4 +1,4 @@
-"""What the ranks of a simulation do in the tests of decomposed fields: `mpiexec -n 4 python -m tests.support.ranks_program FOLDER`.
+"""The program of a simulation's ranks in tests of decomposed fields: `mpiexec -n 4 python -m tests.support.ranks_program FOLDER`.
 
 Each rank leaves what it got in rank-N.json.
 """
@@ -48,7 +48,7 @@ def mine(values: Any, boxes: Any) -> tuple[Any, dict[str, Any]]:
 
 
 def outcome(work: Callable[[], Any]) -> str:
-    """What came of it, in words."""
+    """The result, in words."""
     try:
         result = work()
     except Exception as error:
@@ -125,7 +125,7 @@ def mesh(values: Any, place: dict[str, Any]) -> dict[str, Any]:
 
 
 def mistakes(folder: Path, boxes: Any, told: dict[str, Any]) -> None:
-    """What goes wrong on one rank goes wrong on all, and the next member is rendered."""
+    """An error on one rank is raised on all, and the next member is rendered."""
     appearances = [VolumeRendering("plain", FUNCTION)]
     part, place = mine(field(0.0), boxes)
     broken = part.copy()

@@ -1,8 +1,8 @@
 """The float64 reference that VTK is checked against: slow, short and independent of it.
 
 Emission-absorption volume rendering (Max, "Optical models for direct volume rendering", 1995, eq. 7) by the
-midpoint rule: the field is trilinear between samples, the transfer function is evaluated exactly, and each ray
-is cut into equal steps between where it enters and leaves the box.  Nothing is tabulated, clamped or stopped early.
+midpoint rule.  The field is trilinear between samples, and the transfer function is evaluated exactly.  Each ray is cut into
+equal steps between where it enters and leaves the box.  Nothing is tabulated, clamped or stopped early.
 """
 
 from __future__ import annotations

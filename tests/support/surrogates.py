@@ -18,7 +18,7 @@ CENTER, EXTENT = np.array([1e6, -2e6, 5.0]), 40.0
 
 
 def large_surrogate() -> Surrogate:
-    """With so many Gaussians that torch takes several threads, drawn by the kernels."""
+    """A surrogate with enough Gaussians for several threads of torch, drawn by the kernels."""
     return replace(some_surrogate(count=20_000), rasterizer=Rasterizer())
 
 

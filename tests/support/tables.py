@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def tables(page: str) -> list[list[int]]:
-    """How many cells each row of each table of a page has."""
+    """The number of cells in each row of each table of a page."""
     found: list[list[int]] = [[]]
     for line in page.splitlines():
         if line.startswith("|"):

@@ -31,7 +31,7 @@ def _loop() -> asyncio.AbstractEventLoop:
 
 
 def wait(work: Coroutine[Any, Any, T], seconds: float = PATIENCE) -> T:
-    """What comes of it, in the loop of all tabs."""
+    """The result of a coroutine, run in the loop of all tabs."""
     return asyncio.run_coroutine_threadsafe(asyncio.wait_for(work, seconds), _loop()).result(seconds + 5)
 
 

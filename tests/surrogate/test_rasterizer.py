@@ -1,4 +1,4 @@
-"""How many samples a pixel has: as many as were trained with, more on surfaces."""
+"""The number of samples in a pixel: as many as in training, more on surfaces."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def surface() -> Gaussians:
 
 
 def by_hand(gaussians: Gaussians, samples: int) -> np.ndarray:
-    """Each pixel the mean of a picture that is so many times as large."""
+    """Each pixel is the mean of an image that is `samples` times as large."""
     fine = Rasterizer().draw(gaussians, CAMERA.resized(samples * CAMERA.width, samples * CAMERA.height))
     whole = torch.cat([fine.color, fine.alpha[..., None]], dim=2).numpy()
     return whole.reshape(CAMERA.height, samples, CAMERA.width, samples, 4).mean(axis=(1, 3))

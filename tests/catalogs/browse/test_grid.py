@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 
 def cells(page: Page) -> list[Picture]:
-    """What the cells in sight show, row by row, once all are there."""
+    """The images of the visible cells, row by row, once all are loaded."""
     page.wait_for_function("() => [...document.querySelectorAll('.cell img')].every(i => i.complete && i.naturalWidth)")
     found = page.locator(".cell").evaluate_all(
         "all => all.map(c => [parseInt(c.style.top), parseInt(c.style.left), c.querySelector('img').src])"

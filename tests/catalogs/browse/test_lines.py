@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 
 def axis_at(page: Page, number: int, part: float) -> tuple[float, float]:
-    """Where in the window an axis has the value at `part` (0 low, 1 high) of its range."""
+    """The place in the window where an axis has the value at `part` (0 low, 1 high) of its range."""
     box = page.locator(".axis").nth(number).bounding_box()
     assert box is not None
     top, bottom = box["y"] + 46, box["y"] + box["height"] - 40

@@ -1,4 +1,4 @@
-"""What the page says and what it leaves alone."""
+"""The page's text, and the files that it does not change."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def answer_of(
 
 @pytest.fixture
 def secrets(grid: Catalog) -> Iterator[None]:
-    """What must not get out: a file beside the catalog, links to it, a hidden file, a pipe, a lock."""
+    """Files that must not be served: one beside the catalog, links to it, a hidden file, a pipe, a lock."""
     outside = grid.path.parent / "secret.txt"
     outside.write_text("secret")
     (grid.path / "link.txt").symlink_to(outside)

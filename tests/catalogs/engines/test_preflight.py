@@ -1,4 +1,4 @@
-"""What a worker is asked before it works."""
+"""Questions to a worker before it works."""
 
 from __future__ import annotations
 

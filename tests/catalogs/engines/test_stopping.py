@@ -1,4 +1,4 @@
-"""Whether a task was taken back, outside of a cluster's workers; what a worker sees, `test_cluster` tells."""
+"""Cancelled tasks outside of a cluster's workers; `test_cluster` tests those of workers."""
 
 from __future__ import annotations
 

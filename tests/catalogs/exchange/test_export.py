@@ -1,4 +1,4 @@
-"""What is exported is whole, and what can't be is refused before anything is written."""
+"""Exports are complete, and impossible ones are refused before anything is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is exported comes back as it was."""
+"""Exported files are read back unchanged."""
 
 from __future__ import annotations
 

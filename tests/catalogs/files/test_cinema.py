@@ -1,4 +1,4 @@
-"""The table keeps specification D, and a table that doesn't is told where."""
+"""The table follows specification D; errors name the place where a table does not."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_what_the_dead_left_is_removed_and_what_the_living_write_is_kept(tmp_pat
 
 
 def abandoned_by(tmp_path: Path, **changes: str) -> Path:
-    """What a writer left whose name differs from this process's in `changes`."""
+    """The partial file of a writer whose name differs from this process's in `changes`."""
     parts = durable.partial_name(tmp_path / "x").name.removesuffix(durable.PARTIAL).split("~")
     named = dict(zip(("name", "host", "space", "process", "start", "token"), parts, strict=True)) | changes
     path = tmp_path / f"{'~'.join(named.values())}{durable.PARTIAL}"

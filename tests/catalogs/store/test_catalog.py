@@ -176,7 +176,7 @@ def test_a_disk_that_fails_changes_nothing(catalog: Catalog, monkeypatch: pytest
 
 
 def as_nobody(work: Callable[[], None]) -> str:
-    """What `work` raises in a child that owns nothing, or "": root would be allowed everything."""
+    """The error that `work` raises in a child that owns nothing, or "": root would be allowed everything."""
     receive, send = os.pipe()
     child = os.fork()
     if child == 0:

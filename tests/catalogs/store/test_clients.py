@@ -41,7 +41,7 @@ def run_client(client: str, script: str, *arguments: str) -> str:
 
 
 def straight(premultiplied: np.ndarray) -> np.ndarray:
-    """What a viewer must see, from the definition: color divided by alpha, rounded; [H, W, 4] float."""
+    """The image for a viewer, from the definition: color divided by alpha, rounded; [H, W, 4] float."""
     values = premultiplied.astype(np.float64)
     alpha = np.maximum(values[..., 3:], 1.0)
     return np.concatenate([np.floor(255.0 * values[..., :3] / alpha + 0.5), values[..., 3:]], axis=-1)

@@ -21,7 +21,7 @@ MEMBERS = {"a": 110.0, "b": 150.0, "c": 190.0}
 
 
 def write_all(path: Path, names: tuple[str, ...] = tuple(MEMBERS), stored: Path | None = None) -> None:
-    """What a simulation's run does: create or open, then add the members that are not there, noting what is `stored`."""
+    """A simulation's run: create or open, then add the missing members, noting those that are `stored`."""
     catalog = Catalog.create(path, small_plan())
     for seed, (name, reynolds) in enumerate(MEMBERS.items()):
         if name in names and name not in catalog:
@@ -39,7 +39,7 @@ def undisturbed(folder: Path) -> dict[str, bytes]:
 
 
 def operations(folder: Path) -> int:
-    """How many operations an undisturbed run has."""
+    """The number of operations in an undisturbed run."""
     disk = MortalDisk(-1, "after", folder)
     disk.install()
     try:

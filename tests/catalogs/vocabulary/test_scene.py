@@ -200,7 +200,7 @@ compared = 10
 
 
 def settings_of(member: PlannedMember, loaded: Scene) -> dict[tuple[str, str], int]:
-    """How many settings of each kind and split a member shows."""
+    """The number of settings of each kind and split that a member shows."""
     assert member.appearances is not None
     settings = {s.appearance: (v.kind, s.split) for v in loaded.variations for s in v.settings}
     return Counter(settings[name] for name in member.appearances if name in settings)

@@ -1,4 +1,4 @@
-"""What is handed over was checked without a look at its values, and fills the box that the whole field fills."""
+"""Queued fields were checked without a look at their values, and fill the box of the whole field."""
 
 from __future__ import annotations
 

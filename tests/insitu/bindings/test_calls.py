@@ -1,4 +1,4 @@
-"""What the library's functions do, called from Python."""
+"""The library's functions, called from Python."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ from tests.insitu.test_hooked import ball as simulate
 
 
 def ball(parameters: Mapping[str, float], size: int) -> Field:
-    """How deep within a ball around the middle of the cube [-1, 1]³."""
+    """The depth within a ball around the middle of the cube [-1, 1]³."""
     return Field(depth(parameters["radius"], size), (2.0 / (size - 1),) * 3, (-1.0,) * 3)
 
 

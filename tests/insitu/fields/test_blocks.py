@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 
 def told_by_ranks(folder: Path, what: str) -> list[dict[str, Any]]:
-    """What each rank has to say of a part of the program."""
+    """The output of each rank for a part of the program."""
     done = under_mpi("tests.support.ranks_program", RANKS, str(folder), what)
     assert done.returncode == 0, done.stdout + done.stderr
     return [json.loads((folder / f"rank-{n}.json").read_text()) for n in range(RANKS)]

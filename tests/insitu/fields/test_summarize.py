@@ -143,7 +143,7 @@ def test_points_far_from_the_origin_keep_their_places() -> None:
 
 
 def cells_of(points: np.ndarray, count: int) -> np.ndarray:
-    """How many points lie in each of `count`^3 equal boxes of [-1, 1]^3."""
+    """The number of points in each of `count`^3 equal boxes of [-1, 1]^3."""
     return np.histogramdd(points, bins=count, range=[(-1.0, 1.0)] * 3)[0]
 
 

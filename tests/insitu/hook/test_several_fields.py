@@ -486,7 +486,7 @@ def test_appearances_may_come_one_by_one(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_data_sets_of_similar_names_are_told_apart(tmp_path: Path) -> None:
-    """What is left of their names in those of appearances is the same."""
+    """Their names' parts in those of appearances are the same."""
     path, names = tmp_path / "greek.h5", ("α", "β", "x" * 120)
     with h5py.File(path, "w") as file:
         for name in names:

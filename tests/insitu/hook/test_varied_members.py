@@ -39,7 +39,7 @@ SOME = ("dvr", "dvr-train-20", "iso=0.5")
 
 
 def options(**changes: Any) -> dict[str, Any]:
-    """What `insitu.Session` is asked for: one base, 78 transfer functions and 3 isovalues."""
+    """Arguments of `insitu.Session`: one base, 78 transfer functions and 3 isovalues."""
     values: dict[str, Any] = {
         "space": SPACE,
         "appearances": (BASE, *FUNCTIONS.appearances, *ISOVALUES.appearances),

@@ -1,4 +1,4 @@
-"""How differences between what is asked for and a catalog are named."""
+"""Messages name the differences between a request and a catalog."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the ensemble fixes before its first member."""
+"""Choices for the whole ensemble before its first member."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is asked of a member: its time among the parameters, its name, and everything that is refused."""
+"""Requests for a member: its time among the parameters, its name, and all refusals."""
 
 from __future__ import annotations
 

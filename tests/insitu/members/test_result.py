@@ -1,4 +1,4 @@
-"""What a rendered member says of itself, and the peak of memory that is seen while it is rendered."""
+"""The result of a rendered member, and the peak of memory while it is rendered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How blocks fill a grid, against blocks that were cut from one."""
+"""Layouts of blocks on a grid, against blocks that were cut from one."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ SPACINGS = st.floats(1e-6, 1e6)
 
 
 def words(values: np.ndarray, digits: int) -> list[str]:
-    """Values rounded to so many significant digits, by decimal arithmetic."""
+    """Values rounded to a number of significant digits, by decimal arithmetic."""
     rounded = Context(prec=digits, rounding=ROUND_HALF_EVEN)
     return [str(rounded.create_decimal_from_float(float(value))) for value in values]  # zeros at the end are left out
 

@@ -1,4 +1,4 @@
-"""Tables and patterns of files: what they name is what comes out, and everything wrong is told at once."""
+"""Tables and patterns of files give the named members, and all errors at once."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from surrogate.training.session import TrainingProgress
 
 @pytest.fixture
 def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """What the clock shows, s."""
+    """The clock's time, s."""
     shown = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: shown[0])
     return shown

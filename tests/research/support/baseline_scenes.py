@@ -18,7 +18,7 @@ BOX = [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]
 
 
 def centers_at(parameters: ArrayLike) -> NDArray[np.float64]:
-    """Where the balls (3, 3) are at `parameters` (P,): parameter j moves ball j modulo 3, up and down first."""
+    """Places of the balls (3, 3) at `parameters` (P,): parameter j moves ball j modulo 3, up and down first."""
     centers = CENTERS.copy()
     for number, value in enumerate(np.asarray(parameters, dtype=np.float64)):
         centers[number % 3, (2 - number // 3) % 3] += REACH * value
@@ -39,7 +39,7 @@ def drawn(parameters: ArrayLike, camera: Camera) -> NDArray[np.float32]:
 
 
 def cameras_around(views: int, size: int) -> list[Camera]:
-    """So many cameras, spread around the origin, that see the whole box."""
+    """Cameras, `views` of them, spread around the origin, that see the whole box."""
     order = np.linspace(0, 41, views).round().astype(int)
     return [
         Camera.look_at(4.5 * place, (0.0, 0.0, 0.0), vertical_fov_degrees=38.0, width=size, height=size)

@@ -9,6 +9,6 @@ from research.studies.__main__ import main as studies
 
 
 def invoked(*words: object) -> Result:
-    """What the command of this name does, in either."""
+    """The command of this name, in either group."""
     group = studies if words[0] in studies.commands else surrogate.cli.main
     return CliRunner().invoke(group, [str(word) for word in words])

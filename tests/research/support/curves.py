@@ -7,7 +7,7 @@ MADE = Provenance("bead", "", {"processor": "abacus", "cores": 1})
 
 
 def point(minutes: float, psnr: float | None, **kinds: float) -> Point:
-    """What so many minutes reached with the base appearance, and with variations by kind."""
+    """The PSNR after a number of minutes with the base appearance, and with variations by kind."""
 
     def cells(psnr: float | None, row: str) -> dict[str, object]:
         return {"psnr": {row: {"unseen_parameters": psnr}}}

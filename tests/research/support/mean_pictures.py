@@ -37,7 +37,7 @@ class MeanPicture:
         return self.tensors()
 
     def restore(self, step: int, state: State) -> None:
-        """Go on after so many."""
+        """Continue after this number of steps."""
         self.steps, self.mean = step, state["mean"].numpy().copy()
 
     def tensors(self) -> dict[str, Tensor]:

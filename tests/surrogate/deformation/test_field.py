@@ -420,7 +420,7 @@ def test_bfloat16_is_near_enough_to_learn_from(coherent: bool, apart: float, ali
     """Root mean square errors of each tensor's gradient, and its cosine with that in float32.
 
     Activations near zero change sign, which counts where the Gaussians' contributions cancel (the second loss), not where
-    they add up (the first): there errors stay small unless sums over Gaussians are themselves taken in bfloat16.
+    they add up (the first).  There errors stay small unless sums over Gaussians are themselves taken in bfloat16.
     """
     gaussians, p = canonical(3000), torch.tensor([0.3])
     architecture, found = Architecture(1), []

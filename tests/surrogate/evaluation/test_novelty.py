@@ -1,4 +1,4 @@
-"""How new a transfer function is, against integrals worked out by hand."""
+"""The novelty of a transfer function, against integrals worked out by hand."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def steps(*opacities: float, unit: float = 1.0) -> TransferFunction:
 
 
 def member(*counts: int, low: float = 0.0, high: float = 4.0, clipped: float = 0.0) -> FieldSummary:
-    """A field with so many samples from 0 to 1, from 1 to 2, and so on."""
+    """A field with the given counts of samples from 0 to 1, from 1 to 2, and further."""
     nothing = np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.float32)
     return FieldSummary(low, high, clipped, np.array(counts), np.arange(len(counts) + 1.0), *nothing)
 

@@ -19,7 +19,7 @@ LOGITS = (-40.0, -18.42068, -9.22, -9.2, -1.0, 0.0, 5.0, 19.9, 20.1, 40.0, 1e3) 
 
 
 class Case(NamedTuple):
-    """What the kernel is given, float32."""
+    """Arguments of the kernel, float32."""
 
     weights: NDArray  # [N, B]
     changes: NDArray  # [B, 4]
@@ -64,8 +64,9 @@ def logit_of(depth: NDArray) -> NDArray:
 class Twin(NamedTuple):
     """The definition, in float64, and how far rounding to float32 on the way may lead away from it.
 
-    The bounds are of first order: the sums of B terms and the depths are wrong by a few UNITs of their terms; that is multiplied
-    by the derivative of what follows, of a logit by the depth 1 / (1 - e^-depth); and each number on the way is rounded.
+    The bounds are of first order.  The sums of B terms and the depths are wrong by a few UNITs of their terms.  That is
+    multiplied by the derivative of the rest; of a logit by the depth this is 1 / (1 - e^-depth).  Each intermediate number
+    is rounded.
     """
 
     logits: NDArray  # [N]

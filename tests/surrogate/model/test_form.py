@@ -224,7 +224,7 @@ def test_a_link_within_the_folder_is_followed(tmp_path: Path) -> None:
 
 
 def paths_of(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Where the values of a record are, every one of them."""
+    """The paths of all values of a record."""
     keys: Any = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
     return [path][: bool(path)] + [found for key in keys for found in paths_of(value[key], (*path, key))]
 

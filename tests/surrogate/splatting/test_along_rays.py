@@ -41,7 +41,7 @@ def gradients(tensors: tuple[Tensor, ...], upstream: Tensor) -> tuple[Tensor, ..
 def check(tensors: tuple[Tensor, ...]) -> None:
     """The kernel's opacities and gradients are the float64 twin's, each Gaussian's within 1e-5 of its largest.
 
-    Gradients decay as exp(-depth), of which errors of the depth's last digits are a larger part the deeper it is; and those by
+    Gradients decay as exp(-depth), of which errors of the depth's last digits are a larger part the deeper it is.  Those by
     shape and place are differences, which may cancel.
     """
     doubles = tuple(t.double() for t in tensors)

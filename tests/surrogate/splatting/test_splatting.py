@@ -1,4 +1,4 @@
-"""What every backend offers beside colour and alpha: depth, and the gradient by the camera's pose."""
+"""Outputs of every backend beside colour and alpha: depth, and the gradient by the camera's pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pictures show is counted, and how much of it changes from member to member."""
+"""The content of images, and its change from member to member."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast this machine trains, measured in a few steps."""
+"""The speed of training on this machine, measured in a few steps."""
 
 from __future__ import annotations
 

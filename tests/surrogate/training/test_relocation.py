@@ -16,7 +16,7 @@ from tests.support.visualizations import base
 
 
 def transmittance_along_centre(opacity: float, scale: float, copies: int, places: np.ndarray) -> np.ndarray:
-    """What one ray per place lets through `copies` equal Gaussians in one dimension, drawn one over the other."""
+    """The transmittance of one ray per place through `copies` equal Gaussians in one dimension, one over the other."""
     return (1.0 - opacity * np.exp(-0.5 * (places / scale) ** 2)) ** copies
 
 

@@ -40,7 +40,7 @@ def told(errors: list[float], power: float = 1.0, seed: int = 1) -> HardExamples
 
 
 def visits(hard: HardExamples, blocks: int = 40) -> np.ndarray:
-    """How often each image is visited, as a fraction, while errors stay as they are."""
+    """The fraction of visits to each image, at constant errors."""
     drawn = [hard[step] for step in range(blocks * HARD_BLOCK)]
     return np.bincount(drawn, minlength=len(hard.errors)) / len(drawn)
 

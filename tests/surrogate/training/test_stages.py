@@ -1,4 +1,4 @@
-"""What stages optimize, and how fast they begin."""
+"""Parameters and initial rates of the stages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all variations share: impossible ones are refused, JSON brings them back, and mismatches are named."""
+"""Rules of all variations: impossible ones are refused, JSON restores them, and mismatches are named."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def pictures(notebook: Any, name: str) -> int:
 
 
 def check_results(notebook: Any) -> None:
-    """What the text says of the cells' results."""
+    """Claims of the text about the cells' results."""
     scores = {
         member: (float(ours), float(theirs)) for member, ours, _, theirs in MEMBER.findall(printed(notebook, "score"))
     }

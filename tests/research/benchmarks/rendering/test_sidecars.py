@@ -1,4 +1,4 @@
-"""What sidecars cost is measured of real ones."""
+"""The cost of sidecars is measured on real ones."""
 
 from __future__ import annotations
 

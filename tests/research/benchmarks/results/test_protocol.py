@@ -1,4 +1,4 @@
-"""What is missing of the comparison is named with the command that makes it."""
+"""Missing parts of the comparison are named with the command that makes them."""
 
 from __future__ import annotations
 

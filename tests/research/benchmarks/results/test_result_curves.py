@@ -1,4 +1,4 @@
-"""What more time is worth has a row of each scene, and a line in the plot."""
+"""The value of more time has a row for each scene, and a line in the plot."""
 
 from io import BytesIO
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is read is of the scene as it now is, and what is missing is named with the command that makes it."""
+"""Results belong to the scene's present settings, and missing ones are named with the command that makes them."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""What several samples a pixel are worth is measured with surfaces, and refused without."""
+"""The value of several samples a pixel is measured with surfaces, and refused without."""
 
 from __future__ import annotations
 

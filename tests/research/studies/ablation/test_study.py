@@ -267,7 +267,7 @@ def test_what_another_process_finished_meanwhile_is_not_fitted_again(
 
 
 def fitted_after(event: Callable[[str], None]) -> Callable[..., dict]:
-    """In place of `Study._fit`: `event` is told which variant is being fitted."""
+    """In place of `Study._fit`: `event` gets the name of the fitted variant."""
 
     def fit(study: Study, variant: Variant, *_: object) -> dict:
         event(variant.name)

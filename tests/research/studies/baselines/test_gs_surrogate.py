@@ -265,7 +265,7 @@ def test_loss_is_a_fifth_structural_similarity() -> None:
 
 
 def frequencies(mining: HardMining, pictures: int, draws: int = 4000) -> np.ndarray:
-    """How often each picture is drawn, as a fraction, while the chances stay as they are."""
+    """The fraction of draws of each picture, at constant chances."""
     drawn = [mining.drawn(step) for step in range(10_000, 10_000 + draws)]
     return np.bincount(drawn, minlength=pictures) / draws
 

@@ -148,7 +148,7 @@ class Analytic(nn.Module):
 
 
 def lengths_through(camera: Camera, low: Sequence[float], high: Sequence[float]) -> NDArray[np.float64]:
-    """How far every pixel's ray (H, W) runs through a box, in float64."""
+    """The length of every pixel's ray (H, W) in a box, in float64."""
     origin, directions = camera.rays()
     with np.errstate(divide="ignore"):
         to_planes = (np.array([low, high])[:, None, None] - origin) / directions  # [2, H, W, 3]

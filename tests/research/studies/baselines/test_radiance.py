@@ -73,7 +73,7 @@ def test_jittered_borders_stay_in_order_around_even_ones() -> None:
 
 
 def quantiles_in_float64(borders: np.ndarray, weights: np.ndarray, quantiles: np.ndarray, padding: float) -> np.ndarray:
-    """Where the cumulative distribution of one ray's histogram reaches the quantiles."""
+    """Places where the cumulative distribution of one ray's histogram reaches the quantiles."""
     padded = weights.astype(np.float64) + padding
     below = np.concatenate([[0.0], np.cumsum(padded)]) / padded.sum()
     return np.interp(quantiles, below, borders.astype(np.float64))

@@ -91,7 +91,7 @@ def expected_components(
 def expected_outputs(
     field: Field, kind: str, point: NDArray[np.float64], parameters: NDArray[np.float64], direction: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What a network gives before its activation, written out in float64."""
+    """A network's output before its activation, written out in float64."""
     tensors = in_float64(field)
     vectors = [lerp(tensors[f"{kind}.vector_{j}"][..., 0], p) for j, p in enumerate(parameters)]
     known = np.concatenate([expected_components(tensors, kind, point), *vectors])
@@ -404,7 +404,7 @@ def test_the_seed_decides_everything() -> None:
 
 
 def moves(training: Training) -> dict[str, torch.Tensor]:
-    """How far a step moves every number."""
+    """The change of every number in a step."""
     before = {name: tensor.clone() for name, tensor in training.tensors().items()}
     training.advance()
     return {name: (tensor - before[name]).abs() for name, tensor in training.tensors().items()}

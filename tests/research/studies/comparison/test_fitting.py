@@ -38,7 +38,7 @@ class Hand:
 
 
 def taking(hand: Hand, seconds: float):
-    """A loss that takes so many seconds."""
+    """A loss that takes this number of seconds."""
 
     def loss(_: int) -> float:
         hand.now += seconds

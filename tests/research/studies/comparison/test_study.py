@@ -341,7 +341,7 @@ def test_a_study_that_is_stopped_goes_on_where_it_was(task: Task, tmp_path: Path
 def test_a_training_that_misses_its_time_is_made_again(
     task: Task, tmp_path: Path, factor: float, trainings: int
 ) -> None:
-    """Its steps take so many times as long as in both trials; within 15 % it stays."""
+    """Its steps take this many times as long as in both trials; within 15 % it stays."""
     turned, begun = [0.0], [0]
 
     def loss(step: int) -> float:

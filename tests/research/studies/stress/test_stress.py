@@ -27,7 +27,7 @@ HEAVY = 5_000  # Gaussians
 
 @pytest.fixture(scope="module", autouse=True)
 def twins() -> Iterator[None]:
-    """What the twin draws of a case is kept for all tests: float64 takes most of their time."""
+    """The reference images of a case, cached for all tests: float64 takes most of their time."""
     with pytest.MonkeyPatch.context() as patch:
         drawn: dict[str, Any] = {}
 
@@ -49,7 +49,7 @@ def marked(case: Case) -> Any:
 
 
 def heavy(case: Case) -> bool:
-    """Whether the twin takes seconds."""
+    """True if the reference implementation takes seconds."""
     return len(case.scene().means) > HEAVY or case.camera().width > 200
 
 

@@ -129,7 +129,7 @@ def test_a_strip_and_a_grid(run: Path, tmp_path: Path) -> None:
 
 
 def found(sheet: np.ndarray, setting: Setting, seen_by: Camera) -> tuple[int, int]:
-    """Where a sheet holds the picture of a setting on white."""
+    """The place of a setting's image on white in a sheet."""
     picture = to_bytes(setting.gaussians(following()).render(seen_by, background=(1, 1, 1))[..., :3])
     height, width = picture.shape[:2]
     windows = np.lib.stride_tricks.sliding_window_view(sheet, (height, width, 3))[:, :, 0]

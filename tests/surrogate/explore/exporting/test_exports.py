@@ -110,7 +110,7 @@ def test_names_of_files_are_harmless() -> None:
 
 
 def options(command: click.Command, *arguments: Any) -> dict[str, Any]:
-    """What the command line makes of its arguments."""
+    """The command line's reading of its arguments."""
     context = command.make_context("surrogate", ["tests", *map(str, arguments), "-o", "a"])
     return {name: value for name, value in context.params.items() if name not in ("run", "output")}
 

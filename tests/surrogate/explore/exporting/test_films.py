@@ -24,7 +24,7 @@ SWEEP = Sweep(Setting({"p": 0.5}), Axis("p", 0.0, 1.0, 5))
 
 
 def drawn(camera: Camera = CAMERA) -> list[NDArray[np.float32]]:
-    """What the API draws, without the sweep."""
+    """The API's image, without the sweep."""
     surrogate = following()
     return [s.gaussians(surrogate).render(camera, background=BACKGROUND)[..., :3] for s in settings(SWEEP)]
 

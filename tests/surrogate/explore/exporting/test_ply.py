@@ -45,7 +45,7 @@ def stacked(vertices: Any, prefix: str) -> NDArray[np.float64]:
 
 
 def decoded(content: bytes, position: NDArray[np.float64]) -> tuple[torch.Tensor, ...]:
-    """What `surrogate.splatting.render` draws, by the formulas of the reference's `load_ply`, `forward.cu` and `sh_utils`."""
+    """The image of `surrogate.splatting.render`, by the formulas of the reference's `load_ply`, `forward.cu` and `sh_utils`."""
     vertices = read(content)["vertex"]
     means = np.stack([vertices[axis] for axis in "xyz"], axis=1).astype(np.float64)  # [N, 3]
     harmonics = stacked(vertices, "f_rest_")

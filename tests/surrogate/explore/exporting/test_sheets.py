@@ -38,7 +38,7 @@ def boxes(sheet: NDArray[np.uint8], count: int) -> list[tuple[int, int, int, int
 
 
 def ink(sheet: NDArray[np.uint8], background: Any, count: int) -> NDArray[np.bool_]:
-    """Where text stands: neither paper nor picture."""
+    """Pixels of text: neither paper nor image."""
     paper = (sheet == np.round(np.array(background) * 255)).all(axis=2)
     return ~paper & ~((sheet[..., 1] == 200) & (sheet[..., 2] == 100))
 

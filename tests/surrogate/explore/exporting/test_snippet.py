@@ -30,7 +30,7 @@ SETTINGS = {
 
 
 def run(program: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> NDArray[np.float32]:
-    """What a program of a snippet draws, executed in `folder`."""
+    """The image of a snippet's program, executed in `folder`."""
     monkeypatch.chdir(folder)
     names: dict[str, NDArray[np.float32]] = {}
     exec(compile(program, "snippet", "exec"), names)

@@ -1,4 +1,4 @@
-"""What is typed and can be drawn is drawn and shown; of anything else the input says why not, and shows what is drawn."""
+"""Valid typed numbers are drawn and shown; beside others the input says why not, and shows the drawn value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was measured is levelled to unseen members, and its error told by leaving members and settings out."""
+"""Measurements are levelled to unseen members, and their error comes from leaving members and settings out."""
 
 from __future__ import annotations
 

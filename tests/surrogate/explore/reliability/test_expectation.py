@@ -1,4 +1,4 @@
-"""What is expected comes from the nearest measurements, and says how far it can be trusted."""
+"""Expectations come from the nearest measurements, and state how far they can be trusted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page is told is true, complete, finite, and plain JSON whatever the names are."""
+"""Facts for the page are true, complete, finite, and plain JSON whatever the names are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What strangers, and tabs gone mad, may send: each gets an error, no one else notices, and the same tab lives on."""
+"""Messages of strangers and broken tabs: each gets an error, others do not notice, and the same tab continues."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_text_that_is_none_ends_the_connection_of_its_sender_alone(explorer: str
 @pytest.mark.parametrize("token", ["", "wrong", "None", "0", "[]", "{}", "%00", "%ff", "ü" * 50, "x" * 4000])
 @pytest.mark.parametrize("place", ["query", "cookie"])
 def test_only_the_token_opens(guarded: str, place: str, token: str) -> None:
-    """Where one is needed: no connection, so that no message is ever read."""
+    """Without a needed token there is no connection, so no message is ever read."""
     target, headers = (f"ws?token={token}", {}) if place == "query" else ("ws", {"Cookie": f"gs-surrogate={token}"})
 
     async def attempt() -> int:

@@ -110,7 +110,7 @@ def test_it_prints_one_address_and_stops_on_control_c(run_folder: Path) -> None:
 
 
 def refused(run_folder: Path, *options: str) -> str:
-    """What is said instead of an address."""
+    """The message instead of an address."""
     status, out, errors = prepared.run(PROGRAM, "explore", run_folder, *options)
     assert (status, out) == (1, "")
     return errors
