@@ -78,7 +78,7 @@ def read_frames(directory: Path) -> list[Frame]:
     Raises ExchangeError naming the file, the frame and the problem.
     """
     if not directory.is_dir():
-        raise ExchangeError(f"there is no folder {directory}")
+        raise ExchangeError(f"folder {directory} does not exist")
     rows = [row for split, name in FILES.items() for row in _read_file(directory, name, split)]
     if not any(row.file_split == "train" for row in rows):
         raise ExchangeError(f"{directory / FILES['train']} is missing or names no frame: is this a D-NeRF data set?")

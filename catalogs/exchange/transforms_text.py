@@ -1,7 +1,7 @@
 """Contents of D-NeRF / Blender transforms files; `catalogs.exchange.transforms` reads them.
 
-An image's split in the catalog's table decides its file, so that an import restores the splits of members and views, except for
-validation views of test members, which become test views.
+An image's split in the catalog's table decides its file.  So an import restores the splits of members and views; only validation
+views of test members become test views.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ The rules (https://cinemasciencewebsite.readthedocs.io/en/latest/specD.html; "Di
   integers, NaN mean an unknown value.
 
 Stricter than the specification, because viewers fail otherwise: a FILE cell is never empty, no other label contains "file",
-and nothing is padded with blanks.  A float is written with the fewest digits that read back as the same double, and always with a
+and nothing is padded with blanks.  A float is written with the fewest digits that read back as the same double.  It always has a
 point, so that a column of floats is never read as integers.
 """
 
@@ -78,8 +78,8 @@ def parse(text: str) -> tuple[list[str], list[list[str]]]:
 def read_rows(chunks: Iterable[str]) -> Iterator[list[str]]:
     """The header and then each row of a table given in pieces, in the memory of a piece and a row.
 
-    Raises TableError where it breaks RFC 4180, for a row of another length than the header, and for a cell of more than a
-    million characters in a table of several pieces.
+    Raises TableError where it breaks RFC 4180, and for a row of another length than the header.  In a table of several pieces a
+    cell may have a million characters at most.
     """
     header: list[str] = []
     for number, row in enumerate(_records(chunks), start=1):

@@ -128,7 +128,7 @@ def exchange(first: Path, second: Path) -> None:
 
 
 def opened_elsewhere(path: Path) -> bool:
-    """True where another process may have the file open, and where that can't be known because there are no leases."""
+    """True where another process may have the file open; always True without file leases."""
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     except OSError:

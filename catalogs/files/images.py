@@ -2,7 +2,7 @@
 
 In memory RGBA is premultiplied (Porter & Duff 1984): colour is weighted by alpha.  On disk it is straight, as the PNG
 specification (third edition, section 4.2) demands.  For 8 bits the round trip is exact.  With alpha a and premultiplied c <= a,
-the stored s = round(255 c / a) differs from 255 c / a by at most 1/2, so s a / 255 lies within a / 510 < 1/2 of c.
+s = round(255 c / a) is stored.  It differs from 255 c / a by at most 1/2, so s a / 255 lies within a / 510 < 1/2 of c.
 """
 
 from __future__ import annotations

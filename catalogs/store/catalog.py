@@ -231,9 +231,9 @@ class Catalog:
         fails, the old one stays.  (Where the file system can't swap two folders, as many network file systems, the member is
         missing between two renames; if its writer dies there, the next writer restores it.)
 
-        Raises CatalogError before anything is written for a bad or used name, used parameters, a wrong split, provenance
-        other than JSON values, unknown appearances, and cameras given twice or not at all; ValueError for wrong parameters.  A
-        value out of bounds is recorded, with a warning unless `outside` is "allow".
+        Raises CatalogError, before anything is written, for a bad or used name, used parameters, a wrong split or provenance,
+        unknown appearances, and cameras given twice or not at all.  Raises ValueError for wrong parameters.  A value out of
+        bounds is recorded, with a warning unless `outside` is "allow".
         """
         if self.plan.packed:
             raise CatalogError(

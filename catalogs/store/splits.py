@@ -13,7 +13,7 @@ from catalogs.store.members import Member
 from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 
 SURROUNDED, NEARLY = 1e-6, 0.5  # distances to the others' convex hull, bounds being [-1, 1]
-MOST_CANDIDATES = 500  # for being held out, drawn at random from more
+MOST_CANDIDATES = 500  # for the hold-out, drawn at random from more
 FEWEST_TO_SPARE = 8  # training members; with fewer, views validate
 VALIDATION_SHARE, MOST_VALIDATION = 0.08, 12
 VALIDATION_VIEWS = 16  # every 16th training view validates

@@ -10,10 +10,10 @@ the file that had this name becomes the spare.  A spare that a reader still has 
 where the file system can't tell, because it has no leases (`durable.opened_elsewhere`).  Everything hidden is derived; where it
 does not match the disk, the table is rebuilt from the members.
 
-Appending to `data.csv` itself would be simpler, but a writer killed within the append, or a power cut, would leave half a row to
-every reader until the next writer comes; and copying the table for each commit would take time in proportion to the members.
+Appending to `data.csv` itself would be simpler.  But a writer killed within the append, or a power cut, would leave half a row to
+every reader until the next writer comes.  Copying the table for each commit would take time in proportion to the members.
 
-Guarantee: whoever opens `data.csv`, also after a kill or a power cut, gets a complete table of complete members, which does not
+Guarantee: every reader of `data.csv`, also after a kill or a power cut, gets a complete table of complete members, which does not
 change while it is open.  It may lack a member whose writer died between the member's rename and the table's, until the next writer
 comes.  Without leases (network file systems, mostly) each commit copies the table; with writers on several machines, a stale cache
 may cost a rebuild.  Both are slower, neither is wrong.

@@ -59,7 +59,7 @@ def check(path: Path, *, decode: bool = True, progress: Progress = lambda done, 
     URLs are not fetched, and nothing is written.
     """
     if not path.is_dir():
-        return [Finding(str(path), "is no folder")]
+        return [Finding(str(path), "is not a folder")]
     findings = [] if path.suffix == ".cdb" else [Finding(str(path), "a Cinema database's folder ends with .cdb")]
     total = _count(path)
     with ThreadPoolExecutor(READERS) as pool:
@@ -123,7 +123,7 @@ class _Check:
             yield from self._other_files(header, rows)
             return
         for name in stray_names(self._path):
-            self._add(f"{MEMBERS}/{name}", "is no member: it holds no member.json", name)
+            self._add(f"{MEMBERS}/{name}", "is not a member: it lacks member.json", name)
         labels = self._catalog.plan.header
         listed = header == labels
         if listed:

@@ -38,8 +38,8 @@ def pack(
     Table, records and summaries are the same, except for the FILE column; `unpack` restores the same files, byte by byte.  An
     existing destination is resumed, or extended by new members of the source.
 
-    Raises CatalogError where the source is packed already, where the destination is of another scene or has members that the
-    source lacks, and for a member whose views differ in size; ImageError for a damaged image.  Members packed before stay.
+    Raises CatalogError where the source is packed already, or the destination is of another scene or has other members.  Raises
+    CatalogError for a member whose views differ in size, and ImageError for a damaged image; members packed before stay.
     """
     catalog = Catalog.open(source)
     if catalog.plan.packed:

@@ -335,8 +335,8 @@ def _members(plan: Mapping[str, Any], space: ParameterSpace, seed: int) -> tuple
 def _rows(entry: Any, space: ParameterSpace, place: str) -> list[list[float]]:
     """Parameters, in the space's order, of the members in one entry of a list.
 
-    An entry is a list of values, a single value for one parameter, or a table of several members that differ in one parameter,
-    such as the dumps of a run: `{ Re = 400.0, time = [2.0, 4.5, 7.0] }`.
+    An entry is a list of values, or a single value for one parameter.  Several members that differ in one parameter, such as the
+    dumps of a run, are a table: `{ Re = 400.0, time = [2.0, 4.5, 7.0] }`.
     """
     if not isinstance(entry, dict):
         values = entry if isinstance(entry, list) else [entry]

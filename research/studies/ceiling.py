@@ -52,7 +52,7 @@ class Subject:
     def varied(self) -> dict[str, float | str]:
         """Its visualization parameters by name; none for the base."""
         setting = None if self.variation is None else self.variation.setting(self.appearance)
-        return {} if self.variation is None or setting is None else self.variation.asked(setting)
+        return {} if self.variation is None or setting is None else self.variation.arguments(setting)
 
     def cases(self, split: str = "test") -> list[Case]:
         """Its images at the views of a split."""

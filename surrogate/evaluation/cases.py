@@ -136,4 +136,4 @@ def drawn_evenly(cases: Sequence[Case], most: int = MOST_VARIED) -> list[Case]:
 
 def _asked(variation: Variation, splits: Sequence[str]) -> dict[str, dict[str, float | str]]:
     """What a surrogate is asked for, by appearance."""
-    return {s.appearance: variation.asked(s) for s in variation.settings if s.split in splits}
+    return {s.appearance: variation.arguments(s) for s in variation.settings if s.split in splits}

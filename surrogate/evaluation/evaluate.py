@@ -182,7 +182,9 @@ class _Engine:
         few = [group for row in cells.values() for group in row.values()]
         scored = self.cells(f"surrogate, {variation.name}", cells, judged, few)
         baselines = self.setting_baselines(variation, {**cells["unseen_settings"], VALIDATION: judged})
-        change, view = measure(self.surrogate, members, [variation.asked(setting) for setting in variation.settings])
+        change, view = measure(
+            self.surrogate, members, [variation.arguments(setting) for setting in variation.settings]
+        )
         milliseconds = {"visualization_change": change, "view_change": view}
         frozen = self.at_center(f"{AT_CENTER}, {variation.name}", cells)
         kind = APPLIED if visualization.deformation is None else visualization.deformation.kind
@@ -208,7 +210,7 @@ class _Engine:
 
         def at_nearest(case: Case) -> dict[str, float | str]:
             nearest = variation.setting(pictures.trained.nearest(pictures.place(case)))
-            return {**case.member.parameters, **({} if nearest is None else variation.asked(nearest))}
+            return {**case.member.parameters, **({} if nearest is None else variation.arguments(nearest))}
 
         unmoved = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background, at_nearest, (AT_NEAREST,))
         unseen = {"unseen_parameters": groups["unseen_parameters"]}

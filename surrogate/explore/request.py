@@ -91,11 +91,11 @@ def _visualization(
     given: Mapping[str, Any], surrogate: Surrogate, origins: Mapping[str, float]
 ) -> dict[str, float | str]:
     variations = [v.variation for v in surrogate.visualizations]
-    variation = next((v for v in variations if set(given) <= set(v.asked_names)), None)
+    variation = next((v for v in variations if set(given) <= set(v.argument_names)), None)
     if not given:
         return {}
     if variation is None:
-        names = [list(v.asked_names) for v in variations]
+        names = [list(v.argument_names) for v in variations]
         raise MessageError(f"visualization must be of one of {names or 'no'} parameters, got {_shown(sorted(given))}")
     if variation.continuous:
         known = (p for p in variation.space.parameters if p.name in given)

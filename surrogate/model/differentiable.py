@@ -149,7 +149,7 @@ class DifferentiableSurrogate(torch.nn.Module):
         """Raise ValueError for a gradient by a transfer function that is applied to carried values, which there is none of."""
         if place.visualization is None or place.visualization.deformation is not None:
             return
-        for name in place.visualization.variation.asked_names:
+        for name in place.visualization.variation.argument_names:
             if isinstance(given.get(name), Tensor) and given[name].requires_grad:
                 raise ValueError(
                     f"pictures have no gradient by {name}, for the Gaussians carry values to which functions are applied: pass a "

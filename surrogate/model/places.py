@@ -82,7 +82,7 @@ def place_of(
     Raises ValueError for missing, unknown, non-finite and absurd ones, or where no variation has them; `outside` says whether
     others out of bounds leave `warnings`.
     """
-    of_vis = {name for v in visualizations for name in v.variation.asked_names}
+    of_vis = {name for v in visualizations for name in v.variation.argument_names}
     varied = {n: v for n, v in parameters.items() if n in of_vis}
     place = simulation_place(space, {n: v for n, v in parameters.items() if n not in varied}, outside)
     if not varied:
@@ -93,7 +93,7 @@ def place_of(
     if values is not None:
         _check_near(variation.space, values)
     return Place(
-        {**place.parameters, **dict.fromkeys(variation.asked_names, 0.0), **varied},
+        {**place.parameters, **dict.fromkeys(variation.argument_names, 0.0), **varied},
         place.simulation,
         visualization,
         variation.normalize(values),
@@ -150,6 +150,6 @@ def _check_near(space: ParameterSpace, values: Sequence[float] | NDArray[np.floa
 def _varying(visualizations: Sequence[Visualization], parameters: Mapping[str, Any]) -> Visualization:
     """That whose variation has all these parameters."""
     for visualization in visualizations:
-        if set(parameters) <= set(visualization.variation.asked_names):
+        if set(parameters) <= set(visualization.variation.argument_names):
             return visualization
     raise ValueError(f"parameters {sorted(parameters)} belong to different variations: set those of one")

@@ -162,7 +162,7 @@ class Surrogate:
     @property
     def visualization_names(self) -> tuple[str, ...]:
         """The visualization parameters that `at` takes."""
-        return tuple(name for v in self.visualizations for name in v.variation.asked_names)
+        return tuple(name for v in self.visualizations for name in v.variation.argument_names)
 
     def _place(self, parameters: Mapping[str, Any], outside: Any, function: TransferFunction | None = None) -> Place:
         if function is None:

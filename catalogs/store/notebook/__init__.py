@@ -1,1 +1,1 @@
-"""What notebooks show: cards of facts and small pictures, as HTML."""
+"""Cards of facts and small images for notebooks, as HTML."""

@@ -43,17 +43,17 @@ class FieldVariation(Variation):
         return tuple(setting.appearance for setting in self.settings)
 
     @property
-    def asked_names(self) -> tuple[str, ...]:
+    def argument_names(self) -> tuple[str, ...]:
         return (APPEARANCE,)
 
-    def asked(self, setting: Setting) -> dict[str, float | str]:
+    def arguments(self, setting: Setting) -> dict[str, float | str]:
         return {APPEARANCE: setting.appearance}
 
     def values_of(
-        self, asked: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+        self, arguments: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
     ) -> tuple[float, ...] | None:
         values = {self.base: None} | {s.appearance: s.values for s in self.settings}
-        name = asked[APPEARANCE]
+        name = arguments[APPEARANCE]
         if not isinstance(name, str) or name not in values:
             raise ValueError(f"{APPEARANCE} must be one of {list(values)}, got {name!r}")
         return values[name]

@@ -88,23 +88,23 @@ class Variation(ABC):
         return [s.values for s in self.settings if s.split == "train"]
 
     @property
-    def asked_names(self) -> tuple[str, ...]:
+    def argument_names(self) -> tuple[str, ...]:
         """Names of the arguments that select a setting: the parameters, or `appearance`."""
         return self.space.names
 
-    def asked(self, setting: Setting) -> dict[str, float | str]:
+    def arguments(self, setting: Setting) -> dict[str, float | str]:
         """The arguments, by name, that select a setting."""
         return dict(zip(self.space.names, setting.values, strict=True))
 
     def values_of(
-        self, asked: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
+        self, arguments: Mapping[str, Any], *, outside: Outside = "warn", stacklevel: int = 1
     ) -> tuple[float, ...] | None:
-        """The visualization parameters (V,) for arguments by some of `asked_names`; None for the base appearance.
+        """The visualization parameters (V,) for arguments by some of `argument_names`; None for the base appearance.
 
         Omitted displacements are zero.  Raises ValueError for an appearance outside the variation; raises and warns as
         `ParameterSpace.values` does.
         """
-        whole = dict.fromkeys(self.space.names, 0.0) | dict(asked)
+        whole = dict.fromkeys(self.space.names, 0.0) | dict(arguments)
         return tuple(self.space.values(whole, outside=outside, stacklevel=stacklevel + 1).tolist())
 
     def with_unit(self, unit: str) -> Variation:
@@ -132,7 +132,7 @@ class Variation(ABC):
         """A sentence for each setting whose values contradict its appearance; all appearances must be given."""
         by_name = {appearance.name: appearance for appearance in appearances}
         wrong = (s for s in self.settings if not self._shows(by_name[s.appearance], s.values, by_name[self.base]))
-        return [f"{setting.appearance} does not show {self.asked(setting)}" for setting in wrong]
+        return [f"{setting.appearance} does not show {self.arguments(setting)}" for setting in wrong]
 
     def to_json(self) -> dict[str, Any]:
         """JSON values that `variation_from_json` turns back into the same variation."""

@@ -146,7 +146,7 @@ class VisualizationExperiment:
         return [(variation, silent.data(variation)) for variation in self._source.variations]
 
     def _cases(self, variation: Variation) -> list[Case]:
-        shown = {setting.appearance: variation.asked(setting) for setting in variation.settings}
+        shown = {setting.appearance: variation.arguments(setting) for setting in variation.settings}
         rows = validation_rows(self.catalog, list(shown), DECISION_IMAGES)
         return [Case(row.member, row.view, row.appearance, shown[row.appearance]) for row in rows]
 

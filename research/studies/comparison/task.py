@@ -131,7 +131,7 @@ class Task:
         return [setting.appearance for setting in self.variation.settings]
 
     def _asked(self, row: ImageRow) -> Mapping[str, float | str]:
-        return {} if self.variation is None or row.setting is None else self.variation.asked(row.setting)
+        return {} if self.variation is None or row.setting is None else self.variation.arguments(row.setting)
 
 
 def _stacked(examples: Sequence[Example]) -> tuple[np.ndarray, list[Camera], Tensor, Tensor]:

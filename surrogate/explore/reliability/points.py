@@ -46,7 +46,7 @@ def appearances_of(surrogate: Surrogate, splits: Sequence[str] = SPLITS) -> dict
     Beside the base only those of these splits.
     """
     variations = [v.variation for v in surrogate.visualizations]
-    others = {s.appearance: v.asked(s) for v in variations for s in v.settings if s.split in splits}
+    others = {s.appearance: v.arguments(s) for v in variations for s in v.settings if s.split in splits}
     return {base_name(surrogate): {}, **others}
 
 
@@ -81,7 +81,7 @@ def variation_of(
     The base appearance is that of transfer functions without displacement; None and no values where none are followed.  Raises
     ValueError as `Variation.values_of` does, and for names of no variation; values out of bounds are taken silently.
     """
-    of = next((v for v in variations if visualization and set(visualization) <= set(v.asked_names)), None)
+    of = next((v for v in variations if visualization and set(visualization) <= set(v.argument_names)), None)
     if visualization and of is None:
         raise ValueError(f"no variation has the parameters {sorted(visualization)}")
     values = None if of is None else of.values_of(visualization, outside="allow")

@@ -68,7 +68,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "member not in the table": (lambda c: drop_rows(c, "second"), "second", "not in the table"),
     "damaged description": (lambda c: (c / "catalog.json").write_text("{"), "catalog.json", "damaged"),
     "damaged member": (lambda c: (c / "members/first/member.json").write_text("{}"), "member first", "damaged"),
-    "lost member": (lambda c: (c / "members/first/member.json").unlink(), "members/first", "no member"),
+    "lost member": (lambda c: (c / "members/first/member.json").unlink(), "members/first", "not a member"),
     "renamed member": (lambda c: (c / "members/first").rename(c / "members/other"), "member other", "describes first"),
     "other parameters": (lambda c: rewrite(c / "members/first/member.json", "120.0", "121.0"), "first", "rows.csv"),
     "same parameters": (
@@ -220,7 +220,7 @@ def test_other_peoples_databases_are_checked_too(tmp_path: Path, table: str, fin
 
 
 def test_what_is_no_database_is_told(tmp_path: Path) -> None:
-    assert ["no folder" in str(f) for f in check(tmp_path / "nothing.cdb")] == [True]
+    assert ["not a folder" in str(f) for f in check(tmp_path / "nothing.cdb")] == [True]
     places = [finding.place for finding in check(tmp_path)]
     assert places == [str(tmp_path), "data.csv"]
 

@@ -148,7 +148,7 @@ def test_a_medium_is_one_or_not(medium: Any) -> None:
 
 def test_a_gradient_by_the_function_is_refused() -> None:
     model = surrogate(fitted(), Visualization(FUNCTIONS, None)).differentiable()
-    name = FUNCTIONS.asked_names[0]
+    name = FUNCTIONS.argument_names[0]
     model({"p": torch.tensor(0.7, requires_grad=True), name: 0.1}, BLOBS.cameras()[1]).sum().backward()
     with pytest.raises(ValueError, match=f"no gradient by {name}"):
         model({"p": 0.7, name: torch.tensor(0.1, requires_grad=True)}, BLOBS.cameras()[1])

@@ -25,7 +25,7 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     surrogate = following()
     surrogate.save(folder / "surrogate")
     shown = [families.BASE, *(s.appearance for v in (ISOVALUE, FUNCTIONS) for s in v.settings)]
-    asked = {s.appearance: v.asked(s) for v in (ISOVALUE, FUNCTIONS) for s in v.settings}
+    asked = {s.appearance: v.arguments(s) for v in (ISOVALUE, FUNCTIONS) for s in v.settings}
     families.family_catalog(
         folder / "catalog.cdb",
         BLOBS,

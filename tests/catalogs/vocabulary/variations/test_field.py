@@ -26,8 +26,8 @@ def test_a_field_is_one_of_a_few() -> None:
     assert [variation.normalize(s.values).tolist() for s in variation.settings] == [[1.0, 0.0], [0.0, 1.0]]
     assert np.isnan(variation.normalize(None)).tolist() == [True, True]
     for setting in variation.settings:
-        assert variation.asked(setting) == {"appearance": setting.appearance}
-        assert variation.values_of(variation.asked(setting)) == setting.values
+        assert variation.arguments(setting) == {"appearance": setting.appearance}
+        assert variation.values_of(variation.arguments(setting)) == setting.values
     assert variation.values_of({"appearance": "dvr"}) is None
     with pytest.raises(ValueError, match=r"one of \['dvr', 'speed-dvr', 'surface'\], got 'speed'"):
         variation.values_of({"appearance": "speed"})

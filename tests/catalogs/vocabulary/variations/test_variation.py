@@ -111,10 +111,10 @@ def test_settings_are_asked_for_by_their_parameters() -> None:
     )
     for variation in (functions, isovalues):
         assert variation.continuous
-        assert variation.asked_names == variation.space.names
+        assert variation.argument_names == variation.space.names
         for setting in variation.settings:
-            assert tuple(variation.asked(setting).values()) == setting.values
-            assert variation.values_of(variation.asked(setting)) == setting.values
+            assert tuple(variation.arguments(setting).values()) == setting.values
+            assert variation.values_of(variation.arguments(setting)) == setting.values
     assert functions.values_of({"c2_value": 0.05}) == (0.0, 0.0, 0.05, 0.0)
     with pytest.raises(ValueError, match="finite"):
         isovalues.values_of({"isovalue": float("nan")})

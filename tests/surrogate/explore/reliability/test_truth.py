@@ -96,7 +96,7 @@ def test_member_view_and_appearance_have_a_split_each(
 )
 def test_every_appearance_is_found_by_its_values(truth: Truth, of_variation: VariedSetting) -> None:
     variation = ISOVALUE if of_variation in ISOVALUE.settings else FUNCTIONS
-    stored = truth.match(Setting({"p": 0.0}, variation.asked(of_variation)), FIRST)
+    stored = truth.match(Setting({"p": 0.0}, variation.arguments(of_variation)), FIRST)
     assert stored is not None
     assert stored.appearance == of_variation.appearance
 
