@@ -38,7 +38,11 @@ class Setting:
         return {**self.parameters, **self.visualization}
 
     def __str__(self) -> str:
-        return listed(self.values) + (f", {self.color_map}" if self.color_map else "")
+        return self.described()
+
+    def described(self, origins: Mapping[str, float] | None = None) -> str:
+        """In words, control points by their places where their `origins` are given, see `origins_of`."""
+        return listed(self.values, origins) + (f", {self.color_map}" if self.color_map else "")
 
     def gaussians(self, surrogate: Surrogate) -> DeformedGaussians:
         """The surrogate's Gaussians at this setting; raises ValueError as `Surrogate.at` and `Surrogate.under` do.

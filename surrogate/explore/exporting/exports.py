@@ -25,12 +25,12 @@ from surrogate.explore.exporting.pictures import encode, record_for
 from surrogate.explore.exporting.ply import ply_bytes
 from surrogate.explore.exporting.sheets import captioned, strip
 from surrogate.explore.exporting.snippet import snippet
-from surrogate.explore.exporting.sweep import Axis, Sweep, axis_over, parameter, pictures
+from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, pictures
 from surrogate.explore.reliability.expectation import Expectation, Expected
 from surrogate.explore.reliability.truth import Truth
-from surrogate.explore.request import Color, MessageError, frame_request, within
+from surrogate.explore.request import Color, MessageError, frame_request
 from surrogate.explore.run import Run
-from surrogate.explore.setting import Setting, listed
+from surrogate.explore.setting import Setting
 
 Progress = Callable[..., Any]
 
@@ -54,7 +54,7 @@ class PictureRequest:
         return None if expectation is None else expectation.at(self.setting, run.surrogate, self.camera)
 
     def summary(self, run: Run) -> str:
-        return f"{self.camera.width}x{self.camera.height}, {_described(self.setting, run)}"
+        return f"{self.camera.width}x{self.camera.height}, {self.setting.described(run.origins)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class GaussiansRequest:
         return ply_bytes(self.setting.gaussians(run.surrogate))
 
     def summary(self, run: Run) -> str:
-        return f"{len(run.surrogate.gaussians):,} Gaussians, {_described(self.setting, run)}"
+        return f"{len(run.surrogate.gaussians):,} Gaussians, {self.setting.described(run.origins)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +107,15 @@ class ComparisonRequest:
         return comparison(first, second, words, background=self.background, record=record)
 
     def summary(self, run: Run) -> str:
-        other = "its stored picture" if self.other is None else _described(self.other, run)
-        return f"{_described(self.setting, run)} beside {other}"
+        other = "its stored picture" if self.other is None else self.other.described(run.origins)
+        return f"{self.setting.described(run.origins)} beside {other}"
 
     def _drawn(self, setting: Setting, run: Run) -> NDArray[np.float32]:
         return setting.gaussians(run.surrogate).render(self.camera, background=self.background)[..., :3]
 
     def _words(self, name: str, setting: Setting, run: Run, expectation: Expectation | None) -> list[str]:
         expected = expectation and expectation.at(setting, run.surrogate, self.camera)
-        return [f"{name}: {_described(setting, run)}", *([expected.short] if expected else [])]
+        return [f"{name}: {setting.described(run.origins)}", *([expected.short] if expected else [])]
 
     def _stored(self, run: Run) -> tuple[NDArray[np.float32], list[str]]:
         truth = Truth.of(run)
@@ -239,12 +239,4 @@ def _axis_in(fields: Mapping[str, Any], run: Run, name: str, count: str, *ends: 
     named, steps = fields.get(name), fields.get(count)
     if not isinstance(named, str) or isinstance(steps, bool) or not isinstance(steps, int):
         raise MessageError("a sweep has the name of a parameter and a number of pictures")
-    of = parameter(run.surrogate, named)
-    origin = run.origins.get(named, 0.0)
-    reached = (None if fields.get(end, "") == "" else within(fields[end], of, origin) for end in ends)
-    return axis_over(of, steps, *reached, origin=origin)
-
-
-def _described(setting: Setting, run: Run) -> str:
-    """A setting in words, control points by their places."""
-    return listed(setting.values, run.origins) + (f", {setting.color_map}" if setting.color_map else "")
+    return axis_of(run, named, steps, *(None if fields.get(end, "") == "" else fields[end] for end in ends))

@@ -22,8 +22,8 @@ from surrogate.explore.exporting.exports import (
 )
 from surrogate.explore.exporting.kinds import FILM_STEPS, ROW_STEPS, SHEET_STEPS
 from surrogate.explore.exporting.pictures import record_of
-from surrogate.explore.exporting.sweep import Axis, Sweep, axis_over, parameter, parameters_of
-from surrogate.explore.request import Color, setting_of, within
+from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, parameters_of
+from surrogate.explore.request import Color, setting_of
 from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 
@@ -121,7 +121,7 @@ def _merged(varied: Mapping[str, float | str], like: Mapping[str, float | str]) 
 
 def _displacement(run: Run, name: str, value: float | str) -> float | str:
     """The value as settings hold it; raises ValueError for a control point of a base that nobody knows."""
-    if name not in POINT_PARAMETERS or isinstance(value, str):
+    if name not in POINT_PARAMETERS or name not in parameters_of(run.surrogate) or isinstance(value, str):
         return value
     if not run.origins:
         raise ValueError(
@@ -131,10 +131,7 @@ def _displacement(run: Run, name: str, value: float | str) -> float | str:
 
 
 def _axis(run: Run, name: str, steps: int, *ends: float | None) -> Axis:
-    of = parameter(run.surrogate, name)
-    origin = run.origins.get(name, 0.0)
-    reached = [None if end is None else within(_displacement(run, name, end), of, origin) for end in ends]
-    return axis_over(of, steps, *reached, origin=origin)
+    return axis_of(run, name, steps, *(None if end is None else _displacement(run, name, end) for end in ends))
 
 
 def _assignment(text: str) -> tuple[str, float | str]:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter
 from catalogs.vocabulary.variations import APPEARANCE
+from surrogate.explore.request import within
+from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting, listed
 from surrogate.model import Surrogate
 
@@ -117,9 +119,9 @@ class Sweep:
         return math.prod(axis.count for axis in self.axes)
 
     def __str__(self) -> str:
-        return self.described({})
+        return self.described()
 
-    def described(self, origins: Mapping[str, float]) -> str:
+    def described(self, origins: Mapping[str, float] | None = None) -> str:
         """In a line; control points are given by their places, see `Run.origins`."""
         over = " and ".join(str(axis) for axis in reversed(self.axes))
         return f"{len(self)} pictures over {over}" + (f", {listed(self.kept, origins)}" if self.kept else "")
@@ -185,17 +187,14 @@ def parameters_of(surrogate: Surrogate) -> dict[str, Parameter]:
     return {p.name: p for space in reversed(spaces) for p in space.parameters}
 
 
-def parameter(surrogate: Surrogate, name: str) -> Parameter:
-    """One of `parameters_of`; raises ValueError for other names."""
-    known = parameters_of(surrogate)
+def axis_of(run: Run, name: str, count: int, low: Any = None, high: Any = None) -> Axis:
+    """The axis over a parameter's whole bounds, or from `low` to `high`, which for control points are displacements.
+
+    Raises ValueError for unknown names, and for ends that are not numbers or too far out of bounds.
+    """
+    known = parameters_of(run.surrogate)
     if name not in known:
         raise ValueError(f"this surrogate has the parameters {sorted(known)}, got {name!r}")
-    return known[name]
-
-
-def axis_over(
-    of: Parameter, count: int, low: float | None = None, high: float | None = None, *, origin: float = 0.0
-) -> Axis:
-    """The axis of that parameter, over its whole bounds or from `low` to `high`."""
-    ends = of.low if low is None else low, of.high if high is None else high
-    return Axis(of.name, *ends, count, of.unit, of.scale, origin)
+    of, origin = known[name], run.origins.get(name, 0.0)
+    first, last = (p if end is None else within(end, of, origin) for end, p in ((low, of.low), (high, of.high)))
+    return Axis(name, first, last, count, of.unit, of.scale, origin)

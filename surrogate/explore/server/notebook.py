@@ -18,7 +18,7 @@ PATIENCE = 30.0  # seconds for a server to start
 HUB = "JUPYTERHUB_SERVICE_PREFIX"  # the variable in which JupyterHub tells Jupyter's base URL
 
 
-class Shown:
+class NotebookExplorer:
     """An explorer that runs in this process until `close` is called or the kernel ends; in Jupyter it shows itself.
 
     The browser must reach this machine's 127.0.0.1.  Where the kernel runs elsewhere, forward the port of `address` (`ssh -L`), or
@@ -82,7 +82,7 @@ def show(
     *,
     height: int = 720,
     base_url: str | None = None,
-) -> Shown:
+) -> NotebookExplorer:
     """Explore `surrogate` in this notebook, `height` pixels tall.
 
     With the folder of its `run` (such as "runs/tgv") the page also knows the stored pictures: trained values, the truth, what
@@ -91,4 +91,4 @@ def show(
     extra `[explore]`, RuntimeError where no server can start.
     """
     found = Run("surrogate", surrogate) if run is None else replace(Run.open(run), surrogate=surrogate)
-    return Shown(found, height=height, base_url=os.environ.get(HUB, "") if base_url is None else base_url)
+    return NotebookExplorer(found, height=height, base_url=os.environ.get(HUB, "") if base_url is None else base_url)

@@ -43,9 +43,9 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def explorer(run_folder: Path) -> Iterator[str]:
     """The address of the run's explorer; skips without aiohttp."""
     pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
-    from surrogate.explore.server.notebook import Shown
+    from surrogate.explore.server.notebook import NotebookExplorer
 
-    shown = Shown(Run.open(run_folder))
+    shown = NotebookExplorer(Run.open(run_folder))
     yield shown.address
     shown.close()
 

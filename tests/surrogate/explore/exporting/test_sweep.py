@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from catalogs.vocabulary.cameras import Camera
-from surrogate.explore.exporting.sweep import Axis, Sweep, check, parameter, pictures, settings
+from surrogate.explore.exporting.sweep import Axis, Sweep, axis_of, check, pictures, settings
+from surrogate.explore.run import Run
 from surrogate.explore.setting import Setting
 from tests.support.models import following, plain
 
@@ -115,9 +116,13 @@ def test_labels_tell_all_values_apart() -> None:
     assert len(set(Axis("Re", 1.0, 1.0 + 1e-13, 5).labels)) == 5
 
 
-def test_parameters_are_found_with_their_bounds() -> None:
-    surrogate = following()
-    assert (parameter(surrogate, "p").low, parameter(surrogate, "p").high) == (0.0, 1.0)
-    assert (parameter(surrogate, "isovalue").low, parameter(surrogate, "c2_value").high) == (0.1, 0.4)
+def test_an_axis_goes_over_the_bounds_of_its_parameter_or_to_other_ends() -> None:
+    run = Run("following", following())
+    assert axis_of(run, "p", 5) == Axis("p", 0.0, 1.0, 5)
+    assert axis_of(run, "p", 5, -0.5, 0.25) == Axis("p", -0.5, 0.25, 5)
+    assert axis_of(run, "isovalue", 2).low == 0.1
+    assert (axis_of(run, "c2_value", 2).high, axis_of(run, "c2_value", 2).origin) == (0.4, 2.0)
+    with pytest.raises(ValueError, match="lies too far outside its bounds"):
+        axis_of(run, "p", 5, 0.0, 9.0)
     with pytest.raises(ValueError, match=r"has the parameters \['p'\], got 'isovalue'"):
-        parameter(plain(), "isovalue")
+        axis_of(Run("plain", plain()), "isovalue", 2)

@@ -89,9 +89,9 @@ def test_a_notebook_shows_it_through_it(page: Page, hub: str, run_folder: Path, 
 
 
 def test_it_wants_its_token_from_everybody(hub: str, run_folder: Path) -> None:
-    from surrogate.explore.server.notebook import Shown
+    from surrogate.explore.server.notebook import NotebookExplorer
 
-    shown = Shown(Run.open(run_folder), base_url=PREFIX)
+    shown = NotebookExplorer(Run.open(run_folder), base_url=PREFIX)
     port = shown._explorer.port
     known = {"Authorization": f"token {TOKEN}"}
     for address, headers in (

@@ -24,7 +24,7 @@ pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
 from surrogate.explore.exporting.exports import Export, exported
 from surrogate.explore.run import Run
-from surrogate.explore.server.notebook import Shown
+from surrogate.explore.server.notebook import NotebookExplorer
 from tests.support import exports, requests
 from tests.support.models import plain
 from tests.support.requests import message
@@ -118,7 +118,7 @@ def test_only_the_token_opens(guarded: str, place: str, token: str) -> None:
 @pytest.fixture(scope="module")
 def guarded() -> Iterator[str]:
     """The address, without its token, of a server that wants one."""
-    shown = Shown(Run("plain", plain()), base_url="/jupyter/")
+    shown = NotebookExplorer(Run("plain", plain()), base_url="/jupyter/")
     yield f"http://127.0.0.1:{shown._explorer.port}/"
     shown.close()
 
@@ -248,7 +248,7 @@ def narrow(address: str) -> None:
 
 
 def test_who_does_not_read_holds_up_no_one_else() -> None:
-    shown = Shown(Run("plain", plain()))
+    shown = NotebookExplorer(Run("plain", plain()))
     narrow(shown.address)
     near = {**requests.CAMERA, "position": [1.5, 0.5, 0.2]}
     with Tab(shown.address) as tab:

@@ -22,7 +22,7 @@ pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 
 from surrogate.explore.run import Run
 from surrogate.explore.server import explorer
-from surrogate.explore.server.notebook import Shown, show
+from surrogate.explore.server.notebook import NotebookExplorer, show
 from surrogate.explore.setting import Setting
 from tests.support.models import plain
 from tests.support.requests import message
@@ -30,7 +30,7 @@ from tests.support.tabs import Tab, lives, post
 
 
 @pytest.fixture
-def shown() -> Iterator[Shown]:
+def shown() -> Iterator[NotebookExplorer]:
     opened = show(plain())
     yield opened
     opened.close()
@@ -48,7 +48,7 @@ def names() -> list[str]:
     )
 
 
-def test_it_shows_itself_in_a_frame(shown: Shown) -> None:
+def test_it_shows_itself_in_a_frame(shown: NotebookExplorer) -> None:
     page = shown._repr_html_()
     assert f'<iframe src="{shown.address}"' in page
     assert shown.address in repr(shown)
@@ -58,7 +58,7 @@ def test_it_shows_itself_in_a_frame(shown: Shown) -> None:
         lives(tab)
 
 
-def test_two_at_once_do_not_know_each_other(shown: Shown, run_folder: Path) -> None:
+def test_two_at_once_do_not_know_each_other(shown: NotebookExplorer, run_folder: Path) -> None:
     second = show(Run.open(run_folder).surrogate, run_folder)
     assert second.address != shown.address
     with Tab(shown.address) as tab, Tab(second.address) as other:

@@ -26,7 +26,7 @@ pytest.importorskip("aiohttp", reason="the extra [explore] is not installed")
 from catalogs.web.access import Access
 from surrogate.cli import main
 from surrogate.explore.run import Run
-from surrogate.explore.server.notebook import Shown
+from surrogate.explore.server.notebook import NotebookExplorer
 from tests.support.models import plain
 from tests.support.requests import CAMERA, message
 from tests.support.tabs import Tab, lives, post, wait
@@ -251,7 +251,7 @@ def test_paths_that_are_no_runs_are_refused(tmp_path: Path) -> None:
 
 @contextmanager
 def shown(run: Run) -> Iterator[str]:
-    explorer = Shown(run)
+    explorer = NotebookExplorer(run)
     try:
         yield explorer.address
     finally:
@@ -468,7 +468,7 @@ def guarded() -> Iterator[tuple[str, str]]:
     access = Access("0.0.0.0", TOKEN)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Access, "of", lambda *_: access)
-        explorer = Shown(Run("plain", plain()))
+        explorer = NotebookExplorer(Run("plain", plain()))
     yield f"http://127.0.0.1:{explorer._explorer.port}/", access.cookie
     explorer.close()
 
