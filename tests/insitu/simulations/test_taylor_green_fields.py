@@ -80,11 +80,7 @@ def test_the_first_field_is_what_run_returns():
 
 
 def test_speed_and_vorticity_of_the_initial_vortex_are_known():
-    """The curl of (sin x cos y cos z, -cos x sin y cos z, 0).
-
-    u = sin x cos y cos z, v = -cos x sin y cos z.
-    ∇ x u = (-cos x sin y sin z, -sin x cos y sin z, 2 sin x sin y cos z).
-    """
+    # u = sin x cos y cos z, v = -cos x sin y cos z; ∇ x u = (-cos x sin y sin z, -sin x cos y sin z, 2 sin x sin y cos z)
     found = run_fields({"Re": 100.0}, fields=("vorticity", "speed"), resolution=16, time=0.0)
     z, y, x = np.meshgrid(*[2 * np.pi * np.arange(16) / 16] * 3, indexing="ij")
     speed = np.abs(np.cos(z)) * np.hypot(np.sin(x) * np.cos(y), np.cos(x) * np.sin(y))
