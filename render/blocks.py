@@ -16,7 +16,7 @@ BELOW, ABOVE = 1, 2  # layers of samples around what a block owns: central diffe
 
 @dataclass(frozen=True)
 class Lattice:
-    """Where the samples of a grid lie.
+    """The place of a grid's samples.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Cells of VTK data sets: blocks joined, ghosts left out, and values of cells as a field.
 
-A cell's value belongs to its centre.  Cells that fill a box in rows are samples there (`lattice`); others are the second-order
-reconstruction of finite volumes: a linear function in each cell, through its value at its centre (`reconstructed`).
+A cell's value belongs to its centre.  Cells that fill a box in rows are samples there (`lattice`).  Others get the second-order
+reconstruction of finite volumes (`reconstructed`): a linear function in each cell, through its value at its centre.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def ghosts(attributes: Any, flags: int) -> NDArray[np.bool_] | None:
 
 
 def joined(data: list[Any]) -> Any:
-    """One vtkUnstructuredGrid of the cells of all data sets that are no ghosts, points of several blocks not merged."""
+    """One vtkUnstructuredGrid of the cells of all data sets without ghosts, points of several blocks not merged."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter
 
     append = vtkAppendFilter()
@@ -122,7 +122,7 @@ def lattice(mesh: Any, values: NDArray[Any]) -> tuple[NDArray[Any], list[NDArray
 
 
 def _are_boxes(corners: NDArray[np.float64], rounding: NDArray[np.float64]) -> bool:
-    """Whether the corners [C, 8, 3] of cells are those of boxes along the axes, up to a slack."""
+    """True if the corners [C, 8, 3] of cells are those of boxes along the axes, up to a slack."""
     low, high = corners.min(axis=1, keepdims=True), corners.max(axis=1, keepdims=True)  # [C, 1, 3]
     return bool((np.minimum(corners - low, high - corners) <= ON_LATTICE * (high - low) + rounding).all())
 
@@ -132,9 +132,10 @@ def reconstructed(
 ) -> NDArray[np.float64]:
     """The field [N] at `points` [N, 3], each in the cell of its index in `cells` [N], from values [C] of a vtkUnstructuredGrid.
 
-    In each cell it is the plane through its value at its centre whose slope fits the cells around best (least squares; Barth &
-    Jespersen 1989, "The design and application of upwind schemes on unstructured meshes"), cut off at the smallest and largest
-    value around; at the mesh's boundary, where cells lie on one side only, as far above as below.  Linear fields come out exactly.
+    In each cell it is the plane through its value at its centre whose slope fits the cells around best (least squares).  It is cut
+    off at the smallest and largest value around; at the mesh's boundary, with cells on one side only, as far above as below.
+    Linear fields come out exactly.  Source: Barth & Jespersen 1989, "The design and application of upwind schemes on unstructured
+    meshes".
     """
     centers = _centers(mesh)  # [C, 3]
     slopes, low, high = _slopes(mesh, centers, values)

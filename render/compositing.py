@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class PictureLayer:
-    """What one piece adds to a picture.
+    """One piece's part of an image.
 
     Attributes
     ----------

@@ -40,26 +40,25 @@ def to_grid(
 
     Parameters
     ----------
-    data : a 3-D array indexed (z, y, x) of real numbers, any CPU array that speaks DLPack, a VTK or pyvista data set, an object
-        with `values` (z, y, x), `spacing` and `origin` such as the bundled simulations return, or a `Grid` (returned as it is).
-        What is masked in a masked array counts as NaN.  An xarray.DataArray, or one array of a Dataset, is taken by the names
-        of its axes, at the place that its coordinates say; unevenly spaced ones are resampled.
-    spacing, origin : distance between samples and place of the first, world units in the order (x, y, z), for arrays (default: 1
-        and 0); data sets and coordinates have their own.
+    data : a 3-D array indexed (z, y, x) of real numbers, any CPU array that speaks DLPack, or a VTK or pyvista data set.  An object
+        with `values` (z, y, x), `spacing` and `origin` will do, such as `insitu.Field`; a `Grid` is returned as it is.  Masked
+        values of a masked array count as NaN.  An xarray.DataArray, or one array of a Dataset, is taken by the names of its
+        axes, at the place that its coordinates say; unevenly spaced ones are resampled.
+    spacing, origin : distance between samples and place of the first, world units (x, y, z), of arrays (default: 1 and 0).  Data
+        sets and coordinates have their own.
     array : name of the point or cell array of a data set; may be left out where there is only one.
     dims : what the axes of an array are, in its own order: ("x", "y", "z") for values [x, y, z].  By default as they are
         called, or (z, y, x).
     nan : "refuse" raises ValueError where a value is NaN or infinite; "transparent" makes every grid cell
         with such a corner transparent (see `Grid.holes`).
-    warn : whether the `notes` of a resampled grid are also given as warnings.
+    warn : also give the `notes` of a resampled grid as warnings.
 
-    Image data are taken sample by sample: points where they are, cell values at the cell centres (so the box
-    is half a cell smaller on each side, and no value is averaged with its neighbours); so are evenly spaced rectilinear grids, and
-    cell values of any mesh of boxes that fill such a grid, as several blocks of one often do.  Other data are
-    resampled; a `ResamplingWarning` says how.  The blocks of a composite data set are joined; ghost and hidden cells are left out.
+    Image data are taken sample by sample: points where they are, cell values at the cell centres.  The box is then half a cell
+    smaller on each side, and no value is averaged with its neighbours.  Evenly spaced rectilinear grids are taken likewise, and so
+    are cell values of any mesh of boxes that fill such a grid.  Other data are resampled; a `ResamplingWarning` says how.  The
+    blocks of a composite data set are joined; ghost and hidden cells are left out.
 
-    Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for data
-    that are no field at all.
+    Raises ValueError naming what is wrong with shape, type, range, spacing or values, and TypeError for other data.
     """
     if isinstance(data, Grid):
         if spacing is not None or origin is not None:
@@ -70,7 +69,7 @@ def to_grid(
             raise ValueError(f"a {data.GetClassName()} has its own spacing and origin: leave them out")
         if dims is not None:
             raise ValueError(f"a {data.GetClassName()} knows its own axes: leave dims out")
-        return _told(_grid_of_data_set(data, array, nan), warn)
+        return _with_warnings(_grid_of_data_set(data, array, nan), warn)
     if is_labelled_set(data):
         data, array = chosen(data, array), None
     if array is not None:
@@ -78,7 +77,7 @@ def to_grid(
     if is_labelled(data):
         found = placed(data, dims, spacing, origin)
         if found.axes is not None:
-            return _told(_on_axes(found.values, found.axes, found.name, "array", nan), warn)
+            return _with_warnings(_on_axes(found.values, found.axes, found.name, "array", nan), warn)
         data, dims = found.values, None
     if all(hasattr(data, name) for name in ("values", "spacing", "origin")):
         spacing = data.spacing if spacing is None else spacing
@@ -91,7 +90,7 @@ def to_grid(
     return checked_grid(values, 1.0 if spacing is None else spacing, 0.0 if origin is None else origin, nan)
 
 
-def _told(grid: Grid, warn: bool) -> Grid:
+def _with_warnings(grid: Grid, warn: bool) -> Grid:
     """`grid`, its notes given as warnings at the line that called `to_grid`."""
     for note in grid.notes if warn else ():
         warnings.warn(note, ResamplingWarning, stacklevel=3)
@@ -260,7 +259,7 @@ def _probed(mesh: Any, kind: str, name: str, of_cells: NDArray[Any] | None, nan:
         values[~outside] = reconstructed(mesh, of_cells.astype(np.float64), cells, points)
     nx, ny, nz = counts
     note = (
-        f"the {kind} of {mesh.GetNumberOfCells()} cells is no regular grid: array {name!r} was "
+        f"the {kind} of {mesh.GetNumberOfCells()} cells is not a regular grid: array {name!r} was "
         f"resampled to {nx} x {ny} x {nz} samples ({method}); {outside.mean():.1%} of them lie outside its cells "
         "and are transparent" + _coarser([typical] * 3, list(np.array(image.GetSpacing())))
     )

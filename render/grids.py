@@ -35,8 +35,8 @@ class Grid:
         float32 where that is exact, else in the type that they came in (float64, or 32- or 64-bit integers).
     spacing, origin : world units, in the order x, y, z.
     holes : (nz, ny, nx) bool or None: samples without a value.  Every grid cell with a hole at a corner is
-        transparent; `values` there repeats the nearest of the 26 samples around that has one, so that gradients stay tame,
-        and some value of the field deeper inside, which no picture shows.
+        transparent.  `values` there repeats the nearest of the 26 samples around that has one, so that gradients stay tame.
+        Deeper inside it holds some value of the field, which no image shows.
     notes : what the user should know of how the samples were made, such as that they were resampled.
     """
 
@@ -186,7 +186,7 @@ def continued(values: NDArray[Any], holes: NDArray[np.bool_]) -> NDArray[Any]:
 
 
 def triple(name: str, value: ArrayLike) -> Triple:
-    """`value`, or one number for all, as (x, y, z); raises ValueError calling it `name` where it is no such thing."""
+    """`value`, or one number for all, as (x, y, z); raises ValueError naming it `name` for anything else."""
     numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if np.ndim(value) == 0 else np.asarray(value)
     if numbers.shape != (3,) or not np.isfinite(numbers.astype(np.float64)).all():
         raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")

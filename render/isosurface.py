@@ -56,8 +56,8 @@ def surface_scene(
 def extract(grid: Grid, isovalue: float, placement: Placement, left_out: NDArray[np.bool_] | None = None) -> Any:
     """The surface as vtkPolyData: triangles with point normals, in the unit sphere of `placement`.
 
-    The flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central differences; grid cells
-    with a hole at a corner have none, nor have those `left_out`, (nz, ny, nx) by their first corner.
+    The flying-edges triangulation (Schroeder, Maynard & Geveci 2015) with normals from central differences.  Grid cells with a
+    hole at a corner have none, nor have those `left_out`, (nz, ny, nx) by their first corner.
     """
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
@@ -81,9 +81,9 @@ def extract(grid: Grid, isovalue: float, placement: Placement, left_out: NDArray
 def single_precision(grid: Grid, isovalue: float) -> tuple[NDArray[np.float32], float]:
     """(samples, level) with the isosurface of `grid` at `isovalue`, in float32 numbers near 1.
 
-    float32 samples of ordinary size are taken as they are.  Otherwise the isovalue is subtracted in float64, and what is left
-    is divided by the power of two that is nearest to the mean size (geometric) of the field's steps across the surface:
-    that moves no point of the surface and turns no normal.  Samples further than `LARGEST` such steps are held there.
+    float32 samples of ordinary size are taken as they are.  Otherwise the isovalue is subtracted in float64, and the
+    difference is divided by a power of two, the nearest to the geometric mean of the field's steps across the surface.  That moves
+    no point of the surface and turns no normal.  Samples further than `LARGEST` such steps are held there.
     """
     if grid.values.dtype == np.float32:
         exponent = 0.0 if abs(isovalue) > SMALLEST else _step_exponent(grid, isovalue)

@@ -25,7 +25,7 @@ BEYOND = 4.0  # local units: further than any corner of the unit sphere's box
 class BlockRenderer:
     """Draws what a block adds to pictures of the whole: upload or extract once, draw many views, free on exit.
 
-    Volumes take the same samples along the same rays as one process that has the whole; each sample is taken by the block in whose
+    Volumes take the same samples along the same rays as one process that has the whole.  Each sample is taken by the block in whose
     space it lies, half-open, so none is lost or doubled.  `drawn` is the whole's `render.volume.drawn_range`.
     """
 
@@ -57,7 +57,7 @@ class BlockRenderer:
     def layer(
         self, camera: Camera, piece: Piece, rows: slice, columns: slice, *, float_output: bool = False
     ) -> PictureLayer:
-        """What `piece` of the block adds to the `rows` and `columns` of the picture that `camera` takes of the whole.
+        """The layer that `piece` of the block adds to the `rows` and `columns` of the image that `camera` takes of the whole.
 
         Volumes are float32.  Surfaces are those of the whole block, uint8 or with `float_output` float32, with their depths, drawn
         at `SUPERSAMPLING` times the picture's size, for which rows and columns count.
@@ -102,7 +102,7 @@ def owned_space(whole: Lattice, piece: Piece, placement: Placement) -> tuple[NDA
 
 
 def _not_owned(block: Block) -> NDArray[np.bool_]:
-    """Whether each grid cell of a block, by its first corner, begins at a sample that is another's."""
+    """True if each grid cell of a block, by its first corner, begins at a sample that is another's."""
     owned = tuple(
         slice(start - first, stop - first)
         for start, stop, first in zip(block.owned.start, block.owned.stop, block.first, strict=True)

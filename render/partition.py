@@ -1,7 +1,7 @@
 """Boxes that fill a lattice of samples, in the order in which an eye sees them.
 
-A binary space partition (Fuchs, Kedem & Naylor 1980, "On visible surface generation by a priori tree structures"): whatever lies on
-the eye's side of a plane that cuts no box comes before what lies behind it.  Boxes that hide one another in a circle have no such
+A binary space partition: boxes on the eye's side of a plane that cuts none come before those behind it.  Source: Fuchs, Kedem &
+Naylor 1980, "On visible surface generation by a priori tree structures".  Boxes that hide one another in a circle have no such
 plane: some are cut in two.
 """
 
@@ -28,7 +28,7 @@ class Piece:
     stop: Index
 
     def cut(self, axis: int, plane: int) -> tuple[Piece, Piece]:
-        """What lies before sample `plane` along `axis`, and from there on."""
+        """The parts before sample `plane` along `axis`, and from there on."""
         middle = [plane if a == axis else None for a in range(3)]
         stop = tuple(s if m is None else m for s, m in zip(self.stop, middle, strict=True))
         start = tuple(s if m is None else m for s, m in zip(self.start, middle, strict=True))

@@ -18,7 +18,7 @@ from render.grids import Grid
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a grid lies inside the unit sphere: local = (world - center) / scale.
+    """The place of a grid inside the unit sphere: local = (world - center) / scale.
 
     Attributes
     ----------

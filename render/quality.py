@@ -1,4 +1,4 @@
-"""How far apart samples may lie: the largest distance whose measured error meets a target."""
+"""Sample distances: the largest one whose measured error meets a target."""
 
 from __future__ import annotations
 
@@ -142,8 +142,8 @@ def choose_for_ensemble(
 ) -> SampleDistance:
     """A sample distance for `field`, and for later fields on such a grid that show more of the transfer function.
 
-    As `choose_sample_distance`, without a warning.  Where the field shows next to nothing, such as one that is still at rest, the
-    distance must also do for a field that sweeps the transfer function's whole range in 8 samples (`render.steepness`).
+    As `choose_sample_distance`, without a warning.  Where the field shows next to nothing, such as one at rest, a second counts,
+    too: it sweeps the transfer function's whole range in 8 samples (`render.steepness`).
     """
     field = _drawable(field)
     chosen = choose_sample_distance(field, appearance, cameras, target_decibels, warn=False)

@@ -1,9 +1,9 @@
 """The fragment shader code that VTK's volume mapper is given in place of its own sampling loop.
 
-VTK's stock loop looks colours up in tables of 1024 entries that span the range of the *data*, ends rays at the
-last whole step, stops at 254/255 and starts one whole step late.  These pieces evaluate the transfer function
-exactly, cut each ray into equal steps from entry to exit and sample each in its middle: the midpoint rule, as in the
-reference implementation beside the tests (`tests/support/raymarch.py`).  VTK's tags (//VTK::...) are the documented
+VTK's stock loop looks colours up in tables of 1024 entries that span the range of the *data*.  It ends rays at the last whole
+step, stops at 254/255 and starts one whole step late.  These pieces evaluate the transfer function exactly, cut each ray into
+equal steps from entry to exit and sample each in its middle.  That is the midpoint rule, as in the reference implementation
+beside the tests (`tests/support/raymarch.py`).  VTK's tags (//VTK::...) are the documented
 interface for replacing parts of its shaders.
 """
 
@@ -30,7 +30,7 @@ OPAQUE = 1.0 - 1.0 / 8192.0  # where a ray ends early: what is left changes no 8
 
 @dataclass(frozen=True)
 class RaySteps:
-    """How a ray is cut into steps, as GLSL.
+    """The steps of a ray, as GLSL.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ def _sample(exponent: float, shaded: bool, holes: bool, steps: RaySteps) -> str:
 """
 
 
-# 1 - (1 - opacity)**(step / unit) where rays are so many units long that single precision loses 1 - opacity: by the series
+# 1 - (1 - opacity)**(step / unit) where rays are of a length, in units, at which single precision loses 1 - opacity: by the series
 # of -log(1 - opacity) and of 1 - exp(-depth) where these are small.
 DEEP_ALPHA = "alphaOf(opacity, g_lengthStep * {exponent})"
 DEEP_FUNCTION = """

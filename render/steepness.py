@@ -1,4 +1,4 @@
-"""How fast what is seen of a field changes from sample to sample: what decides how far apart samples along a ray may lie."""
+"""The change of a field's colours from sample to sample, which decides how far apart samples along a ray may lie."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Renderer:
 
 
 def supersampling(appearance: Appearance) -> int:
-    """How many pixels are drawn along each side of one of a picture's."""
+    """The number of pixels drawn along each side of one of an image's."""
     return SUPERSAMPLING if isinstance(appearance, Isosurface) else 1
 
 
@@ -81,7 +81,7 @@ def check_sizes(appearances: Iterable[Appearance], cameras: Iterable[Camera]) ->
 
 
 def check_size(camera: Camera, supersampling: int, longest: int) -> None:
-    """Raise ValueError where a picture drawn at so many times its size is longer than `longest` pixels."""
+    """Raise ValueError where an image drawn at `factor` times its size is longer than `longest` pixels."""
     if max(camera.width, camera.height) * supersampling > longest:
         larger = f", which for isosurfaces are drawn {supersampling} times as large" if supersampling > 1 else ""
         raise ValueError(

@@ -32,8 +32,8 @@ def volume_scene(
     no longer than this); by default half the smallest spacing.  Shaded volumes are lit by a headlight at the eye,
     two-sided, by central differences of the field.  `drawn` is by default the grid's `drawn_range`.
 
-    A `block` is drawn as its part of the whole in whose box `placement` puts it: with the samples of the whole's rays that
-    lie in the space which it owns.  That, and the camera, must be told to the shader (`render.shaders.tell_rays`).
+    A `block` is drawn as its part of the whole in whose box `placement` puts it: with the samples of rays that lie in the space
+    which it owns.  That space and the camera must be handed to the shader (`render.shaders.tell_rays`).
 
     Raises ValueError for a distance that is none and for a grid too long for this machine's OpenGL.
     """
@@ -99,9 +99,9 @@ def drawn_range(values: tuple[float, float], transfer: TransferFunction) -> tupl
 def texture_values(grid: Grid, drawn: tuple[float, float]) -> NDArray[np.float32]:
     """Samples (nz, ny, nx, 1) as `render.shaders.replacements` expects them, scaled in float64.
 
-    The `drawn` range becomes 0 to 1.  Values beyond it stay beyond, because interpolation comes before clamping, but no
-    further than `FARTHEST`, so that single precision never overflows in between: that moves where an interpolated value
-    enters the range by less than a millionth of a grid cell.
+    The `drawn` range becomes 0 to 1.  Values beyond it stay beyond, because interpolation comes before clamping.  They end at
+    `FARTHEST`, so that single precision never overflows in between.  That moves the place where an interpolated value enters the
+    range by less than a millionth of a grid cell.
     """
     low, high = drawn
     texture = np.empty((*grid.shape, 1), dtype=np.float32)

@@ -194,8 +194,8 @@ def open_window() -> Window:
 def aim(renderer: Any, camera: Camera, near: float, far: float) -> None:
     """Point the VTK camera of `renderer` like `camera`, with clipping planes at `near` and `far`.
 
-    The projection is set as an explicit matrix, so that unequal focal lengths and off-centre principal points
-    come out exactly (VTK's `SetWindowCenter` and view angle know neither pixels nor two focal lengths).
+    The projection is an explicit matrix, so that unequal focal lengths and off-centre principal points come out exactly.  VTK's
+    `SetWindowCenter` and view angle know neither pixels nor two focal lengths.
     """
     from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
@@ -231,7 +231,7 @@ def _usable_window() -> tuple[Any, str]:
 
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     shown = vtkObject.GetGlobalWarningDisplay()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # a refused backend is no news: the next is tried
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # a refused backend needs no message: the next is tried
     vtkObject.GlobalWarningDisplayOff()
     try:
         for backend, make in _backends():

@@ -41,13 +41,13 @@ class PlacedArray:
 
 
 def is_labelled(data: Any) -> bool:
-    """Whether `data` is one array with named axes."""
+    """True if `data` is one array with named axes."""
     # Not "values": merely to ask for them would load them.
     return all(hasattr(data, name) for name in ("dims", "coords", "shape")) and not is_labelled_set(data)
 
 
 def is_labelled_set(data: Any) -> bool:
-    """Whether `data` holds several labelled arrays by name, such as an xarray.Dataset."""
+    """True if `data` holds several labelled arrays by name, such as an xarray.Dataset."""
     return hasattr(data, "data_vars") and hasattr(data, "dims")
 
 
@@ -78,14 +78,14 @@ def placed(
     spacing, origin : must agree with the coordinates where there are any.
 
     Axes of one value, such as a time, are dropped.  Raises ValueError naming axes that do not say what they are, coordinates
-    that are no increasing or decreasing numbers, and a spacing or origin that contradicts them.
+    that neither increase nor decrease, and a spacing or origin that contradicts them.
     """
     names = [str(name) for name in data.dims]
     kept = [name for name, size in zip(names, data.shape, strict=True) if size != 1] if len(names) > 3 else names
     if len(kept) != 3:
         raise ValueError(
-            f"a field has 3 axes, this array has {names} of {tuple(data.shape)} values: choose one value of those that are "
-            f"no axis of space, such as .isel({names[0] if names else 'time'}=0)"
+            f"a field has 3 axes, this array has {names} of {tuple(data.shape)} values: choose one value along those that "
+            f"are not in space, such as .isel({names[0] if names else 'time'}=0)"
         )
     coordinates = {name: data.coords[name] for name in names if name in data.coords}
     order = axis_order(kept, dims, {name: getattr(c, "attrs", {}) for name, c in coordinates.items()})
@@ -93,10 +93,10 @@ def placed(
     values = values.reshape([n for n, name in zip(values.shape, names, strict=True) if name in kept])
     values = values.transpose([kept.index(order[letter]) for letter in "zyx"])
     attributes = getattr(data, "attrs", {})
-    told = str(getattr(data, "name", None) or ""), str(attributes.get("units", ""))
+    labels = str(getattr(data, "name", None) or ""), str(attributes.get("units", ""))
     along = {letter: coordinates.get(order[letter]) for letter in AXES}
     if all(coordinate is None for coordinate in along.values()):
-        return PlacedArray(values, None, *told)
+        return PlacedArray(values, None, *labels)
     bare = [letter for letter in AXES if along[letter] is None]
     if bare and spacing is None:
         raise ValueError(
@@ -115,7 +115,7 @@ def placed(
         axes.append(axis)
     _check_given(axes, order, spacing, origin)
     x, y, z = axes
-    return PlacedArray(values, (x, y, z), *told)
+    return PlacedArray(values, (x, y, z), *labels)
 
 
 def axis_order(
@@ -123,7 +123,7 @@ def axis_order(
 ) -> dict[str, str]:
     """The name of the x, the y and the z axis among three `names`; `attributes` of their coordinates may say (CF's `axis`).
 
-    Raises ValueError where `dims` is no order of x, y and z, or where it is left out and the names do not say.
+    Raises ValueError where `dims` is not an order of x, y and z, or where it is left out and the names do not say.
     """
     if dims is not None:
         letters = [str(letter).lower() for letter in dims]
@@ -151,7 +151,7 @@ def _extents(array: Any) -> int:
 
 
 def _increasing(coordinate: Any, name: str, size: int) -> NDArray[Any] | None:
-    """Coordinates along an axis; raises ValueError where they are no increasing or decreasing numbers."""
+    """Coordinates along an axis; raises ValueError where they are not numbers that increase or decrease."""
     if coordinate is None:
         return None
     values = np.asarray(getattr(coordinate, "values", coordinate))

@@ -23,8 +23,6 @@ PLACES = (
 # Not clean yet: take a path out once `python -m tests.support.words PATH` prints nothing.
 ALLOWED = (
     "catalogs",
-    "render",
-    "insitu",
     "surrogate",
     "research",
 )

@@ -2,12 +2,12 @@
 
 The renderer is a fresh interpreter (`python -m insitu.hook.renderer`), so no script is run twice and no thread or
 lock is inherited.
-Its ways to this process are one socket, for what is small, and one piece of shared memory for each member that may wait.  It
-renders one member after the other; a member's memory is free again when it is stored, and is used again.
+It is connected by one socket, for small messages, and one piece of shared memory for each queued member.  It renders one
+member after the other; a member's memory is used again once that is stored.
 
-Whatever happens to the renderer, the loop neither raises nor hangs: when it dies (a crash of the graphics driver, the system out of
-memory), another one starts and tries the member once more, a few times in a session; when it says nothing for very long, it is
-killed.  It dies with this process.
+A renderer crash neither raises in the loop nor blocks it.  When the renderer dies (a crash of the graphics driver, the system
+out of memory), another one starts and tries the member once more, a few times in a session.  A renderer that is silent for
+long is killed.  It ends with this process.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Background:
         self._tasks: deque[QueuedMember] = deque()
         self._renderer: _RendererProcess | None = None
         self._deaths, self._unable = 0, ""
-        self._settled_some = self._told_of_waiting = False
+        self._settled_some = self._warned_of_waiting = False
         self._lock = threading.RLock()
         self._owner = os.getpid()
         self._open = True
@@ -161,8 +161,8 @@ class Background:
         self.close(at_once=isinstance(getattr(sys, "last_value", None), KeyboardInterrupt))
 
     def _say_waiting(self) -> None:
-        if self._settled_some and not self._told_of_waiting:  # the first member also waits for a renderer to start
-            self._told_of_waiting = True
+        if self._settled_some and not self._warned_of_waiting:  # the first member also waits for a renderer to start
+            self._warned_of_waiting = True
             held = f"{len(self._memories)} member{'s are' if len(self._memories) > 1 else ' is'}"
             self._warn(
                 RendererWarning(
@@ -236,7 +236,7 @@ class Background:
                 return
 
     def _settle(self, outcome: RenderedMember | str, notes: tuple[str, ...] = ()) -> None:
-        """The first task is done with: its memory is free again, and the session is told."""
+        """Report the first member's outcome to the session, and free its memory."""
         task = self._tasks.popleft()
         self._free.append(task.memory)
         self._settled_some = True

@@ -1,7 +1,7 @@
 """Memory that two processes share without a name, and arrays that lie in it.
 
-It is freed when both are gone, however they end, and none of it is ever seen in a folder such as /dev/shm; nor does a container's
-small /dev/shm bound it.
+It is freed when both processes are gone, however they end.  It is anonymous, so nothing is left in /dev/shm and that folder's
+size limit does not apply.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def pack(value: Any, memory: int) -> bytes:
 
 
 def unpack(data: bytes, memory: int) -> Any:
-    """What was packed; its arrays lie in `memory`, and may only be read."""
+    """The packed value; its arrays lie in `memory`, and may only be read."""
     size = os.fstat(memory).st_size
     return _Unpacker(io.BytesIO(data), mmap.mmap(memory, size, access=mmap.ACCESS_READ) if size else b"").load()
 

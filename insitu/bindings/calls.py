@@ -1,4 +1,4 @@
-"""What the library's functions do, with numbers and arrays of Python; each returns a status, and keeps the error's text."""
+"""The library's functions on numbers and arrays of Python; each returns a status, and keeps the error's text."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class LibraryCalls:
                 raise ValueError("insitu_initialize was called twice: call insitu_finalize before")
             loaded = Scene.load(scene)
             options = vars(PlanOptions.of_scene(loaded, loaded.space))
-            self._session = Session(catalog, comm=comm, existing="skip", warn=_told, **options)
+            self._session = Session(catalog, comm=comm, existing="skip", warn=_warn, **options)
             return DONE
 
         return self._try(begin, FAILED)
@@ -58,7 +58,7 @@ class LibraryCalls:
         return DONE
 
     def set_field(self, name: str, shape: Sequence[int], values: Callable[[int], NDArray[Any]]) -> int:
-        """`values` makes the flat array of so many numbers; `shape` is of (x, y, z)."""
+        """`values` makes the flat array of that many numbers; `shape` is of (x, y, z)."""
 
         def take() -> int:
             count = math.prod(shape)
@@ -114,6 +114,6 @@ def _time(time: float) -> float | None:
     return None if math.isnan(time) else time
 
 
-def _told(note: Warning) -> None:
+def _warn(note: Warning) -> None:
     """Warnings go to standard error: there is no line of Python to name."""
     sys.stderr.write(warnings.formatwarning(note, type(note), "insitu", 0).split(": ", 1)[-1])

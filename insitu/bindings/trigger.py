@@ -26,7 +26,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class LoopState:
-    """Where a loop is.  Raises ValueError where a trigger asks for what the loop did not give.
+    """The step, time and field of a loop.  Raises ValueError where a trigger needs what the loop did not give.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class LoopState:
 
 @dataclass(frozen=True)
 class Trigger:
-    """Whether it is time to render; made by `every_steps`, `every_interval`, `at_times`, `when_field`."""
+    """A condition on the loop's state; made by `every_steps`, `every_interval`, `at_times`, `when_field`."""
 
     due: Callable[[LoopState], bool]
     text: str
@@ -72,7 +72,7 @@ class Trigger:
     def __call__(
         self, *, step: int | None = None, time: float | None = None, previous: float | None = None, field: Any = None
     ) -> bool:
-        """Whether to render now; see `LoopState`.  Raises ValueError naming what is missing or no number."""
+        """True if it is time to render; see `LoopState`.  Raises ValueError naming what is missing or not a number."""
         return self.due(LoopState(step, time, previous, field))
 
     def __and__(self, other: Trigger) -> Trigger:
@@ -139,7 +139,7 @@ def at_times(times: Iterable[float]) -> Trigger:
 
 
 def when_field(predicate: Callable[[Any], Any]) -> Trigger:
-    """Where `predicate(field)` is true; ValueError where it answers with more than one value."""
+    """True where `predicate(field)` is; ValueError where it answers with more than one value."""
 
     def due(moment: LoopState) -> bool:
         answer = predicate(moment.needed("field"))

@@ -39,8 +39,8 @@ def probe(
 ) -> None:
     """Look at pilot members and suggest a transfer function.
 
-    SOURCES: a scene's TOML file (its simulation is run, or its file read); an ensemble, as `insitu ensemble` takes it; or one file
-    per member (.npy, .npz, HDF5, netCDF, Zarr, whatever pyvista reads, or a dump of a code that --reader lists).
+    SOURCES: a scene's TOML file (its simulation is run, or its file read), or an ensemble, as `insitu ensemble` takes it.  One file
+    per member will do, too: .npy, .npz, HDF5, netCDF, Zarr, any that pyvista reads, or a dump of a code that --reader lists.
     """
     with command():
         fields = _read(sources, count, ReadingOptions(arrays=arrays, spacing=spacing or None, **codes), nan)

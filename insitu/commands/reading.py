@@ -1,4 +1,4 @@
-"""Where the members of an ensemble lie: options that several commands share, and what they open."""
+"""Options of several commands for the source of an ensemble, and the ensemble that they open."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class ReadingOptions:
         return stored
 
     def _is_one_store(self, sources: Sequence[str]) -> bool:
-        """Whether it is one HDF5, netCDF or Zarr file with all members, written by no code that is known."""
+        """True if it is one HDF5, netCDF or Zarr file with all members, written by no code that is known."""
         from insitu.readers.arrays import is_store
         from insitu.readers.codes import reader_of
 
@@ -142,20 +142,22 @@ class ReadingOptions:
         if self.names or self.split:
             raise ValueError("--names and --split are of one file that holds all members; a table has columns")
         wanted = listed(self.parameters)
-        table, code = members_of(lambda told: self._table(sources, wanted, told), self.reader, self.sampling, wanted)
+        table, code = members_of(
+            lambda more_in_files: self._table(sources, wanted, more_in_files), self.reader, self.sampling, wanted
+        )
         how: dict[str, Any] = {"location": self.location, "reader": code, "sampling": self.sampling}
         return FileEnsemble.of(table, bounds=self.ranges, units=listed(self.units), arrays=arrays, **how)
 
-    def _table(self, sources: Sequence[str], wanted: Sequence[str], told: bool) -> MemberTable:
-        """The files, with the parameters that a table or a pattern names; `told`: the files may say others."""
+    def _table(self, sources: Sequence[str], wanted: Sequence[str], more_in_files: bool) -> MemberTable:
+        """The files, with the parameters that a table or a pattern names; `more_in_files`: the files may state others."""
         from insitu.readers.states import dumps_below, no_ensemble, table_of_files
         from insitu.readers.tables import match_files, read_table
 
         if len(sources) == 1 and Path(sources[0]).suffix.lower() in TABLES:
-            return read_table(sources[0], wanted, told=told)
+            return read_table(sources[0], wanted, more_in_files=more_in_files)
         if len(sources) == 1 and is_listing(sources[0]):
-            return match_files(sources[0], told=told)
-        if not told:
+            return match_files(sources[0], more_in_files=more_in_files)
+        if not more_in_files:
             raise no_ensemble(sources[0])
         if len(sources) == 1 and Path(sources[0]).is_dir():
             return table_of_files(dumps_below(Path(sources[0]), self.reader))
@@ -175,21 +177,21 @@ class ReadingOptions:
 
     @property
     def sampling(self) -> Sampling:
-        """How data that lie on no one regular grid are brought onto one."""
+        """The resampling of data that lie on no one regular grid."""
         from insitu.readers.reader import Sampling
 
         return Sampling(self.resolution, self.interpolation, self.mesh)
 
 
 def is_listing(source: str) -> bool:
-    """Whether a source is a table or a pattern of files."""
+    """True if a source is a table or a pattern of files."""
     from insitu.readers.tables import is_pattern
 
     return is_pattern(source) or Path(source).suffix.lower() in TABLES
 
 
 def is_ensemble(path: Path) -> bool:
-    """Whether a path is a table, a pattern, a folder of dumps, or one file with several members."""
+    """True if a path is a table, a pattern, a folder of dumps, or one file with several members."""
     from insitu.readers.arrays import is_store, open_arrays
     from insitu.readers.codes import reader_of
     from insitu.readers.folders import is_folder_file
@@ -231,7 +233,7 @@ def pilots(source: Any, members: Any, count: int, nan: str, space: Any = None) -
 
 
 def suggested(fields: dict[str, dict[str, Any]], alpha: float = 0.5) -> dict[str, tuple[Any, Any]]:
-    """What is in each field, and how it may be shown; one of several fields is named by its appearance."""
+    """The values in each field, and a suggested appearance, which names its field where there are several."""
     from insitu.ensembles.probe import probe_fields
     from insitu.ensembles.suggestion import appearance_names, suggest
 

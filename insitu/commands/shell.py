@@ -1,4 +1,4 @@
-"""What all commands share: types of arguments, how work is told and how it ends."""
+"""Types of arguments, progress and errors that all commands share."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import click
 from catalogs.progress import ProgressLine
 
 PATH = click.Path(path_type=Path)
-NAMED_FILE = click.Path(dir_okay=False, path_type=Path)  # whose absence is told in our own words
+NAMED_FILE = click.Path(dir_okay=False, path_type=Path)  # whose absence is reported in our own words
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 NAN = click.option(
     "--nan", type=click.Choice(["refuse", "transparent"]), default="refuse", show_default=True, help="NaN and infinity."
@@ -79,7 +79,7 @@ def fail_on(failures: Mapping[str, str]) -> None:
 
 @contextmanager
 def command() -> Iterator[ProgressLine]:
-    """Run a command with a progress line; mistakes that a user can mend are told in one plain line.
+    """Run a command with a progress line; a mistake that a user can mend ends it with one plain line.
 
     SIGTERM, as batch systems send it, ends the work like Ctrl-C.
     """

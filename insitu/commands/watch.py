@@ -72,7 +72,7 @@ def watch(
     A dump is taken when it is whole: unchanged for --settle seconds, renamed into place, or marked.  Ctrl-C and SIGTERM end the
     watch; the same command goes on, and members that are stored are skipped.  A new catalog needs --bounds of every parameter.
 
-    With --reader adios2 and no pattern, FOLDER is a BP folder that is being written, or an SST stream, NAME.sst: its steps are
+    With --reader adios2 and no pattern, FOLDER is a BP folder that is being written, or an SST stream, NAME.sst.  Its steps are
     rendered as they arrive, until the writer closes it.
     """
     with command() as line:
@@ -94,7 +94,9 @@ def watch(
             )
         if pattern is not None and not folder.is_dir():
             raise ValueError(f"there is no folder {folder}")
-        space = space_for(catalog, pattern or "", options.ranges, listed(options.units), told=bool(options.reader))
+        space = space_for(
+            catalog, pattern or "", options.ranges, listed(options.units), more_in_files=bool(options.reader)
+        )
         options = replace(options, arrays=options.arrays or tuple(filter(None, shown_fields(shown))))
         plan = looks.options(space)
         if pattern is None:
@@ -162,7 +164,7 @@ def _follow(
 
 
 def _report(line: ProgressLine, catalog: Path, failures: Mapping[str, str]) -> None:
-    """Say how many members there are; what was stored just before the end is no failure, though it has been."""
+    """Print the number of members; one stored just before the end does not count as a failure, although it was one earlier."""
     from catalogs.store.catalog import Catalog
     from insitu.members.planning import is_catalog
 

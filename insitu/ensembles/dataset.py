@@ -29,7 +29,7 @@ RECORD_SECONDS = 10.0
 
 @dataclass(frozen=True)
 class DatasetResult:
-    """What became of a scene's data set; `seconds` are those of all runs that it took, this one included."""
+    """The outcome of making a scene's data set; `seconds` are those of all runs that it took, this one included."""
 
     catalog: Path
     members: int
@@ -62,9 +62,9 @@ def make_dataset(
 
     The others are arguments of `run_ensemble`.
 
-    Raises ValueError or CatalogError, before anything is written, where the catalog was made from another scene file or the
-    scene can't be had; FileNotFoundError where its data are absent; RuntimeError where the script of a hooked scene needs what this
-    environment does not have.
+    Raises, before anything is written, ValueError or CatalogError where the catalog was made from another scene file or the
+    scene can't be read.  Raises FileNotFoundError where its data are absent, and RuntimeError where the script of a hooked scene
+    needs a package that this environment lacks.
     """
     scene, runs = scene if isinstance(scene, Scene) else Scene.load(scene), Path(runs)
     if simulate is not None and scene.source["kind"] != "hooked":
@@ -94,13 +94,13 @@ def make_dataset(
 
 
 def _checked(scene: Scene) -> DatasetResult:
-    """What a scene's catalog holds, which is taken where it is; raises where it is none, or its members can't be read."""
+    """The contents of a scene's catalog, which is used in place; raises CatalogError where it can't be read."""
     catalog = Catalog.open(scene.catalog_path)
     return DatasetResult(catalog.path, len(catalog.members), 0, 0.0, {})
 
 
 def _render(scene: Scene, folder: Path, simulate: Simulate | None, **how: Any) -> tuple[int, dict[str, str]]:
-    """How many members were rendered, and why others were not; `how` goes to `run_ensemble`."""
+    """The number of rendered members, and the reasons for others' failures; `how` goes to `run_ensemble`."""
     ensemble = ensemble_of(scene, simulate)
     try:  # before any simulation runs
         if ensemble.fields != ("",):  # files of one field each, which has no name
@@ -120,7 +120,7 @@ def _render(scene: Scene, folder: Path, simulate: Simulate | None, **how: Any) -
 
 
 def _complete(path: Path, members: Sequence[PlannedMember]) -> bool:
-    """Whether the catalog has all the members."""
+    """True if the catalog has all the members."""
     return is_catalog(path) and {m.name for m in members} <= {m.name for m in Catalog.open(path).members}
 
 

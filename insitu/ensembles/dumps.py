@@ -20,7 +20,7 @@ MemberRun = Sequence[PlannedMember]
 
 
 class FieldSource(Protocol):
-    """Where the fields of an ensemble's members come from; pickled into every worker process.
+    """The source of an ensemble's fields; pickled into every worker process.
 
     `identity` says in JSON values what a field depends on besides its parameters.  `expensive` fields are computed
     only once: those of the pilot run are stored until they are rendered.
@@ -33,7 +33,7 @@ class FieldSource(Protocol):
     def expensive(self) -> bool: ...
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
-        """The member's field or fields (anything `as_fields` takes); `progress` is told the fraction done."""
+        """The member's field or fields (anything `as_fields` takes); `progress` is called with the fraction done."""
         ...
 
 
@@ -46,9 +46,9 @@ class RunSource(FieldSource, Protocol):
         ...
 
     def dumps(self, run: MemberRun, progress: Callable[[float], None]) -> Iterator[Any]:
-        """What `field` gives of each member of a run, or of some of them, one after the other.
+        """The fields of each member of a run, or of some of them, one after the other, as `field` gives them.
 
-        A member's field does not depend on which others are asked for; `progress` is told the fraction of the way to the next.
+        A member's field does not depend on the others in `run`; `progress` is called with the fraction of the way to the next.
         """
         ...
 
@@ -58,16 +58,16 @@ class FileSource(FieldSource, Protocol):
     """A source whose fields lie in files, which may be others than those that stored members were rendered from."""
 
     def record(self, member: PlannedMember) -> Mapping[str, Any]:
-        """What is kept of a member's field in JSON values: `identity`, and what its file holds."""
+        """The record of a member's field in JSON values: `identity`, and the contents of its file."""
         ...
 
     def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
-        """Whether the member's file holds something else than when `before` was its `record`."""
+        """True if the member's file holds something else than when `before` was its `record`."""
         ...
 
 
 def record_of(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
-    """What is kept with a member of where its field came from."""
+    """The source of a member's field, as it is recorded with the member."""
     return dict(source.record(member) if isinstance(source, FileSource) else source.identity)
 
 
@@ -130,7 +130,7 @@ def dumps_of(source: FieldSource, run: MemberRun, cache: Path | None) -> Iterato
 
 
 def identity_of(source: FieldSource, member: PlannedMember) -> dict[str, Any]:
-    """What a member's field depends on, in JSON values."""
+    """The JSON values on which a member's field depends."""
     return {"source": dict(source.identity), "parameters": dict(member.parameters)}
 
 

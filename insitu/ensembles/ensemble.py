@@ -36,7 +36,7 @@ PILOTS = 2
 
 @dataclass(frozen=True)
 class EnsembleResult:
-    """What became of the members: rendered now, present before, or failed and why; and the seconds it took."""
+    """Members rendered now, members skipped, failures with their reasons, and the seconds it took."""
 
     rendered: tuple[RenderedMember, ...]
     skipped: tuple[str, ...]
@@ -98,14 +98,13 @@ def run_ensemble(
     workers : processes of the default pool (spawned, one thread each); by default one per available core.
     executor : any `concurrent.futures.Executor` instead, such as mpi4py's; its workers must see the
         same file system.  Progress then moves by whole runs.
-    engine : what is there already and stays, such as the `catalogs.engines.cluster.Cluster` of many machines; then
-    `workers` and `executor`
-        do not matter.
-    shard : (i, n), i from 1 to n: take only every n-th run, starting with the i-th; where the source knows of no runs, every n-th
-        member.  n machines that write to one shared catalog each take one.
+    engine : an engine that is running already, such as the `catalogs.engines.cluster.Cluster` of many machines; then `workers`
+        and `executor` do not matter.
+    shard : (i, n), i from 1 to n.  Only every n-th run is taken, starting with the i-th (members, where the source has no runs).
+        n machines that write to one shared catalog each take one.
     nan : as in `render_member`.
-    existing : what becomes of stored members whose file has changed since: "error" raises naming them, "skip" keeps them,
-        "replace" renders them anew; those whose file is the same are always skipped.
+    existing : for stored members whose file has changed since: "error" raises naming them, "skip" keeps them, "replace" renders
+        them anew.  Those whose file is the same are always skipped.
     cache : folder for the fields of expensive pilots until they are rendered.
     progress : called a few times a second.
     warn : called with each warning about a member, which otherwise is given at the caller's line.
@@ -162,7 +161,7 @@ def available_cores() -> int:
 
 
 def local_engine(count: int, executor: Executor | None) -> AbstractContextManager[Engine]:
-    """So many workers of our own, or an `executor`'s."""
+    """`count` workers of our own, or an `executor`'s."""
     return WorkerPool(count) if executor is None else nullcontext(OnExecutor(executor))
 
 
@@ -205,7 +204,7 @@ class _EnsembleRun:
         create_catalog(self.path, combine_pilots([found[m.name] for m in pilots if m.name in found]), options)
 
     def render(self, runs: Sequence[MemberRun]) -> tuple[list[RenderedMember], list[str], dict[str, str]]:
-        """What was rendered; the names of what was found there all the same; and why others were not, by name."""
+        """The rendered members, the names of members found stored all the same, and the reasons of failures by name."""
         catalog = Catalog.open(self.path)
         plan, members = catalog.plan, [m for run in runs for m in run]
         shown = [len(plan.appearances if m.appearances is None else m.appearances) for m in members]

@@ -75,7 +75,7 @@ class FileEnsemble:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """What `field` returns for each member; () where that is what appearances name."""
+        """The names of the fields that `field` returns; () where appearances name them."""
         return self.arrays
 
     @property
@@ -93,7 +93,7 @@ class FileEnsemble:
         return with_validation(planned, validation, seed)
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> Any:
-        """What the member's file holds: fields by name, or one data set."""
+        """The contents of the member's file: fields by name, or one data set."""
         row, path = self.rows[member.name], self.rows[member.name].path
 
         def read(array: str | None) -> Any:
@@ -112,7 +112,7 @@ class FileEnsemble:
         return {**self.identity, **known, "contents": contents(row.path, beside=self.files(row.path))}
 
     def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
-        """Whether the member's file holds something else than when `before` was its `record`."""
+        """True if the member's file holds something else than when `before` was its `record`."""
         path = self.rows[member.name].path
         if "contents" not in before or not Path(path).exists():
             return False
@@ -122,7 +122,7 @@ class FileEnsemble:
         return is_changed(path, before["contents"], beside=beside)
 
     def files(self, path: Path) -> tuple[Path, ...]:
-        """What belongs to a member besides the file at `path`: those of other ranks, and that of the mesh."""
+        """Files that belong to a member besides the one at `path`: those of other ranks, and that of the mesh."""
         return files_beside(path, self.reader, self.sampling)
 
 

@@ -29,10 +29,10 @@ Simulate = Callable[..., Any]
 class HookedSource:
     """Calls a function, in the worker process that renders, wherever an ensemble needs a field.
 
-    The function is called `simulate(parameters, **settings)` and returns what the hook takes: an array (z, y, x) with its place as
-    `insitu.Field`, a pyvista or VTK data set, xarray's, or several fields by name.  Where "time" is one of the parameters, members
-    that are equal in all others are dumps of one run: it is called once for them, `simulate(parameters, times, **settings)`, where
-    `parameters` are without the time and `times` ascend, and yields the field of each time.
+    The function is called `simulate(parameters, **settings)` and returns a field as the hook takes it: an `insitu.Field`, a
+    pyvista, VTK or xarray data set, or several fields by name.  Where "time" is one of the parameters, members that are equal in
+    all others are dumps of one run.  It is called once for them, `simulate(parameters, times, **settings)`, with `parameters`
+    without the time and ascending `times`, and yields the field of each time.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ def _code_of(path: Path) -> str:
     try:
         tree = ast.parse(path.read_bytes())
     except (SyntaxError, ValueError) as error:
-        raise ValueError(f"source.script names {path}, which is no Python file: {error}") from None
+        raise ValueError(f"source.script names {path}, which is not a Python file: {error}") from None
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(
             node
@@ -155,7 +155,7 @@ def _loaded(path: Path) -> Simulate:
     name = f"insitu_hooked_{path.parent.name}_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise ValueError(f"source.script names {path}, which is no Python file")
+        raise ValueError(f"source.script names {path}, which is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # its classes look for their module there
     try:

@@ -1,4 +1,4 @@
-"""What pilot members' fields hold, so that transfer functions can be fixed before the first member is rendered."""
+"""Values of pilot members' fields, for transfer functions that are fixed before the first member is rendered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where an ensemble stands while it runs."""
+"""The progress of an ensemble while it runs."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class EnsembleProgress:
 class Tracker:
     """Turns workers' reports into `EnsembleProgress`.
 
-    Time left is elapsed time over work done so far, in members, a member under way counting by its fraction;
-    what part of a member's time its field takes is learnt from the members seen.
+    Time left is elapsed time over work done so far, in members; a member under way counts by its fraction.  The share of a
+    member's time that its field takes is learnt from the members seen.
     """
 
     def __init__(self, members: int, images_per_member: int, *, field_share: float) -> None:

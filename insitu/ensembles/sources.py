@@ -1,4 +1,4 @@
-"""Where a scene's fields come from: a simulation, bundled or somebody else's, or an ensemble stored in a file."""
+"""The source of a scene's fields: a simulation, bundled or somebody else's, or an ensemble stored in a file."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class SimulationSource:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What `field` returns for each member."""
+        """The names of the fields that `field` returns."""
         return self.fields or simulation(self.name).fields[:1]
 
     def runs(self, members: Sequence[PlannedMember]) -> list[tuple[PlannedMember, ...]]:
@@ -69,7 +69,7 @@ class SimulationSource:
         return list(runs_in_time(members))
 
     def dumps(self, run: Sequence[PlannedMember], progress: Callable[[float], None]) -> Iterator[dict[str, Field]]:
-        """The fields of some members of one run, one after the other; `progress` is told the fraction of the way to the next."""
+        """The fields of some members of one run, in order; `progress` is called with the fraction of the way to the next."""
         found = simulation(self.name)
         how = {"fields": self.names, "resolution": self.resolution, "progress": progress}
         how["solver_resolution"] = self.solver_resolution
@@ -87,7 +87,7 @@ class SimulationSource:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """What a scene asks for: its members, their parameters' space, the source of their fields and the names of these."""
+    """A scene's members, their parameters' space, the source of their fields and the names of these."""
 
     space: ParameterSpace
     members: Sequence[PlannedMember] = field(repr=False)
@@ -192,7 +192,9 @@ def _files(scene: Scene, table: dict[str, Any], fields: tuple[str, ...]) -> Ense
             )
     name, sampling = _reader(scene, table)
     names = scene.space.names
-    rows, code = members_of(lambda told: read_table(scene.data_path(), names, told=told), name, sampling, names)
+    rows, code = members_of(
+        lambda more_in_files: read_table(scene.data_path(), names, more_in_files=more_in_files), name, sampling, names
+    )
     spacing, origin, dims = (tuple(table[key]) if key in table else None for key in ("spacing", "origin", "dims"))
     bounds = {p.name: (p.low, p.high) for p in scene.space.parameters}
     stored = FileEnsemble.of(

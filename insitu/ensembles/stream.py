@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class StreamResult:
-    """What became of the steps of a stream: names of members that were rendered or there already, and why others are missing."""
+    """The outcome of a stream: names of members that were rendered or skipped, and the reasons why others are missing."""
 
     rendered: list[str] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
@@ -51,7 +51,7 @@ def render_stream(
     location : spacing, origin and dims of arrays that do not say.
     nan, existing : as in `render_member`.
     arrived : where it is noted what became of the steps, for a caller who interrupts.
-    say : told what was rendered, and what could not be.
+    say : called with a line about each member that was rendered, and about each failure.
 
     A step that can't be rendered is reported, and the next one is awaited.  Raises ValueError as `Session` does.
     """

@@ -85,17 +85,15 @@ def suggest(
 ) -> Suggestion:
     """A transfer function that leaves commonplace values transparent and rare ones visible through the depth.
 
-    A value is as common as in the member that has most of it: what is mere background in one member must not fill its
-    pictures with fog, however rare it is in the others.  The most common values, half of all, are transparent; beyond,
-    opacity grows as values get rarer (their information, -log of frequency; compare Bordoloi & Shen 2005, "View
-    selection for volume rendering", section 3).  Colours are spread so that each covers an equal part of what is
-    visible.  The unit distance is then solved for a mean foreground alpha of `alpha` over small rendered pictures of
-    `grids`: the optical depth along every ray is inversely proportional to it (Max 1995, "Optical models for direct
-    volume rendering", absorption only), so one picture serves all distances.
+    A value is as common as in the member that has most of it.  Otherwise the background of one member would fill its images with
+    fog where that value is rare in the others.  The most common values, half of all, are transparent.  Beyond, opacity grows
+    with a value's information, -log of frequency (compare Bordoloi & Shen 2005, "View selection for volume rendering",
+    section 3).  Colours are spread so that each covers an equal part of what is visible.  The unit distance is then solved for
+    a mean foreground alpha of `alpha` over small images of `grids`.  The optical depth along every ray is inversely proportional
+    to it, so one image serves all distances (Max 1995, "Optical models for direct volume rendering", absorption only).
 
-    What it cannot know: which values matter to you. It is a start to edit, not an answer.
-
-    `field` is the name of the one that was looked at, where members have several.
+    It cannot know which values matter to you: it is a start to edit.  `field` names the field of `grids`, where members have
+    several.
 
     Raises ValueError where `alpha` is not between 0 and 1.
     """

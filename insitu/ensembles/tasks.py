@@ -1,4 +1,4 @@
-"""What a worker process does for an ensemble: measure the pilots of a run, or render its members."""
+"""Tasks of a worker process: measure the pilots of a run, or render its members."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # disk errors that the nex
 
 @dataclass(frozen=True)
 class MemberOutcome:
-    """What became of one member: rendered after so many seconds for its field (None where it was stored), or failed and why."""
+    """The outcome of one member: rendered, with the seconds that its field took (None where it was stored), or failed and why."""
 
     name: str
     rendered: RenderedMember | None = None
@@ -151,7 +151,7 @@ def _is_stored(path: Path, member: PlannedMember) -> bool:
 
 
 def _disk_reason(error: Exception, path: Path) -> str:
-    """The same for every member, so that it is told once."""
+    """The same for every member, so that it is reported once."""
     return f"{os.strerror(getattr(error, 'errno', None) or errno.EIO)} ({path}): make room or permission"
 
 

@@ -26,7 +26,7 @@ INTERVAL = 1.0  # seconds between two looks at the folder
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """What is watched, and when a file counts as whole.
+    """The files to watch, and when one counts as whole.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class WatchOptions:
 
 @dataclass
 class Arrivals:
-    """The files of a watch: which are whole, waited for, done or given up.  `look` and `tried` are told the time, in seconds."""
+    """The files of a watch: which are whole, waited for, done or given up.  `look` and `tried` take the time, in seconds."""
 
     watching: WatchOptions
     done: set[str] = field(default_factory=set)  # names of members that are stored
@@ -74,7 +74,7 @@ class Arrivals:
         """The members to render now; `wall` is the time of day, as in files' times of change."""
         ready: dict[str, TableRow] = {}
         self.pending = 0
-        for row in matching(self.watching.pattern, self.watching.folder, told=True):
+        for row in matching(self.watching.pattern, self.watching.folder, more_in_files=True):
             if (name := self._name(row)) in self.done or name in ready:
                 continue
             try:
@@ -175,7 +175,7 @@ def watch_folder(
     ensemble : how files are read; its rows do not matter.
     existing : as in `run_ensemble`, of members that are stored when the watch begins.
     arrivals : where it is noted what became of the files, for a caller who interrupts the watch.
-    say : told what was rendered, and what could not be.
+    say : called with a line about rendered members, and about each failure.
 
     Other parameters are those of `run_ensemble`, of which each lot of new files is one call; the first makes the catalog.  Files
     that can't be rendered are tried again for as long as `watching` says; their number and reasons are in the result.  Ctrl-C
@@ -183,7 +183,7 @@ def watch_folder(
     disk takes no more, ValueError as `run_ensemble` does.
     """
     arrivals, path = arrivals or Arrivals(watching), Path(catalog)
-    told: dict[str, str] = {}
+    reported: dict[str, str] = {}
     idle_since = clock.monotonic()
     with single_threaded(), local_engine(workers or available_cores(), executor) as engine:
         while True:
@@ -200,9 +200,9 @@ def watch_folder(
                 }
                 _take(arrivals, rows, _rendered(path, lot, options, how), say)
             for name, why in arrivals.failures.items():
-                if told.get(name) != why:
+                if reported.get(name) != why:
                     say(f"{name} can't be rendered yet: {why}")
-            told = dict(arrivals.failures)
+            reported = dict(arrivals.failures)
             if arrivals.pending or rows:
                 idle_since = clock.monotonic()
             elif watching.until_idle is not None and clock.monotonic() - idle_since >= watching.until_idle:
@@ -223,7 +223,7 @@ def _new(path: Path, arrivals: Arrivals, now: float) -> dict[str, TableRow]:
 
 
 def _rendered(path: Path, lot: FileEnsemble, options: PlanOptions, how: dict[str, Any]) -> EnsembleResult:
-    """What became of some files; where no catalog could be made of them, a failure each."""
+    """The outcome of some files; where no catalog could be made of them, a failure each."""
     try:
         return run_ensemble(path, lot.members(), lot, options, **how)
     except (ValueError, OSError, RuntimeError) as error:
@@ -245,19 +245,19 @@ def space_for(
     bounds: Mapping[str, tuple[float, float]],
     units: Sequence[str] = (),
     *,
-    told: bool = False,
+    more_in_files: bool = False,
 ) -> ParameterSpace:
-    """The parameters that a pattern names, with the bounds of a catalog, else as given; `told`: the files say the others.
+    """The parameters that a pattern names, bounded as in a catalog, else as given; `more_in_files`: the files state the others.
 
     Raises ValueError asking for the bounds that a new catalog lacks: the first dumps can't tell them.
     """
-    names = pattern_names(pattern, told=told)
+    names = pattern_names(pattern, more_in_files=more_in_files)
     if is_catalog(catalog):
         space = Catalog.open(catalog).plan.space
-        if not (set(names) <= set(space.names) if told else set(names) == set(space.names)):
+        if not (set(names) <= set(space.names) if more_in_files else set(names) == set(space.names)):
             raise ValueError(f"the pattern names {list(names)}, the parameters of {catalog} are {list(space.names)}")
         return space
-    names += tuple(name for name in bounds if told and name not in names)
+    names += tuple(name for name in bounds if more_in_files and name not in names)
     lacking, unknown = [n for n in names if n not in bounds], [n for n in bounds if n not in names]
     if lacking or not names:
         asked = " ".join(f"--bounds {name} LOW HIGH" for name in lacking or ("NAME",))

@@ -25,9 +25,9 @@ GRACE_SECONDS = 10.0
 
 @dataclass(frozen=True)
 class WorkerReport:
-    """What a worker did for a member: a `stage` ("simulate", "pilot", "render") entered and its fraction done, or the member left.
+    """A worker's report on a member: the `stage` that it entered ("simulate", "pilot", "render") and its fraction done.
 
-    It leaves one that is "done", has "failed" or is "stored" for later.
+    With the stages "done", "failed" and "stored" (for later) it leaves the member.
     """
 
     member: str
@@ -45,7 +45,7 @@ _idle.set()
 def send(report: WorkerReport) -> None:
     """Pass `report` to the process that runs the ensemble; raises StopRequested where that was interrupted.
 
-    In the workers of another engine nobody is told.
+    In the workers of another engine the report is dropped.
     """
     if stop_requested():
         raise StopRequested

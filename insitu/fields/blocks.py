@@ -251,7 +251,7 @@ class BlockField:
 
 @dataclass(frozen=True, eq=False)
 class LayerAssembly:
-    """How pictures are put together from layers of blocks.
+    """Images put together from layers of blocks.
 
     Attributes
     ----------
@@ -302,7 +302,7 @@ class LayerAssembly:
 
 
 def at_once(appearance: Appearance, cameras: Sequence[Camera], ranks: int) -> int:
-    """How many views are drawn before layers are sent."""
+    """The number of views that are drawn before layers are sent."""
     per_pixel = 8 * SUPERSAMPLING**2 if isinstance(appearance, Isosurface) else 16  # bytes
     largest = max((camera.width * camera.height for camera in cameras), default=1)
     return max(1, min(ranks, AT_ONCE // (per_pixel * largest)))
@@ -312,7 +312,7 @@ _EMPTY = np.empty(0, dtype=np.uint8)
 
 
 def _range(part: FieldPart, ranks: RankGroup) -> tuple[float, float]:
-    """Smallest and largest finite value of a field in blocks.  Collective; raises Told where there is none."""
+    """Smallest and largest finite value of a field in blocks.  Collective; raises CollectiveError where there is none."""
     own = part.values[part.window(0, part.shape[0])]
     if part.holes is not None:
         own = own[~part.holes[part.window(0, part.shape[0])]]

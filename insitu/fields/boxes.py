@@ -48,14 +48,14 @@ def check_inside(own: Box, bounds: Box) -> None:
 
 
 def is_smaller(own: Box, bounds: Box) -> bool:
-    """Whether a member's box leaves more than a hundredth of the ensemble's, along some axis, empty."""
+    """True if a member's box leaves more than a hundredth of the ensemble's, along some axis, empty."""
     low, high = np.array(bounds)
     own_low, own_high = np.array(own)
     return bool((np.abs(own_low - low) + np.abs(own_high - high) > 0.01 * (high - low)).any())
 
 
 def checked_box(bounds: Any) -> Box:
-    """`bounds` as plain numbers; raises ValueError where it is no box."""
+    """`bounds` as plain numbers; raises ValueError where it is not a box."""
     try:
         box = np.array(bounds, dtype=np.float64)  # [2, 3]
     except (TypeError, ValueError):
@@ -67,7 +67,7 @@ def checked_box(bounds: Any) -> Box:
 
 
 def same_box(first: Box, second: Box) -> bool:
-    """Whether two boxes agree within the tolerance."""
+    """True if two boxes agree within the tolerance."""
     low, high = np.array(second)
     return bool(np.abs(np.array(first) - np.array(second)).max() <= TOLERANCE * np.linalg.norm(high - low))
 

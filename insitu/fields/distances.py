@@ -1,4 +1,4 @@
-"""How far apart samples along a ray may lie, by appearance: for a new catalog, and for a member of one."""
+"""Sample distances along a ray by appearance: for a new catalog, and for a member of one."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ def finest_of_families(
 def member_distances(
     fields: MemberFields, shown: Sequence[Appearance], plan: CatalogPlan
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """The sample distances of a member, by volume rendering, and what deserves a warning about them.
+    """The sample distances of a member, by volume rendering, and warnings about them.
 
-    They are the catalog's.  Where these were chosen to reach a target, and the member's field changes clearly more from sample to
-    sample than those that they were chosen on (1.5 times, as the transfer function shows it), they are measured again, on two
-    small pictures, and refined for this member if need be.
+    They are the catalog's, unless these were chosen to reach a target and the member's field is harder.  A field is harder that
+    changes 1.5 times as much from sample to sample, under the transfer function.  The distances are then measured on two small
+    images, and refined for this member if need be.
     """
     from render.quality import HARDER, checked_sample_distance
 
-    told = plan.provenance
-    planned: dict[str, float] = dict(told.get("sample_distances", {}))
-    target = told.get("target_decibels")
+    recorded = plan.provenance
+    planned: dict[str, float] = dict(recorded.get("sample_distances", {}))
+    target = recorded.get("target_decibels")
     if target is None:
         return planned, ()
-    known, notes, found = told.get("measured_changes", {}), [], {}
+    known, notes, found = recorded.get("measured_changes", {}), [], {}
     for appearance in _measured(shown, plan.variations):
         field = fields.drawable(appearance)
         if field.mean_change(appearance.transfer_function) <= HARDER * known.get(appearance.name, 0.0):

@@ -34,7 +34,7 @@ class MemberFields(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of how their samples were made."""
+        """Notes for the user on how their samples were made."""
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
@@ -48,7 +48,7 @@ class MemberFields(Protocol):
         """The field that an appearance shows."""
 
     def summaries(self, names: Sequence[str], plan: CatalogPlan) -> dict[str, FieldSummary]:
-        """What is kept of the fields of these names."""
+        """The summaries of the fields of these names, which the catalog stores."""
 
 
 class MemberInput(Protocol):
@@ -64,7 +64,7 @@ class Fields:
 
     Attributes
     ----------
-    grids : by name, at least one, in the order in which appearances show them; "" is an only one that they do not name.
+    grids : by name, at least one, in the order in which appearances show them; "" is the single field that they do not name.
     quantities : the names and units that the data state, likewise by name; of some, of all, or of none.
     """
 
@@ -78,7 +78,7 @@ class Fields:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of how their samples were made."""
+        """Notes for the user on how their samples were made."""
         return tuple(dict.fromkeys(note for grid in self.grids.values() for note in grid.notes))
 
     def shown_by(self, appearance: Appearance) -> Grid:
@@ -129,15 +129,15 @@ def as_fields(
 
     Parameters
     ----------
-    data : one field, anything that `to_grid` takes; several of them by name, all of one shape and place; or a pyvista or VTK data
-        set or an xarray.Dataset, whose arrays are chosen by the names of the fields, each loaded when its turn comes.  `Fields`
-        are returned as they are.
+    data : one field, anything that `to_grid` takes; or several of them by name, all of one shape and place.  Of a pyvista or VTK
+        data set or an xarray.Dataset the names of the fields choose arrays, each loaded when its turn comes.  `Fields` are
+        returned as they are.
     appearances : those that the member is shown with.
     location : where all of them lie.
     known : all of the catalog's, by default the same; a mapping may hold what one of these shows.
 
-    Raises ValueError or TypeError naming the field and the appearance that shows it where one is missing, of another shape or
-    place, or not acceptable; ValueError where a mapping holds a field that none shows, or several of which none is named.
+    Raises ValueError or TypeError, naming the field and the appearance that shows it, where a field is missing, of another shape
+    or place, or not acceptable.  Raises ValueError where a mapping holds a field that none shows, or several unnamed ones.
     """
     if isinstance(data, Fields):
         return data

@@ -1,4 +1,4 @@
-"""What one rank has of a member's fields, as its simulation hands it over."""
+"""One rank's part of a member's fields, as its simulation hands it over."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def ghost_layers(ghosts: Ghosts) -> Layers:
 
 
 def _without(held: BlockExtent, layers: Layers) -> BlockExtent:
-    """Where a block lies but for its ghost layers."""
+    """The extent of a block without its ghost layers."""
     shape = [n - before - after for n, (before, after) in zip(held.shape, reversed(layers), strict=True)]
     if min(shape) < 1:
         x, y, z = held.shape[::-1]
@@ -110,7 +110,7 @@ def _without(held: BlockExtent, layers: Layers) -> BlockExtent:
 
 
 def _each(data: Any, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
-    """`data` with its plain arrays changed; what is no array is left as it is."""
+    """`data` with its plain arrays changed; anything else is left as it is."""
     if type(data) is dict:
         return {name: _each(value, change) for name, value in data.items()}
     if isinstance(data, Field):
@@ -127,7 +127,7 @@ def _acceptable(missing: str, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_empty(values: Any) -> bool:
-    """Whether an array has no finite number."""
+    """True if an array has no finite number."""
     return type(values) is np.ndarray and values.dtype.kind == "f" and not np.isfinite(values).any()
 
 

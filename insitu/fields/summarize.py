@@ -1,4 +1,4 @@
-"""What is kept of a member's field, in kilobytes: histogram, range, points where something is seen, and points everywhere.
+"""The summary of a member's field, in kilobytes: histogram, range, points where something is seen, and points everywhere.
 
 Works through the grid in slabs of whole z-slices, so that its extra memory does not grow with the field.  Of a field in blocks
 every rank looks at what it owns; all draw the same random numbers.
@@ -38,7 +38,7 @@ SlabWeights = Callable[[int, int], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class FieldPart:
-    """What one rank looks at of a field.
+    """One rank's part of a field.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class FieldPart:
         return z, y, x
 
     def window(self, start: int, stop: int, axis: int | None = None) -> tuple[slice, ...]:
-        """Where in `values` the owned slices from `start` to before `stop` lie, or their next samples along `axis`, if any."""
+        """The place in `values` of the owned slices from `start` to before `stop`, or of their next samples along `axis`."""
         low = self.start - self.first
         high = low + self.shape
         low[0], high[0] = low[0] + start, low[0] + stop
@@ -142,8 +142,8 @@ def summarize(
     """The summary of `grid` under `appearances`, its histogram over the ensemble's value range `bounds`.
 
     The histogram counts the values within `bounds`, holes left out; `clipped_fraction` is the share outside.
-    Of the points, each appearance gets an equal share: voxels drawn with probability proportional to their opacity
-    and jittered within half a voxel (volume rendering), or crossings of the isovalue on grid edges (isosurface).
+    Each appearance gets an equal share of the points.  They are voxels drawn with probability proportional to their opacity and
+    jittered within half a voxel (volume rendering), or crossings of the isovalue on grid edges (isosurface).
     An appearance of another package gets none.
     `even_points` more, whatever the appearances, fill the box evenly; there are fewer where it is nearly all holes.
     """
@@ -204,8 +204,8 @@ def sample_evenly(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World points (M, 3) that fill the grid's box evenly, none in a cell with a hole at a corner, and values (M,); M <= `count`.
 
-    They are the first ones of a low-discrepancy sequence, the multiples of the generalized golden ratio (Roberts 2018, "The
-    Unreasonable Effectiveness of Quasirandom Sequences"), moved by `shift` (3,) around the box (Cranley and Patterson 1976).
+    They are the first points of a low-discrepancy sequence, multiples of the generalized golden ratio, moved by `shift` (3,)
+    around the box (Cranley and Patterson 1976).  Source: Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences".
     """
     return _sample_evenly(FieldPart.all_of(grid), count, shift, SINGLE)
 
@@ -237,7 +237,7 @@ def _shift(low: float, high: float, histogram: NDArray[np.int64]) -> NDArray[np.
 
 
 def _in_whole_cells(part: FieldPart, index: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether no corner of the cell around each fractional index (M, 3) that the part owns is a hole, (M,)."""
+    """True if no corner of the cell around each fractional index (M, 3) that the part owns is a hole, (M,)."""
     whole = np.ones(len(index), dtype=bool)
     if part.holes is not None:
         low = np.minimum(np.floor(index).astype(np.int64), np.array(part.whole.shape) - 2) - part.first  # [M, 3]
@@ -315,7 +315,7 @@ def _edge_crossings(
 
 
 def _cut(part: FieldPart, isovalue: float, start: int, stop: int, axis: int) -> NDArray[np.bool_]:
-    """Whether the surface cuts the edge from each owned sample of a slab (K, ny, nx) to the next one along `axis`."""
+    """True if the surface cuts the edge from each owned sample of a slab (K, ny, nx) to the next one along `axis`."""
     here, following = part.window(start, stop), part.window(start, stop, axis)
     above, beyond = part.values[here] > isovalue, part.values[following] > isovalue
     cut = np.zeros(above.shape, dtype=bool)

@@ -66,7 +66,7 @@ def render_member(
 ) -> RenderedMember:
     """Render one member of an ensemble into a Cinema catalog; the field may be freed afterwards.
 
-    The first call makes the catalog and fixes its plan; later calls, from this process or another, may leave the plan's
+    The first call makes the catalog and fixes its plan.  Later calls, from this process or another, may leave the plan's
     arguments out, and must agree with the catalog where they state them.  A one-member `Session`.
 
     Parameters
@@ -80,37 +80,35 @@ def render_member(
     catalog : the `.cdb` directory.
     space : the ensemble's parameters, `{name: (low, high)}`, `{name: (low, high, unit)}`, `Parameter` objects, which have a
         scale too, or a `ParameterSpace`; needed by the first call.
-    fields : what the shown field is called, and its unit, `{"Q": "1/s²"}`; of several, `{name: unit}` by the names that
-        appearances give them, or `{name: Quantity(name, unit)}` where they are called otherwise.
+    fields : the name of the shown field and its unit, `{"Q": "1/s²"}`.  Of several, `{name: unit}` by the names that appearances
+        give them, or `{name: Quantity(name, unit)}` to display another name.
     appearances : transfer functions and isovalues, in the field's physical units; needed by the first call.
     views : viewpoints and frame, by default 252 on the icosphere at 256 x 256 pixels.
     spacing, origin : of an array, (x, y, z), world units.
-    array : which array of a data set, where appearances name no field.
-    dims : what an array's axes are, in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as
-        xarray's are called.
+    array : the array of a data set, where appearances name no field.
+    dims : an array's axes in its own order: ("x", "y", "z") for values [x, y, z]; by default (z, y, x), or as xarray's are called.
     name : the member's name in the catalog, by default from its parameters.
     split : "train", "validation" or "test".
     nan : "refuse" NaN and infinity, or show them "transparent".
-    target_decibels, sample_distance : how exact volume rendering must be, as PSNR against a converged reference (50 dB), or the
-        step of its rays in world units, one for all or by appearance.
+    target_decibels : PSNR that volume rendering must reach against a converged reference, by default 50 dB.
+    sample_distance : in its place the step of rays in world units, one for all or by appearance.
     time : the simulation's time, recorded.  Where `space` has a parameter "time" (or "t"), it is that: every dump of a run is
         a member.
-    existing : what to do where the catalog has a member with these parameters: raise an "error", "skip" it, before the field is
-        looked at, or "replace" it, atomically.
+    existing : where the catalog has a member with these parameters, raise an "error", "skip" it, before the field is looked at,
+        or "replace" it, atomically.
     on_error : "raise"; or "warn", and report the member missing (see `Session`).
-    bounds : world box ((x, y, z), (x, y, z)) around which the cameras stand, by default the first member's.
-    variations : which of the appearances sample an isovalue or a transfer function that is to be explored freely
-        (`catalogs.vocabulary.variations.isovalue_family`, `transfer_function_family`), or are to be learnt beside a
-        base (`field_variation`).
+    bounds : world box ((x, y, z), (x, y, z)) that the cameras surround, by default the first member's.
+    variations : appearances that sample an isovalue or a transfer function to be explored freely (`insitu.isovalue_family`,
+        `transfer_function_family`), or that are learnt beside a base (`field_variation`).
     image_format : "png" (8 bits, the default) or "exr" (float32).
     provenance : further JSON values to record in a new catalog.
     progress, warn : as in `Session`.
     comm, ghosts : of a field in blocks, one on each rank of an MPI communicator; see `Session` and its `render_member`.
 
-    Memory: VTK and OpenGL take some 200 MB once; each call three times the field in float32 (the samples, the same scaled
-    to the transfer function's range, and the texture), once each further field, and one image at a time.  Where float32 does not
+    Memory: VTK and OpenGL take some 200 MB once.  Each call takes three times the field in float32 (samples, samples scaled to
+    the transfer function's range, texture), once each further field, and one image.  Where float32 does not
     hold the field exactly, the samples take its own size: with float64 four times the field in float32.  Transparent values
-    take three quarters of it more.  All of it is freed again but the first.
+    take three quarters of it more.  All but the first is freed again.
 
     Raises
     ------

@@ -39,9 +39,8 @@ class Session:
     A later member that reaches out of the ensemble's box is refused (ValueError): the cameras are not set for it.  A smaller one
     is rendered where it is, with a warning unless `bounds` were given, since spacing or origin may have been forgotten.
 
-    Parameters are those of the function `render_member`; besides, `progress` is called with the number of images drawn of a
-    member, and `warn` with each warning, which otherwise is given at the caller's line.  Use it as a context manager, from any
-    thread.
+    Parameters are those of the function `render_member`.  `progress` is called with the number of images drawn of a member, and
+    `warn` with each warning, which otherwise is given at the caller's line.  Use it as a context manager, from any thread.
 
     With `background=True` the loop does not wait for images: `render_member` checks what needs no look at the values, copies the
     field, and returns; another process renders.  At most two members are queued (`background=3`: three); after that the call
@@ -51,10 +50,10 @@ class Session:
 
     A restarted run renders only missing members with `existing="skip"`; a long run that must not end because of an image takes
     `on_error="warn"`.  Mistakes in the session's own arguments, or a catalog that disagrees with them, are raised at once all the
-    same, before the run has begun; later nothing is, but KeyboardInterrupt and SystemExit.
+    same, before the run has begun.  Later only KeyboardInterrupt and SystemExit are.
 
     With `comm`, a communicator of mpi4py, the ranks of a simulation render their members together, each from its own block of the
-    field: all make the session and call `render_member` and `has` in the same order, and get the same results and errors.  The
+    field.  All make the session and call `render_member` and `has` in the same order, and get the same results and errors.  The
     catalog is that of rank 0, whose arguments count, and which alone has `catalog`, `results` and `failures`.  A block comes with
     its spacing and the origin of its first sample; neighbours may both have the samples between them, or ghost layers.
 

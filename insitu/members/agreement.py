@@ -1,4 +1,4 @@
-"""Whether a catalog is the one that is asked for, and whether a member fits in it."""
+"""Agreement of a catalog with the options of a caller, and of a member with the catalog."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def create_catalog(path: Path, pilot: Pilot, options: PlanOptions) -> Catalog:
 
 def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
     """Everything in which `options` differ from the plan of a catalog, each named by its place with both values."""
-    told = plan.provenance
+    recorded = plan.provenance
     distances = options.sample_distance and given_distances(options.sample_distance, plan.appearances)
     pairs: dict[str, tuple[Any, Any]] = {
         "space": (options.space and options.space.to_json(), plan.space.to_json()),
@@ -58,13 +58,13 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
             _records(plan.variations),
         ),
         "image_format": (options.image_format, plan.image_format),
-        "target_decibels": (options.target_decibels, told.get("target_decibels")),
-        "sample_distances": (distances, told.get("sample_distances")),
+        "target_decibels": (options.target_decibels, recorded.get("target_decibels")),
+        "sample_distances": (distances, recorded.get("sample_distances")),
     }
     given = {place: pair for place, pair in pairs.items() if pair[0] is not None}
-    given |= {key: (value, told.get(key)) for key, value in options.provenance.items() if key != SOURCE}
-    if SOURCE in options.provenance and SOURCE in told:  # catalogs had none once
-        given[SOURCE] = _place_of(options.provenance[SOURCE]), _place_of(told[SOURCE])
+    given |= {key: (value, recorded.get(key)) for key, value in options.provenance.items() if key != SOURCE}
+    if SOURCE in options.provenance and SOURCE in recorded:  # catalogs had none once
+        given[SOURCE] = _place_of(options.provenance[SOURCE]), _place_of(recorded[SOURCE])
     differences = [s for place, (wanted, stored) in given.items() for s in differing(wanted, stored, place)]
     differences += _other_labels(options, plan)
     if options.bounds is not None and not same_box(options.bounds, plan.bounds):
@@ -75,7 +75,7 @@ def disagreements(plan: CatalogPlan, options: PlanOptions) -> list[str]:
 
 
 def _place_of(source: Mapping[str, Any]) -> dict[str, Any]:
-    """Where fields come from, but for what the files hold, which is compared member by member."""
+    """The source of fields without the contents of files, which are compared member by member."""
     return {key: value for key, value in source.items() if key != "contents"}
 
 
@@ -116,7 +116,7 @@ def _differing_appearances(wanted: PlannedMember, stored: Member) -> list[str]:
 
 
 def notes_on_member(box: Box, parameters: Mapping[str, float], plan: CatalogPlan) -> list[str]:
-    """What deserves a warning about a member that fills `box`; raises ValueError where it reaches out of the ensemble's."""
+    """Warnings about a member that fills `box`; raises ValueError where it reaches out of the ensemble's."""
     check_inside(box, plan.bounds)
     notes = list(plan.space.outside([float(parameters[name]) for name in plan.space.names]).values())
     if plan.provenance.get("bounds_from") != "given" and is_smaller(box, plan.bounds):

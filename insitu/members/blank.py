@@ -13,7 +13,7 @@ BLANK, ONE_COLOR = "every picture is blank", "all of the field has one colour"
 
 
 class PictureNote(NamedTuple):
-    """What deserves a warning about all pictures of a member under an appearance: the problem, and the likely reason."""
+    """A warning about all images of a member under an appearance: the problem, and the likely reason."""
 
     appearance: str
     problem: str

@@ -1,4 +1,4 @@
-"""What becomes of a member that is in the catalog already: an error, skipped, or replaced."""
+"""Members that are in the catalog already: an error, skipped, or replaced."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an ensemble fixes before its first member."""
+"""The plan of an ensemble, fixed before its first member."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ BEST_DECIBELS = 99.0  # recorded where a picture equals its reference: JSON has 
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What a caller wants fixed for the ensemble; None leaves it to the catalog or, in a new one, to a default.
+    """A caller's options for the ensemble; None leaves one to the catalog or, in a new one, to a default.
 
     The attributes are arguments of `insitu.render_member`, which describes them.
     """
@@ -69,7 +69,7 @@ class PlanOptions:
 
     @classmethod
     def of_scene(cls, scene: Scene, space: ParameterSpace, provenance: Mapping[str, Any] | None = None) -> PlanOptions:
-        """What a scene says about rendering an ensemble; raises ValueError where it says nothing."""
+        """A scene's options for rendering an ensemble; raises ValueError where it has none."""
         if not scene.appearances:
             raise ValueError(f"scene {scene.path} has no [[appearance]]: its images were made elsewhere")
         distance = scene.render.sample_distance
@@ -142,7 +142,7 @@ def appearances_from(appearances: Appearance | Iterable[Appearance] | None) -> t
     for appearance in found:
         if isinstance(appearance, TransferFunction):
             raise ValueError(
-                "a TransferFunction is no appearance yet: say how it shows the field and what that is called, "
+                "a TransferFunction is not yet an appearance: say how it shows the field and what that is called, "
                 f'VolumeRendering("dvr", {shortened(appearance)})'
             )
         if isinstance(appearance, Family):
@@ -188,12 +188,12 @@ def appearances_from_toml(path: Path) -> tuple[Appearance, ...]:
 
 @dataclass(frozen=True)
 class Pilot:
-    """What the plan of a new catalog needs to know of one member's field, or of several, before member 1.
+    """Measurements of one member's fields, or of several members', that the plan of a new catalog needs.
 
     Attributes
     ----------
     bounds : world box that holds the field.
-    ranges : smallest and largest finite value by field, "" for an only one without a name.
+    ranges : smallest and largest finite value by field, "" for a single one without a name.
     distances : by volume rendering, the sample distance that reaches the target; empty where it is given.
     notes : what the user should know of them.
     quantities : what the fields say of their names and units.
@@ -295,14 +295,14 @@ def plan_catalog(pilot: Pilot, options: PlanOptions) -> CatalogPlan:
 
 
 def _value_ranges(pilot: Pilot, appearances: Sequence[Appearance]) -> dict[str, Any]:
-    """What a plan records of the ensemble's fixed range of values, or of the range of each of several fields."""
+    """The ensemble's fixed range of values, or the range of each of several fields, as a plan records them."""
     shown = shown_fields(appearances)
     by = {f: list(value_range([a for a in appearances if field_of(a) == f], pilot.ranges[f])) for f in shown}
     return {"value_ranges": by} if len(by) > 1 else {"value_range": next(iter(by.values()))}
 
 
 def is_catalog(path: Path) -> bool:
-    """Whether there is a catalog at `path`; one whose creation was interrupted does not count."""
+    """True if there is a catalog at `path`; one whose creation was interrupted does not count."""
     return (path / "catalog.json").is_file()
 
 

@@ -1,4 +1,4 @@
-"""What rendering one member wrote, what it cost, and what its fields held."""
+"""The result of rendering one member, and the memory that it took."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HIGH_WATER_UNIT = 1 if sys.platform == "darwin" else 1024
 
 @dataclass(frozen=True)
 class RenderedMember:
-    """What rendering one member wrote and what it cost; or that it was skipped, or failed: `images` is 0 then.
+    """The images and the cost of one rendered member, or the reason why it has none: skipped, queued or failed.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class RenderedMember:
     images : how many images were written.
     render_seconds, write_seconds, seconds : drawing, encoding and storing, and everything together.
     extra_memory : bytes of resident memory the call added at its peak (see `PeakMemory`).
-    ranges : smallest and largest finite value of each field that is shown, by name; "" for an only one without a name.
+    ranges : smallest and largest finite value of each field that is shown, by name; "" for a single one without a name.
     clipped_fractions : share of each field's values outside the ensemble's value range, likewise.
     warnings : what was recorded with the member besides: parameters out of bounds, transparent values.
     quantities : what each field is called, and its unit, as far as the catalog knows.
@@ -96,9 +96,9 @@ class RenderedMember:
 class PeakMemory:
     """The largest resident memory seen since it was made, beyond what was resident then, in bytes.
 
-    `sample` looks at the resident size now, so what comes and goes between two samples may be missed; where the
-    process rose above its own previous high-water mark, the kernel's figure is taken instead and nothing is missed.  Memory
-    that other parts of the process take or free meanwhile counts, too.
+    `sample` looks at the resident size now, so a peak between two samples may be missed.  Where the process rose above its own
+    previous high-water mark, the kernel's figure is taken instead and nothing is missed.  Memory that other parts of the process
+    take or free meanwhile counts, too.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""How the blocks of several ranks fill one grid."""
+"""The blocks of several ranks as parts of one grid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OFF = 0.02  # samples by which a block may lie beside the lattice
 
 @dataclass(frozen=True)
 class BlockExtent:
-    """Where a rank's samples lie: how many along (z, y, x), how far apart and where the first is, world units in (x, y, z)."""
+    """The place of a rank's samples: counts along (z, y, x), spacing and place of the first in (x, y, z), world units."""
 
     shape: Index
     spacing: Triple
@@ -116,7 +116,7 @@ def _indices(
 def _filling(
     ranks: Sequence[int], starts: NDArray[np.int64], stops: NDArray[np.int64], shape: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Where the blocks stop that fill all samples, each once: as they are, or without the last layers that neighbours have, too."""
+    """The ends of blocks that fill all samples, each once: as they are, or without the last layers that neighbours share."""
     problems = []
     for shared in product((0, 1), repeat=3):
         trimmed = np.where((stops < shape) & (stops - starts > 1), stops - shared, stops)

@@ -97,7 +97,7 @@ def _common_box(one: IndexBox, other: IndexBox) -> IndexBox | None:
 
 
 def _window(box: IndexBox, first: NDArray[np.int64]) -> tuple[slice, ...]:
-    """Where a box lies in an array whose first sample is `first`."""
+    """The place of a box in an array whose first sample is `first`."""
     return tuple(map(slice, (box[0] - first).tolist(), (box[1] - first).tolist()))
 
 

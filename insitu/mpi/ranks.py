@@ -22,7 +22,7 @@ LONGEST_PART = 1 << 30  # bytes sent in one call: some MPI libraries count in 32
 
 
 class RankError(RuntimeError):
-    """What went wrong on another rank, where that is none of Python's usual errors."""
+    """An error on another rank that is not one of Python's usual ones."""
 
 
 class CollectiveError(Exception):
@@ -42,7 +42,7 @@ class RankGroup(Protocol):
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """The number of ranks."""
 
     def gather(self, value: Any) -> list[Any]:
         """The values of all ranks, on all of them, in their order.  Raises CollectiveError where one of them failed."""
@@ -121,7 +121,7 @@ class Communicator:
 
 
 def ranks_of(comm: Any) -> RankGroup:
-    """The ranks of an mpi4py communicator, or of none; raises TypeError or ValueError where it is no such thing.
+    """The ranks of an mpi4py communicator, or of none; raises TypeError or ValueError for anything else.
 
     Those that share cores share them for drawing, too, unless LP_NUM_THREADS says otherwise.
     """
@@ -145,7 +145,7 @@ def checked(comm: Any) -> Any:
 
 
 def all_or_none(ranks: RankGroup, work: Callable[[], T]) -> T:
-    """What `work` returns on this rank; raises what it raised on one of them on all."""
+    """The result of `work` on this rank; an error on one rank is raised on all."""
     try:
         result = work()
     except Exception as error:
@@ -153,15 +153,15 @@ def all_or_none(ranks: RankGroup, work: Callable[[], T]) -> T:
         raise
     try:
         ranks.gather(None)
-    except CollectiveError as told:
-        raise told.error from None
+    except CollectiveError as collective:
+        raise collective.error from None
     return result
 
 
 def run_on_root(
     ranks: RankGroup, work: Callable[[], Any], commands: Mapping[str, Callable[..., Any]] | None = None
 ) -> Any:
-    """What `work` returns or raises on rank 0, on every rank; the others meanwhile do the `commands` that it calls.
+    """The result or error of `work` on rank 0, on every rank; the others meanwhile run the `commands` that it calls.
 
     `call_all` sends them.
     """
@@ -186,12 +186,12 @@ def call_all(ranks: RankGroup, commands: Mapping[str, Callable[..., Any]], name:
     try:
         ranks.gather((name, arguments))
         return _run(ranks, commands[name], arguments)
-    except CollectiveError as told:
-        raise told.error from None
+    except CollectiveError as collective:
+        raise collective.error from None
 
 
 def _announce(ranks: RankGroup, outcome: str, value: Any) -> None:
-    """Let the others return.  One that fails just now, when all is decided, is told the same."""
+    """Let the others return.  One that fails just now, when all is decided, gets the same outcome."""
     with suppress(CollectiveError):
         ranks.gather((outcome, value))
         return
@@ -212,7 +212,7 @@ def _obey_root(ranks: RankGroup, commands: Mapping[str, Callable[..., Any]]) -> 
 
 
 def _run(ranks: RankGroup, command: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """What a command returns; an error of this rank is told to the others."""
+    """The result of a command; an error on this rank reaches the others."""
     try:
         return command(*arguments)
     except CollectiveError:

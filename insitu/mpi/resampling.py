@@ -22,7 +22,7 @@ FACE = 1e-6  # samples by which a place may lie outside of a block and still cou
 
 @dataclass(frozen=True, eq=False)
 class Contribution:
-    """What a block has for a box of samples: values (nz, ny, nx), NaN where it has none, from the sample `start` on.
+    """A block's values (nz, ny, nx) for a box of samples from `start` on, NaN where it has none.
 
     Of several for one sample the one with the largest `rank` counts: (is it no ghost layer, fineness).
     """

@@ -38,7 +38,7 @@ MARKS = ("md.idx", "md.0")  # in a folder of BP4 or BP5
 
 @dataclass(frozen=True, eq=False)
 class StreamStep:
-    """What arrived of one step: the numbers that it says, and its arrays with three axes, their attributes beside them."""
+    """One step as it arrived: its single numbers, and its arrays with three axes, their attributes beside them."""
 
     number: int
     says: Mapping[str, float]
@@ -46,7 +46,7 @@ class StreamStep:
 
 
 def recognizes(path: Path) -> bool:
-    """Whether it is a BP folder (BP4, BP5), or a file that ends with .bp (BP3)."""
+    """True if it is a BP folder (BP4, BP5), or a file that ends with .bp (BP3)."""
     return all((path / name).is_file() for name in MARKS) or (path.suffix == ".bp" and path.is_file())
 
 
@@ -191,10 +191,10 @@ def _answer(process: subprocess.Popen[bytes], path: Path, idle: float | None) ->
         return None
     if head[0] > LARGEST:
         raise ValueError(f"{path}: its description has {head[0]} bytes")
-    told = np.zeros(int(head[0]), dtype=np.uint8)
-    if not _fill(process, told):
+    description = np.zeros(int(head[0]), dtype=np.uint8)
+    if not _fill(process, description):
         raise ValueError(f"{path}: {_ending(process.wait())}")
-    held = json.loads(told.tobytes())
+    held = json.loads(description.tobytes())
     if "error" in held:
         raise ValueError(f"{path}: ADIOS2 cannot read it: {' '.join(held['error'].split())}")
     return dict(held)
@@ -213,7 +213,7 @@ def _fill(process: subprocess.Popen[bytes], values: NDArray[Any]) -> bool:
 
 
 def _ending(code: int) -> str:
-    """What became of a process that gave no answer."""
+    """The end of a process that gave no answer, in words."""
     if code == -signal.SIGKILL:
         return "ADIOS2 did not answer in time: is the file damaged, or being written?"
     how = f"signal {-code}" if code < 0 else f"status {code}"

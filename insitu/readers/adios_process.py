@@ -1,8 +1,8 @@
 """The process that reads ADIOS2 files and streams for `insitu.readers.adios`, which it answers on its standard output.
 
-On damaged files the library ends its process, or waits for ever: of its own, that harms nobody.  A request is a JSON object in the
-first argument; an answer is the length of a JSON object (8 bytes, little-endian), that object, and the bytes of the arrays that it
-lists.
+On damaged files the library ends its process, or waits for ever: in a separate process that harms nobody.  A request is a JSON
+object in the first argument.  An answer is the length of a JSON object (8 bytes, little-endian), that object, and the bytes of
+the arrays that it lists.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def answer(out: BinaryIO, held: dict[str, Any], arrays: dict[str, np.ndarray] | 
     """Send a JSON object, and arrays after it."""
     sent = {name: np.ascontiguousarray(values) for name, values in (arrays or {}).items()}
     listed = [{"name": n, "shape": list(v.shape), "kind": v.dtype.str, "bytes": v.nbytes} for n, v in sent.items()]
-    told = json.dumps({**held, "arrays": listed}).encode()
-    out.write(struct.pack("<Q", len(told)) + told)
+    header = json.dumps({**held, "arrays": listed}).encode()
+    out.write(struct.pack("<Q", len(header)) + header)
     for values in sent.values():
         out.write(values.data.cast("B"))
     out.flush()
@@ -102,7 +102,7 @@ def follow(out: BinaryIO, path: str, engine: str, names: list[str]) -> None:
 def main() -> None:
     request = json.loads(sys.argv[1])
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what the library prints is no answer
+    os.dup2(2, 1)  # what the library prints is not an answer
     library()  # what it takes itself is not what files take
     limit = request.pop("memory")
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -50,7 +50,7 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
 
 
 def _level(plotfile: Plotfile, resolution: tuple[int, int, int] | None) -> tuple[int, tuple[int, int, int]]:
-    """The coarsest level that has so many cells or whole multiples of them, and these multiples along x, y and z."""
+    """The coarsest level that has the cells of `resolution` or whole multiples of them, and these multiples along x, y and z."""
     if resolution is None:
         return len(plotfile.levels) - 1, (1, 1, 1)
     for number, level in enumerate(plotfile.levels):

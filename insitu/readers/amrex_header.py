@@ -1,4 +1,4 @@
-"""What the headers of an AMReX plotfile say, checked against each other and against the files before any value is read.
+"""The headers of an AMReX plotfile, checked against each other and against the files before any value is read.
 
 A plotfile is a folder: `Header`, and in `Level_0`, `Level_1`, ... a file `Cell_H` beside binary files of boxes (AMReX
 documentation, "Plotfile format"; `AMReX_PlotFileUtil.cpp`, `AMReX_VisMF.cpp`).
@@ -45,7 +45,7 @@ class RefinementLevel:
 
 @dataclass(frozen=True, eq=False)
 class Plotfile:
-    """What the headers say.
+    """The contents of a plotfile's headers.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Plotfile:
 
 
 def is_plotfile(path: Path) -> bool:
-    """Whether a folder is an AMReX plotfile of cells, by the first line of its header."""
+    """True if a folder is an AMReX plotfile of cells, by the first line of its header."""
     try:
         if not (path / "Level_0" / "Cell_H").is_file() or not (path / "Header").is_file():
             return False
@@ -100,7 +100,7 @@ def read_summary(path: Path) -> Summary:
     """The beginning of a plotfile's header; raises ValueError naming what is wrong with it."""
     lines = _lines(path / "Header")
     if VERSION.fullmatch(next(lines, "").strip()) is None:
-        raise ValueError("Header: its first line is no version of a plotfile, such as HyperCLaw-V1.1")
+        raise ValueError("Header: its first line is not the version of a plotfile, such as HyperCLaw-V1.1")
     count = _whole(next(lines, ""), "Header: the number of fields", 1, 100_000)
     names = tuple(next(lines, "").strip() for _ in range(count))
     if not all(names) or len(set(names)) < count:
@@ -117,10 +117,10 @@ def read_summary(path: Path) -> Summary:
     next(lines, "")  # steps of each level
     for level in range(finest + 1):
         steps = _reals(next(lines, ""), f"Header: the cell size of level {level}", 3)
-        told = [(b - a) / n for a, b, n in zip(low, high, domains[level][1], strict=True)]
-        if not np.allclose(steps, told, rtol=1e-6):
+        stated = [(b - a) / n for a, b, n in zip(low, high, domains[level][1], strict=True)]
+        if not np.allclose(steps, stated, rtol=1e-6):
             raise ValueError(
-                f"Header: cells of level {level} are {steps} wide, but the domain's extent and counts say {told}"
+                f"Header: cells of level {level} are {steps} wide, but the domain's extent and counts say {stated}"
             )
     if next(lines, "").strip() != "0":
         raise ValueError("Header: its coordinates are not Cartesian, which alone can be rendered")
@@ -189,10 +189,10 @@ def _boxes(path: Path, number: int, count: int, components: int) -> tuple[NDArra
     lines = _lines(path / f"Level_{number}" / "Cell_H")
     _whole(next(lines, ""), f"{what}: its version", 1, 1)
     _whole(next(lines, ""), f"{what}: how it was written", 0, 10)
-    told = _whole(next(lines, ""), f"{what}: the number of components", 1, 100_000)
+    stated = _whole(next(lines, ""), f"{what}: the number of components", 1, 100_000)
     ghosts = re.findall(r"\d+", next(lines, ""))
     begin = re.fullmatch(r"\((\d+) 0", next(lines, "").strip())
-    if told != components or any(int(n) for n in ghosts) or begin is None or int(begin[1]) != count:
+    if stated != components or any(int(n) for n in ghosts) or begin is None or int(begin[1]) != count:
         raise ValueError(
             f"{what}: it must have {components} components, no ghost cells and {count} boxes, as Header says"
         )

@@ -1,7 +1,7 @@
 """The arrays of one HDF5, netCDF or Zarr file, by name, with their axes and attributes; values are read when asked for.
 
-Files may come from strangers: nothing outside their folder is read, no code is run, and what an array claims to hold is compared
-with the memory that is free before it is read.
+Files may come from strangers: nothing outside their folder is read, and no code is run.  The size that an array claims is
+compared with the free memory before it is read.
 """
 
 from __future__ import annotations
@@ -102,9 +102,9 @@ class Arrays:
     attrs: Mapping[str, Mapping[str, Any]]
 
     def __str__(self) -> str:
-        told = ", ".join(map(repr, list(self.arrays.values())[:12])) or "no array"
+        listed = ", ".join(map(repr, list(self.arrays.values())[:12])) or "no array"
         more = f" and {len(self.arrays) - 12} more" if len(self.arrays) > 12 else ""
-        return f"{told}{more}; attributes {sorted(self.attrs.get('', {}))}"
+        return f"{listed}{more}; attributes {sorted(self.attrs.get('', {}))}"
 
     def coordinate(self, array: StoredArray, dim: str) -> StoredArray | None:
         """The real numbers along an axis of `array`: the array of one axis that is called like it, in its group or above."""
@@ -121,7 +121,7 @@ class Arrays:
     def labelled(
         self, array: StoredArray, index: tuple[int, ...] = (), dims: Sequence[str] | None = None
     ) -> LabelledArray:
-        """What lies at indices of the first axes of `array`, with the coordinates of the others."""
+        """The values at indices of the first axes of `array`, with the coordinates of the others."""
         names = tuple(dims or array.dims)[len(index) :]
         along = {name: self.coordinate(array, name) for name in names}
         coords = {name: held.read() for name, held in along.items() if held is not None}
@@ -129,7 +129,7 @@ class Arrays:
 
 
 def is_store(path: Path) -> bool:
-    """Whether the name says that a file holds named arrays."""
+    """True if the name says that a file holds named arrays."""
     return path.suffix.lower() in HDF5 | NETCDF | ZARR
 
 

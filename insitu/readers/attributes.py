@@ -1,4 +1,4 @@
-"""What the attributes and small arrays of a file say of its parameters: names, units, bounds and splits."""
+"""Names, units, bounds and splits of parameters, from the attributes and small arrays of a file."""
 
 from __future__ import annotations
 

@@ -47,14 +47,14 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """What a file says of its part of the mesh: the coordinates of its points along x, y and z."""
+    """A file's part of the mesh: the coordinates of its points along x, y and z."""
 
     path: Path
     axes: tuple[PrintedAxis, PrintedAxis, PrintedAxis]
 
 
 def recognizes(path: Path) -> bool:
-    """Whether the name is `clover.<chunk>.<step>.vtk`."""
+    """True if the name is `clover.<chunk>.<step>.vtk`."""
     found = NAME.fullmatch(path.name)
     return found is not None and found["stem"] == "clover" and path.is_file()
 
@@ -124,7 +124,7 @@ def _step(path: Path) -> int:
 
 
 def _most_chunks(path: Path) -> int:
-    """How many files the step with the most of them has, of those of the same run."""
+    """The number of files of the step with the most of them, in the same run."""
     own = NAME.fullmatch(path.name)
     if own is None:
         return 0
@@ -172,7 +172,7 @@ def _axes(file: BinaryIO, size: int) -> tuple[PrintedAxis, PrintedAxis, PrintedA
     for expected in HEAD:
         line = _line(file)
         if not line.startswith(expected):
-            raise ValueError(f"it is no file of CloverLeaf: {line[:40]!r} stands for {expected!r}")
+            raise ValueError(f"it is not a file of CloverLeaf: got {line[:40]!r} in place of {expected!r}")
     counts = _numbers(_line(file), "DIMENSIONS", 3)
     if min(counts) < 2 or 2 * sum(counts) > size or 2 * math.prod(n - 1 for n in counts) > size:
         raise ValueError(
@@ -180,9 +180,9 @@ def _axes(file: BinaryIO, size: int) -> tuple[PrintedAxis, PrintedAxis, PrintedA
         )
     axes = []
     for letter, count in zip("XYZ", counts, strict=True):
-        word, told, kind = (*_line(file).split(), "", "", "")[:3]
-        if (word, told) != (f"{letter}_COORDINATES", str(count)) or kind not in KINDS:
-            raise ValueError(f"{letter}_COORDINATES {count} double must follow, got {' '.join((word, told, kind))!r}")
+        word, words, kind = (*_line(file).split(), "", "", "")[:3]
+        if (word, words) != (f"{letter}_COORDINATES", str(count)) or kind not in KINDS:
+            raise ValueError(f"{letter}_COORDINATES {count} double must follow, got {' '.join((word, words, kind))!r}")
         axes.append(PrintedAxis.of([_line(file).strip() for _ in range(count)]))
     x, y, z = axes
     return x, y, z
@@ -214,8 +214,8 @@ def _sections(file: BinaryIO, axes: Sequence[PrintedAxis]) -> Iterator[Section]:
         for _ in range(_numbers(fields, fields[: fields.rstrip().rfind(" ")], 1)[0]):
             name, components, count, kind = (*_line(file).split(), "", "", "", "")[:4]
             if (components, count) != ("1", str(sizes[word])) or kind not in KINDS:
-                told = " ".join((name, components, count, kind))
-                raise ValueError(f"an array of {sizes[word]} single values must follow, got {told[:60]!r}")
+                words = " ".join((name, components, count, kind))
+                raise ValueError(f"an array of {sizes[word]} single values must follow, got {words[:60]!r}")
             yield Section(name, word == "CELL_DATA", sizes[word], KINDS[kind], file.tell())
             _skip_lines(file, sizes[word], name)
 
@@ -257,10 +257,10 @@ def _line(file: BinaryIO, *, at_end: bool = False) -> str:
 
 
 def _numbers(line: str, word: str, count: int) -> list[int]:
-    told = line.removeprefix(word).split()
-    if len(told) != count or not all(number.isdigit() and len(number) < 16 for number in told):
+    words = line.removeprefix(word).split()
+    if len(words) != count or not all(number.isdigit() and len(number) < 16 for number in words):
         raise ValueError(f"{word} must be followed by {count} whole numbers, got {line[:60]!r}")
-    return [int(number) for number in told]
+    return [int(number) for number in words]
 
 
 READER = Reader("cloverleaf", "CloverLeaf, clover.<chunk>.<step>.vtk", recognizes, records, read, files=files)

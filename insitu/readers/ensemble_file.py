@@ -12,8 +12,8 @@ Our own layout (axes as numpy sees them; M members, P parameters) is
 Others are found by their structure (`layout`).  Coordinates of the axes go before the attributes spacing and origin; bounds that
 no attribute states are those of the members.
 
-Values are taken where they are given: cell values with `origin` at the first cell's centre become samples at the cell
-centres, so that the rendered box ends half a cell inside the simulated one and no value is averaged.
+Cell values with `origin` at the first cell's centre become samples at the cell centres.  The rendered box then ends half a cell
+inside the simulated one, and no value is averaged.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Bounds = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class StoredEnsemble:
-    """What a file says about its ensemble; fields are read one member at a time.  A source of fields for `run_ensemble`.
+    """The ensemble in a file; fields are read one member at a time.  A source of fields for `run_ensemble`.
 
     Attributes
     ----------
@@ -130,11 +130,11 @@ class StoredEnsemble:
         return {"kind": kind, "file": self.path.name, **held, **self.given, "contents": dict(self.contents)}
 
     def record(self, member: PlannedMember) -> Mapping[str, Any]:
-        """What is kept with a member: the same for all, since they share the file."""
+        """The record kept with a member: the same for all, since they share the file."""
         return self.identity
 
     def is_changed(self, member: PlannedMember, before: Mapping[str, Any]) -> bool:
-        """Whether the file holds something else than when `before` was `identity`."""
+        """True if the file holds something else than when `before` was `identity`."""
         return dict(before.get("contents") or self.contents) != dict(self.contents)
 
     def field(self, member: PlannedMember, progress: Callable[[float], None]) -> dict[str, Field | LabelledArray]:
@@ -227,12 +227,12 @@ def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, given: Bo
     unknown = sorted(set(given) - set(names))
     if unknown:
         raise ValueError(f"--bounds of {unknown}, but the parameters are {list(names)}")
-    told = bounds_about(arrays, layout.columns, field, count)
-    low, high = (layout.values.min(axis=0), layout.values.max(axis=0)) if told is None else told
+    stated = bounds_about(arrays, layout.columns, field, count)
+    low, high = (layout.values.min(axis=0), layout.values.max(axis=0)) if stated is None else stated
     parameters = []
     for number, name in enumerate(names):
         least, most = given.get(name, (float(low[number]), float(high[number])))
-        if least == most and told is None:
+        if least == most and stated is None:
             raise ValueError(
                 f"parameter {name!r} is {least:g} in every member: give --bounds {name} LOW HIGH, or name the "
                 "others by --parameters"

@@ -98,12 +98,12 @@ def read_data(
             raise ValueError("VTK files say where their values lie: leave spacing, origin and dims out")
         return _vtk(path, array)
     except READING as error:
-        told = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
-        raise ValueError(f"{path}: {told}") from error
+        message = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
+        raise ValueError(f"{path}: {message}") from error
 
 
 def is_field_file(path: Path) -> bool:
-    """Whether a path is a file, or a folder that counts as one; a pipe or a device is none."""
+    """True if a path is a file, or a folder that counts as one; a pipe or a device is none."""
     return path.is_file() or is_folder_file(path)
 
 
@@ -185,7 +185,9 @@ def _vtk(path: Path, array: str | None) -> Any:
     import pyvista
 
     if path.suffix.lower() in PICKLES:
-        raise ValueError("pickled files run code when they are read: save the data set as .vti, .vtu or the like")
+        raise ValueError(
+            "pickled files run code when they are read: save the data set in a VTK format, such as .vti or .vtu"
+        )
     _check_claims(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

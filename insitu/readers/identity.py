@@ -1,4 +1,4 @@
-"""What a stored field was made from: the contents of its file, so that another file is not taken for it."""
+"""The identity of a stored field: the contents of its file, so that another file is not taken for it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LONGEST_INDEX = 1 << 22
 
 
 def contents(path: str | os.PathLike[str], *, beside: Sequence[Path] = ()) -> dict[str, Any]:
-    """What identifies the contents of a file, or of a folder such as a Zarr store, in JSON values.
+    """The identity of the contents of a file, or of a folder such as a Zarr store, in JSON values.
 
     `size` (bytes), `modified` (nanoseconds since 1970, of the newest file) and `sha256`, over names, sizes and all bytes of
     up to 256 MB, else over 256 blocks.  Of files such as .pvtu, which name others beside them, these are a part; so are files
@@ -57,7 +57,7 @@ def stamp(path: str | os.PathLike[str], *, beside: Sequence[Path] = ()) -> dict[
 
 
 def is_changed(path: str | os.PathLike[str], before: Mapping[str, Any], *, beside: Sequence[Path] = ()) -> bool:
-    """Whether a file holds something else than when `before` was its `contents`; read only if its size or time say so."""
+    """True if a file holds something else than when `before` was its `contents`; read only if its size or time say so."""
     now = stamp(path, beside=beside)
     if now["size"] != before.get("size"):
         return True
@@ -81,7 +81,7 @@ def _parts(path: Path, beside: Sequence[Path] = ()) -> Iterator[tuple[str, Path]
 
 
 def _blocks(path: Path, count: int) -> Iterator[bytes]:
-    """So many blocks of a file, evenly spread from the first to the last; all of it for 0, or where it has no more."""
+    """`count` blocks of a file, evenly spread from the first to the last; all of it for 0, or where it has no more."""
     size = path.stat().st_size
     with path.open("rb") as file:
         if not count or size <= BLOCK * count:

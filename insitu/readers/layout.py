@@ -1,4 +1,4 @@
-"""How an ensemble lies in one file: which arrays are its fields, and where its members' parameters and their names stand.
+"""The layout of an ensemble in one file: the arrays of its fields, its members' parameters and their names.
 
 Three layouts are found by their structure, whatever things are called:
 
@@ -51,7 +51,7 @@ NO_PARAMETERS = {
 
 @dataclass(frozen=True)
 class FileMapping:
-    """What the user says of a file; what is left empty is found.
+    """The user's description of a file; what is left empty is found.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class FileMapping:
 
 @dataclass(frozen=True)
 class MemberPlace:
-    """Where a member's fields lie: in arrays below a group (`prefix` ends with "/", or is an array's name), at an index."""
+    """The place of a member's fields: arrays below a group (`prefix` ends with "/", or is an array's name), at an index."""
 
     prefix: str = ""
     index: tuple[int, ...] = ()
@@ -79,7 +79,7 @@ class MemberPlace:
 
 @dataclass(frozen=True, eq=False)
 class EnsembleLayout:
-    """What was found: arrays of fields, and by member their place and parameters [M, P].
+    """The arrays of fields, and by member their place and parameters [M, P].
 
     `units` are "" where unknown; `columns` is the array that holds all parameters, where there is one.
     """
@@ -97,7 +97,7 @@ class EnsembleLayout:
 
     @property
     def is_bare(self) -> bool:
-        """Whether each member is an array of its own, which bears its name and not a field's."""
+        """True if each member is an array of its own, which bears its name and not a field's."""
         prefix = self.places[0].prefix
         return bool(prefix) and not prefix.endswith("/")
 
@@ -149,9 +149,9 @@ def _stacked(arrays: Arrays, mapped: FileMapping, fields: Sequence[StoredArray])
         columns, single = _columns(arrays, mapped, lead[0], fields[0])
         if columns is not None:
             values, own = table_of(columns)
-            told = tuple(mapped.names) or own or column_names(arrays, columns, values.shape[1], fields)
+            titles = tuple(mapped.names) or own or column_names(arrays, columns, values.shape[1], fields)
             units = tuple(mapped.units) or column_units(arrays, columns, values.shape[1], fields)
-            return EnsembleLayout(names, places, told, values, units, columns)
+            return EnsembleLayout(names, places, titles, values, units, columns)
         if single:
             values = np.stack([numbers_of(a) for a in single], axis=1)  # [M, P]
             return EnsembleLayout(names, places, *_renamed(mapped, single), values, _own_units(mapped, single))
@@ -170,7 +170,7 @@ def _columns(
         found = [wanted_array(arrays, name) for name in mapped.parameters]
         lacking = [n for n, a in zip(mapped.parameters, found, strict=True) if a is None or a.shape[:1] != (count,)]
         if lacking:
-            raise ValueError(f"--parameters {lacking} are no arrays of {count} members; the file holds {arrays}")
+            raise ValueError(f"--parameters {lacking} are not arrays of {count} members; the file holds {arrays}")
         held = [a for a in found if a is not None]
         return (held[0], []) if len(held) == 1 and (len(held[0].shape) == 2 or held[0].dtype.names) else (None, held)
     known = [a for a in arrays.arrays.values() if a.stem in TABLES and (len(a.shape) == 2 or a.dtype.names)]
@@ -205,7 +205,7 @@ def _is_single(array: StoredArray, count: int) -> bool:
 
 
 def _along_members(array: StoredArray, field: StoredArray) -> bool:
-    """Whether the one axis of `array` may be the members', as far as axes have names."""
+    """True if the one axis of `array` may be the members', as far as axes have names."""
     named, other = (field.dims or ("",))[0], (array.dims or ("",))[0]
     coordinates = {letter for names in NAMES.values() for letter in names} | set(field.dims[-3:])
     return (other == named if named else not other) or (
@@ -316,7 +316,7 @@ def _parameters_of(
             return tuple(mapped.names) or own or column_names(arrays, tables[0], values.shape[1], ()), values
         if lacking:
             raise ValueError(
-                f"--parameters {lacking} are no numbers of every member; they have {common or 'none'} in common"
+                f"--parameters {lacking} are not numbers of every member; they have {common or 'none'} in common"
             )
         names = [k for k in common if k not in NO_PARAMETERS and k.lower() not in NUMBERING]
         names = [k for k in names if len({float(np.ravel(n[k])[0]) for n in numbers}) > 1]

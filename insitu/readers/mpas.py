@@ -43,7 +43,7 @@ class HorizontalGrid:
 
 
 def recognizes(path: Path) -> bool:
-    """Whether a netCDF file has fields on the layers of a mesh as MPAS calls them."""
+    """True if a netCDF file has fields on the layers of a mesh as MPAS calls them."""
     try:
         if not path.is_file():
             return False

@@ -31,7 +31,7 @@ class ClassicHeader:
 
 
 def is_classic(path: Path) -> bool:
-    """Whether a file is a classic netCDF file, by its first bytes; raises nothing."""
+    """True if a file is a classic netCDF file, by its first bytes; raises nothing."""
     try:
         with path.open("rb") as file:
             head = file.read(4)
@@ -80,7 +80,7 @@ class _Words:
         self._file, self._size = file, size
         magic = self.take(4)
         if magic[:3] != MAGIC or magic[3] not in (1, 2, 5):
-            raise ValueError("it is no classic netCDF file: it does not begin with CDF and 1, 2 or 5")
+            raise ValueError("it is not a classic netCDF file: it does not begin with CDF and 1, 2 or 5")
         self.version = magic[3]
 
     def take(self, count: int) -> bytes:
@@ -99,7 +99,7 @@ class _Words:
         return self.word() if self.version == 1 else int(struct.unpack(">Q", self.take(8))[0])
 
     def listed(self, tag: int, least: int) -> int:
-        """How many elements of at least so many bytes a list has, 0 for an absent one."""
+        """The number of elements of at least `least` bytes in a list, 0 for an absent one."""
         found, count = self.word(), self.count()
         if (found, count) != (0, 0) and found != tag:
             raise ValueError(f"its header has {found:#x} at byte {self._file.tell()} where a list of {tag:#x} belongs")

@@ -1,4 +1,4 @@
-"""Where the values of an array in a file lie: by the coordinates of its axes, else by attributes, else as the user says."""
+"""The place of an array's values: by the coordinates of its axes, else by attributes, else as the user says."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def placed_field(
     location: FieldLocation = FieldLocation(),  # noqa: B008 - frozen
     name: str = "",
 ) -> Field | LabelledArray:
-    """What lies at indices of the first axes of `array`, (z, y, x), as a field called `name`, by default as the array.
+    """The values at indices of the first axes of `array`, (z, y, x), as a field called `name`, by default as the array.
 
     Raises ValueError where the axes do not say what they are, or the file not how far apart its values are.
     """
@@ -65,9 +65,9 @@ def axis_names(arrays: Arrays, array: StoredArray) -> tuple[str, ...]:
     """Names of all axes: their own, else those that an attribute lists ("member,z,y,x"), else z, y, x for the last three."""
     if all(array.dims[-3:]):
         return array.dims
-    told = attributes_about(arrays, array)
+    about = attributes_about(arrays, array)
     for key in ORDERS:
-        words = re.findall(r"\w+", ",".join(map(as_text, np.atleast_1d(told.get(key, "")))))[: len(array.shape)]
+        words = re.findall(r"\w+", ",".join(map(as_text, np.atleast_1d(about.get(key, "")))))[: len(array.shape)]
         if sorted(w.lower() for w in words[-3:]) == sorted(AXES):
             return (*array.dims[:-3], *words[-3:])
     return (*array.dims[:-3], "z", "y", "x")

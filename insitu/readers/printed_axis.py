@@ -65,7 +65,7 @@ class PrintedAxis:
         return (last - first) / n if (np.abs(self.values - line) <= allowed).all() else None
 
     def meets(self, other: PrintedAxis) -> bool:
-        """Whether `other` begins where this one ends."""
+        """True if `other` begins where this one ends."""
         slack = self.rounding[-1] + other.rounding[0] + SLACK * abs(self.ends[1])
         return bool(abs(self.ends[1] - other.ends[0]) <= slack)
 
@@ -100,9 +100,9 @@ def _is_same(one: PrintedAxis, other: PrintedAxis) -> bool:
 
 def _roundings(numbers: Sequence[Decimal]) -> list[float]:
     """Half a unit of the last digit of each number, digits that were left out because they are zero included."""
-    told = [number for number in numbers if number]
-    exponents = {int(number.as_tuple().exponent) for number in told}
-    digits = {len(number.as_tuple().digits) for number in told}
+    nonzero = [number for number in numbers if number]
+    exponents = {int(number.as_tuple().exponent) for number in nonzero}
+    digits = {len(number.as_tuple().digits) for number in nonzero}
     if len(exponents) == 1 or len(digits) == 1:  # as many behind the point, or in all
         places = [int(number.as_tuple().exponent) for number in numbers]
     else:

@@ -15,7 +15,7 @@ INTERPOLATIONS = ("nearest", "linear")
 
 @dataclass(frozen=True)
 class Sampling:
-    """How data that lie on no one regular grid are brought onto one.
+    """The resampling of data that lie on no one regular grid.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Sampling:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What differs from the defaults, in JSON values."""
+        """The values that differ from the defaults, in JSON values."""
         held = {
             "resolution": self.resolution and list(self.resolution),
             "interpolation": self.interpolation if self.interpolation != "nearest" else None,
@@ -58,7 +58,7 @@ class StoredState:
 
 @dataclass(frozen=True, eq=False)
 class Reader:
-    """How the files of one code are read.
+    """The reader of one code's files.
 
     Another package adds a reader by an entry point that names a `Reader`, in its pyproject.toml:
 

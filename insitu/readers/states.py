@@ -1,4 +1,4 @@
-"""Members told apart by what their files say of themselves: the states that a code's files hold, each a row of the table."""
+"""Members distinguished by the contents of their files: the states that a code's files hold, each a row of the table."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def table_of_files(paths: Sequence[Path]) -> MemberTable:
 def no_ensemble(source: str) -> ValueError:
     """The error that says what an ensemble may be."""
     return ValueError(
-        f"{source} is no ensemble: name a table of files (.csv), a pattern of files such as 'run_{{Re}}.vti', one HDF5, netCDF or "
-        f"Zarr file, or files or a folder of one code: {listed_readers()}"
+        f"{source} is not an ensemble: name a table of files (.csv), a pattern of files such as 'run_{{Re}}.vti', one HDF5, netCDF "
+        f"or Zarr file, or files or a folder of one code: {listed_readers()}"
     )
 
 
@@ -91,7 +91,7 @@ def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: 
     Raises ValueError naming the file.
     """
     rows: list[TableRow] = []
-    told: list[Mapping[str, float]] = []
+    stated: list[Mapping[str, float]] = []
     seen: set[tuple[object, ...]] = set()
     firsts: dict[Path, Path] = {}  # of every file that belongs to another's
     for row in table.rows:
@@ -103,11 +103,11 @@ def with_states(table: MemberTable, reader: Reader, sampling: Sampling, wanted: 
             if key not in seen:  # files of one state, such as those of several ranks, may all be named
                 seen.add(key)
                 rows.append(replace(row, path=first, index=record.index))
-                told.append(record.says)
-    chosen = _chosen(rows, told, wanted)
+                stated.append(record.says)
+    chosen = _chosen(rows, stated, wanted)
     held = [
         replace(row, parameters={name: {**says, **row.parameters}[name] for name in chosen})
-        for row, says in zip(rows, told, strict=True)
+        for row, says in zip(rows, stated, strict=True)
     ]
     named = [replace(row, name="") if _is_shared(row, held) else row for row in held]
     return MemberTable(distinct(named), {**reader.units, **table.units})
@@ -130,7 +130,7 @@ def states_of(row: TableRow, name: str, sampling: Sampling, wanted: Sequence[str
 
 
 def files_beside(path: Path, name: str, sampling: Sampling) -> tuple[Path, ...]:
-    """What belongs to a file besides itself: those of other ranks, and that of the mesh."""
+    """Files that belong to a file besides itself: those of other ranks, and that of the mesh."""
     reader = reader_of(path, name)
     parts = () if reader is None else tuple(part for part in reader.files(path) if part != path)
     return parts if sampling.mesh is None else (*parts, sampling.mesh)
@@ -166,10 +166,10 @@ def _is_same(said: float | None, given: float) -> bool:
     return said is None or math.isclose(said, given, rel_tol=SAME)
 
 
-def _chosen(rows: Sequence[TableRow], told: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:
+def _chosen(rows: Sequence[TableRow], stated: Sequence[Mapping[str, float]], wanted: Sequence[str]) -> tuple[str, ...]:
     """The names of the parameters."""
     own = tuple(rows[0].parameters)
-    common = [name for name in told[0] if name not in own and all(name in says for says in told)]
+    common = [name for name in stated[0] if name not in own and all(name in says for says in stated)]
     if wanted:
         unknown = [name for name in wanted if name not in (*own, *common)]
         if unknown:
@@ -178,13 +178,13 @@ def _chosen(rows: Sequence[TableRow], told: Sequence[Mapping[str, float]], wante
     columns = [[row.parameters[name] for row in rows] for name in own]
     chosen = list(own)
     for name in common:
-        column = [says[name] for says in told]
+        column = [says[name] for says in stated]
         # Redshift, time and step of one run tell its dumps apart equally well: one of them will do.
         if len(set(column)) > 1 and not any(_is_as_telling(column, other) for other in columns):
             chosen.append(name)
             columns.append(column)
     if not chosen:
-        said = ", ".join(f"{name} {told[0][name]:g}" for name in common) or "nothing"
+        said = ", ".join(f"{name} {stated[0][name]:g}" for name in common) or "nothing"
         raise ValueError(
             f"nothing tells the members apart: the files say {said}, the same in all {len(rows)}; name parameters in a table or "
             "a pattern, or choose one that files say by --parameters and give its --bounds"
@@ -193,10 +193,10 @@ def _chosen(rows: Sequence[TableRow], told: Sequence[Mapping[str, float]], wante
 
 
 def _is_as_telling(column: Sequence[float], other: Sequence[float]) -> bool:
-    """Whether two columns are equal in the same rows."""
+    """True if two columns are equal in the same rows."""
     return len(set(zip(column, other, strict=True))) == len(set(column)) == len(set(other))
 
 
 def _is_shared(row: TableRow, rows: Sequence[TableRow]) -> bool:
-    """Whether several states have the name that their file has in a table."""
+    """True if several states have the name that their file has in a table."""
     return bool(row.name) and sum(other.name == row.name for other in rows) > 1

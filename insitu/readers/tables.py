@@ -68,14 +68,16 @@ class MemberTable:
 
 
 def is_pattern(text: str) -> bool:
-    """Whether `text` is a pattern of paths, not one path."""
+    """True if `text` is a pattern of paths, not one path."""
     return NAMED_GROUP in text or bool(re.search(r"\{\w*\}|\*", text))
 
 
-def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, told: bool = False) -> MemberTable:
+def read_table(
+    path: str | os.PathLike[str], parameters: Sequence[str] = (), *, more_in_files: bool = False
+) -> MemberTable:
     """The members of a CSV table; `parameters` names the columns that are, by default all but path, split and name.
 
-    `told`: the files say what else tells members apart, so that rows may be alike, and parameters be no columns.
+    `more_in_files`: the files state further parameters, so that rows may be alike, and parameters need not be columns.
 
     Raises FileNotFoundError naming all files that are absent at once, ValueError naming the table, its line and the column.
     """
@@ -85,7 +87,7 @@ def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, 
     try:
         if path.stat().st_size > LARGEST_TABLE:
             raise ValueError(f"it has {path.stat().st_size} bytes, more than a table of members")
-        table = _parsed(path.read_text(encoding="utf-8-sig"), path.parent, parameters, told)
+        table = _parsed(path.read_text(encoding="utf-8-sig"), path.parent, parameters, more_in_files)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: {error}") from None
     absent = [str(row.path) for row in table.rows if not (row.path.is_file() or row.path.is_dir())]
@@ -94,7 +96,7 @@ def read_table(path: str | os.PathLike[str], parameters: Sequence[str] = (), *, 
     return table
 
 
-def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> MemberTable:
+def _parsed(text: str, folder: Path, wanted: Sequence[str], more_in_files: bool) -> MemberTable:
     first = text.partition("\n")[0]
     delimiter = max(",;\t", key=first.count)
     lines = list(csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True))
@@ -110,7 +112,7 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> Membe
         raise ValueError(f"it needs a column 'path', got {names}")
     other = [n for i, n in enumerate(names) if i != column and n.lower() not in ("split", "name")]
     unknown = [name for name in wanted if name not in other]
-    if told:
+    if more_in_files:
         wanted = [name for name in wanted if name in other]
     elif unknown or not other:
         raise ValueError(f"there are no columns {unknown or 'of parameters'}: beside the path it has {other}")
@@ -132,7 +134,7 @@ def _parsed(text: str, folder: Path, wanted: Sequence[str], told: bool) -> Membe
             )
         )
     return MemberTable(
-        distinct(rows) if not told else tuple(rows), {n: units[n] for n in wanted or other if n in units}
+        distinct(rows) if not more_in_files else tuple(rows), {n: units[n] for n in wanted or other if n in units}
     )
 
 
@@ -153,28 +155,28 @@ def _split(text: str, line: int) -> str:
     return split
 
 
-def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> MemberTable:
+def match_files(pattern: str, folder: str | os.PathLike[str] = ".", *, more_in_files: bool = False) -> MemberTable:
     """The files below `folder` whose paths match a pattern, in the order of their paths.
 
-    `told` as in `read_table`.  Raises ValueError where the pattern names no parameter or matches nothing.
+    `more_in_files` as in `read_table`.  Raises ValueError where the pattern names no parameter or matches nothing.
     """
-    found = matching(pattern, folder, told=told)
+    found = matching(pattern, folder, more_in_files=more_in_files)
     if not found:
         raise ValueError(f"no file below {Path(folder).resolve()} matches the pattern {pattern!r}")
-    return MemberTable(tuple(found) if told else distinct(found), {})
+    return MemberTable(tuple(found) if more_in_files else distinct(found), {})
 
 
-def pattern_names(pattern: str, *, told: bool = False) -> tuple[str, ...]:
-    """The parameters that a pattern names, none at least where files are `told` to say them; ValueError for a wrong pattern."""
+def pattern_names(pattern: str, *, more_in_files: bool = False) -> tuple[str, ...]:
+    """The parameters that a pattern names, maybe none with `more_in_files`; ValueError for a wrong pattern."""
     _, expression = _split_pattern(pattern, Path())
-    if not expression.groupindex and not told:
+    if not expression.groupindex and not more_in_files:
         raise ValueError(f"the pattern {pattern!r} names no parameter in braces, as run_{{Re}}/dump_{{time}}.vti does")
     return tuple(expression.groupindex)
 
 
-def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, told: bool = False) -> list[TableRow]:
+def matching(pattern: str, folder: str | os.PathLike[str] = ".", *, more_in_files: bool = False) -> list[TableRow]:
     """The files of now that match, maybe none; raises ValueError for a wrong pattern."""
-    pattern_names(pattern, told=told)
+    pattern_names(pattern, more_in_files=more_in_files)
     base, expression = _split_pattern(pattern, Path(folder))
     rows = []
     for path in files_below(base):
@@ -190,7 +192,7 @@ def _split_pattern(pattern: str, folder: Path) -> tuple[Path, re.Pattern[str]]:
         try:
             return folder, re.compile(pattern)
         except re.error as error:
-            raise ValueError(f"the pattern {pattern!r} is no regular expression: {error}") from None
+            raise ValueError(f"the pattern {pattern!r} is not a regular expression: {error}") from None
     parts = pattern.split("/")
     fixed = next((i for i, part in enumerate(parts[:-1]) if BRACES.search(part)), len(parts) - 1)
     base = folder / "/".join(parts[:fixed]) if parts[0] else Path("/".join(parts[:fixed]) or "/")

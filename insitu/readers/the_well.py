@@ -29,7 +29,7 @@ TRAJECTORY, STEP = "trajectory", "step"
 
 
 def recognizes(path: Path) -> bool:
-    """Whether an HDF5 file is laid out as those of The Well are."""
+    """True if an HDF5 file is laid out as those of The Well are."""
     try:
         if path.suffix.lower() not in HDF5 or not path.is_file() or not h5py.is_hdf5(path):
             return False
@@ -76,22 +76,22 @@ def opens(path: Path) -> Iterator[Arrays]:
 def _checked(path: Path) -> Iterator[Arrays]:
     with open_arrays(path) as held:
         if "dimensions" not in held.attrs or "dimensions/time" not in held.arrays:
-            raise ValueError(f"it is no file of The Well, which have dimensions/time; it holds {held}")
+            raise ValueError(f"it is not a file of The Well, which has dimensions/time; it holds {held}")
         yield held
 
 
 def _counts(held: Arrays) -> tuple[int, int, StoredArray]:
     """The numbers of trajectories and steps, and the array of times."""
-    time, told = held.arrays["dimensions/time"], np.asarray(held.attrs[""].get("n_trajectories", 1))
+    time, declared = held.arrays["dimensions/time"], np.asarray(held.attrs[""].get("n_trajectories", 1))
     if (
-        told.size != 1
-        or told.dtype.kind not in "iu"
-        or told.ravel()[0] < 1
+        declared.size != 1
+        or declared.dtype.kind not in "iu"
+        or declared.ravel()[0] < 1
         or not time.is_real
         or not 1 <= len(time.shape) <= 2
     ):
-        raise ValueError(f"n_trajectories must be a whole number and {time!r} have a number a step, got {told}")
-    trajectories, steps = int(told.ravel()[0]), time.shape[-1]
+        raise ValueError(f"n_trajectories must be a whole number and {time!r} have a number a step, got {declared}")
+    trajectories, steps = int(declared.ravel()[0]), time.shape[-1]
     if len(time.shape) == 2 and time.shape[0] != trajectories:
         raise ValueError(f"{time!r} must have a row for each of {trajectories} trajectories")
     return trajectories, steps, time
@@ -109,7 +109,7 @@ def _parameters(attrs: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _is_own(array: StoredArray, trajectories: int) -> bool:
-    """Whether an array has a number for each trajectory."""
+    """True if an array has a number for each trajectory."""
     varies, steps = (bool(np.all(array.attrs.get(f"{what}_varying", False))) for what in ("sample", "time"))
     return array.dtype.kind in "fiu" and varies and not steps and array.shape == (trajectories,)
 

@@ -1,8 +1,8 @@
 """Cells of an MPAS mesh, a Voronoi tessellation of a sphere or of a plane, at the points of a regular grid.
 
-Ringler, T. et al. (2010), "A unified approach to energy conservation and potential vorticity dynamics for
-arbitrarily-structured C-grids", and the "MPAS Mesh Specification": cells around their centres, and the dual triangles between
-the centres of the three cells that meet at a vertex.
+The mesh has cells around their centres, and dual triangles between the centres of the three cells that meet at a vertex.
+Sources: the "MPAS Mesh Specification"; Ringler, T. et al. 2010, "A unified approach to energy conservation and potential vorticity
+dynamics for arbitrarily-structured C-grids".
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ class VoronoiMesh:
 
 @dataclass(frozen=True, eq=False)
 class PointLocations:
-    """Where points lie in a mesh.
+    """The places of points in a mesh.
 
     Attributes
     ----------
     cells : [N], the cell that contains each; -1 outside all of them.
-    corners, weights : [N, 3], the cells at the corners of the dual triangle around it, and their barycentric weights; -1 and 0
-        where there is no triangle, as within half a cell of the boundary.
+    corners, weights : [N, 3], the cells at the corners of the dual triangle around it, and their barycentric weights.  They are -1
+        and 0 where there is no triangle, as within half a cell of the boundary.
     """
 
     cells: NDArray[np.int64]  # [N]
@@ -86,7 +86,7 @@ def spacing_of(mesh: VoronoiMesh) -> float:
 
 
 def locate(mesh: VoronoiMesh, points: NDArray[np.float64], linear: bool) -> PointLocations:
-    """Where `points` [N, D] lie; triangles are only looked for where `linear`."""
+    """The places of `points` [N, D]; triangles are only looked for if `linear`."""
     tree, count = _tree(mesh), len(points)
     cells, corners, weights = np.full(count, -1), np.full((count, 3), -1), np.zeros((count, 3))
     step = max(1, ROOM // (mesh.vertices_on_cell.shape[1] * 9))
@@ -125,7 +125,7 @@ def _from(mesh: VoronoiMesh, origins: NDArray[np.float64], points: NDArray[np.fl
 
 
 def _contains(mesh: VoronoiMesh, cells: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each of the `cells` [N], which are convex, contains its point [N, D].
+    """True if each of the `cells` [N], which are convex, contains its point [N, D].
 
     The cell with the nearest centre is the one that contains a point, unless that one was removed from the mesh.
     """

@@ -48,7 +48,7 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class RawArray:
-    """Where an array lies: its values follow each other in a file."""
+    """The place of an array: its values follow each other in a file."""
 
     path: Path
     kind: np.dtype[Any]
@@ -57,7 +57,7 @@ class RawArray:
 
 
 def recognizes(path: Path) -> bool:
-    """Whether it is an XDMF file of a rectilinear mesh whose arrays are raw."""
+    """True if it is an XDMF file of a rectilinear mesh whose arrays are raw."""
     try:
         if path.suffix.lower() not in SUFFIXES or not path.is_file() or path.stat().st_size > LARGEST:
             return False
@@ -117,7 +117,7 @@ def _snapshots(path: Path) -> list[Snapshot]:
     root = _parsed(path)
     domain = root.find("Domain") if root.tag == "Xdmf" else None
     if domain is None:
-        raise ValueError("it is no XDMF file: there is no Xdmf/Domain in it")
+        raise ValueError("it is not an XDMF file: there is no Xdmf/Domain in it")
     grids: list[tuple[Element, float | None]] = []
     for grid in domain.findall("Grid"):
         if grid.get("GridType", "Uniform") == "Uniform":
@@ -153,7 +153,7 @@ def _parsed(path: Path) -> Element:
     except DefusedXmlException as error:
         raise ValueError(f"its XML declares an entity, which could expand to anything: {error}") from None
     except (ParseError, LookupError) as error:
-        raise ValueError(f"it is no XML: {error}") from None
+        raise ValueError(f"it is not XML: {error}") from None
     if root is None:
         raise ValueError("it is empty")
     return root
@@ -214,7 +214,7 @@ def _mesh(snapshot: Snapshot) -> tuple[Any, Any, Sequence[PrintedAxis]]:
 
 
 def _raw_array(path: Path, item: Element) -> RawArray:
-    """Where the values of a DataItem lie; raises ValueError where that is no raw file in the XDMF file's folder, or too short."""
+    """The place of a DataItem's values; raises ValueError unless that is a raw file in the XDMF file's folder, and long enough."""
     if item.get("Format") != "Binary":
         raise ValueError(
             f"its values are stored as {item.get('Format')!r}, not Binary: for the ADIOS2 output of the code, name its .bp folder"

@@ -25,7 +25,7 @@ class Simulation:
     run_fields : (parameters, *, fields, resolution, time, progress=None, solver_resolution=None) gives the fields of these names
         at `time` on `resolution`³ points, solved on `solver_resolution`³; `progress` is called with the finished fraction.
     dumps : the same for several ascending `times` in place of `time`: yields the fields at one after the other, of a single run.
-        What it gives at a time does not depend on the other times; `progress` is told the fraction of the way to the next.
+        The fields at a time do not depend on the other times; `progress` is called with the fraction of the way to the next.
     """
 
     name: str

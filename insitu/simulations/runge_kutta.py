@@ -1,8 +1,8 @@
 """Time stepping of incompressible flows in spectral space: classical Runge-Kutta with an integrating factor.
 
 A flow's modes û obey dû/dt = N(û) - ν k² û.  With the integrating factor exp(ν k² t) viscosity is solved exactly, so
-that only the advection N limits the step (Canuto, Hussaini, Quarteroni & Zang 1988, Spectral Methods in Fluid
-Dynamics, section 4.4).
+that only the advection N limits the step.  Source: Canuto, Hussaini, Quarteroni & Zang 1988, Spectral Methods in Fluid
+Dynamics, section 4.4.
 """
 
 from __future__ import annotations

@@ -3,14 +3,13 @@
 u = sin x cos y cos z,  v = -cos x sin y cos z,  w = 0  at t = 0 in the periodic box [0, 2π)³, ν = 1 / Re.
 
 The equations solved, the 2/3 rule (cubic) and the exact Galerkin truncation are those of its reference implementation
-(`tests/support/periodic_box.py`), whose modes
-this flow fills only in part: what the initial condition has of symmetry, the flow keeps for all time (Brachet et al.
-1983, J. Fluid Mech. 130, section 2).
+(`tests/support/periodic_box.py`).  This flow fills only a part of that one's modes, since it keeps the symmetries of the initial
+condition for all time (Brachet et al. 1983, J. Fluid Mech. 130, section 2).
 
 1. Mirrors at x, y, z = 0 and π:  u = Σ û sin(kx x) cos(ky y) cos(kz z),  v: cos sin cos,  w: cos cos sin,  û real.
-2. Half turns about the axes x = y = π/2 and so on: kx, ky, kz are all even or all odd.  Written u = E + O, the even
-   part plus the odd part, the flow seen in a mirror at π/2 is E - O (up to signs of components), so that the cube
-   [0, π/2]³ of both holds everything.
+2. Half turns about the axes x = y = π/2 and so on: kx, ky, kz are all even or all odd.  Write u = E + O, the even
+   part plus the odd part.  The flow seen in a mirror at π/2 is E - O, up to signs of components: the cube [0, π/2]³ of both
+   holds everything.
 3. A quarter turn about x = y = π/2:  v̂(kx, ky, kz) = ±û(ky, kx, kz), + where even and - where odd (`_swap`), and w
    swaps into itself.
 

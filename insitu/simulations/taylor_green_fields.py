@@ -1,4 +1,4 @@
-"""What scenes may ask of the Taylor-Green vortex: its fields at one time, or at the dumps of a run."""
+"""The fields of the Taylor-Green vortex for scenes: at one time, or at the dumps of a run."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def dumps(
     progress: Callable[[float], Any] | None = None,
     solver_resolution: int | None = None,
 ) -> Iterator[dict[str, Field]]:
-    """What `run_fields` gives, at each of the ascending `times` of one run.
+    """The fields of `run_fields` at each of the ascending `times` of one run.
 
     The run takes the longest steps that the CFL number allows and branches off a shorter one to each dump, so that a dump does not
     depend on the others.  (`run_fields` makes its steps equal, and differs by the error of the time step.)

@@ -184,7 +184,7 @@ isovalue = 0.5
     [
         ("{folder}/none.csv", [], "there is no table"),
         ("{folder}/none_{{a}}.npy", [], "no file below"),
-        ("{folder}/run_0.3", [], "is no ensemble: name a table of files"),
+        ("{folder}/run_0.3", [], "is not an ensemble: name a table of files"),
         ("{folder}/t.csv", [], "2 files that are absent"),
         ("{folder}/run_{{width}}/dump_{{}}.npy", ["--names", "a"], "--names and --split"),
         ("{folder}/run_{{width}}/dump_{{}}.npy", ["--parameters", "b"], "none of ['width']"),

@@ -244,5 +244,5 @@ def test_an_edited_script_is_another_source(tmp_path: Path) -> None:
     (tmp_path / "ball/simulation.py").write_text(SCRIPT + "answer = 42")
     assert ensemble_of(asked).source.identity != before
     (tmp_path / "ball/simulation.py").write_text("no Python")
-    with pytest.raises(ValueError, match="no Python file"):
+    with pytest.raises(ValueError, match="not a Python file"):
         ensemble_of(asked)

@@ -153,12 +153,12 @@ def test_bounds_are_asked_for(tmp_path: Path) -> None:
 
 def test_parameters_that_files_say_take_a_reader(tmp_path: Path) -> None:
     bounds = {"a": (0.0, 1.0), "time": (0.0, 2.0)}
-    assert space_for(tmp_path / "a.cdb", "run_{a}/plt*", bounds, told=True).names == ("a", "time")
-    assert space_for(tmp_path / "a.cdb", "plt*", {"time": (0, 2)}, told=True).names == ("time",)
+    assert space_for(tmp_path / "a.cdb", "run_{a}/plt*", bounds, more_in_files=True).names == ("a", "time")
+    assert space_for(tmp_path / "a.cdb", "plt*", {"time": (0, 2)}, more_in_files=True).names == ("time",)
     with pytest.raises(ValueError, match="what files say takes --reader"):
         space_for(tmp_path / "a.cdb", "run_{a}/plt*", bounds)
     with pytest.raises(ValueError, match="please give --bounds NAME LOW HIGH"):
-        space_for(tmp_path / "a.cdb", "plt*", {}, told=True)
+        space_for(tmp_path / "a.cdb", "plt*", {}, more_in_files=True)
 
 
 def test_a_file_may_hold_several_members_and_have_parts(tmp_path: Path) -> None:

@@ -72,22 +72,6 @@ def test_a_restart_renders_what_is_missing(path: Path) -> None:
     assert len(Catalog.open(path).members) == 3
 
 
-def test_a_catalog_begun_before_there_were_even_points_is_continued(path: Path) -> None:
-    sidecar = Catalog.open(path).members[0].path / "field.npz"
-    with np.load(sidecar) as archive:
-        np.savez_compressed(sidecar, **{name: a for name, a in archive.items() if not name.startswith("even")})
-    before = tree(path)
-    with insitu.Session(path, existing="skip", **PLAN) as session:
-        done = [session.render_member(blob(), {"Re": re}, spacing=SPACING) for re in (150.0, 160.0)]
-    assert [result.skipped for result in done] == [True, False]
-    assert check(path) == []
-    kept = [member.summary() for member in Catalog.open(path).members]
-    assert [len(summary.even_points) for summary in kept if summary is not None] == [0, 2000]
-    assert {name: tree(path)[name] for name in before if name != "data.csv"} == {
-        name: content for name, content in before.items() if name != "data.csv"
-    }
-
-
 def test_a_member_is_replaced(path: Path) -> None:
     before = Catalog.open(path).image("Re-150.0", "dvr", 0)
     assert render(path, width=0.2, existing="replace").images == 12

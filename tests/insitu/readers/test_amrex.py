@@ -147,7 +147,7 @@ def linked(path: Path) -> None:
 
 
 WRONG = [
-    ("Header", "HyperCLaw-V1.1", "HyperCLaw", "its first line is no version"),
+    ("Header", "HyperCLaw-V1.1", "HyperCLaw", "its first line is not the version"),
     (
         "Header",
         "\n2\n",

@@ -142,7 +142,7 @@ def edited(folder: Path, old: str, new: str) -> None:
         (without_a_rank, "chunk 2 of step 40 is missing"),
         (without_the_last_rank, "chunk 6 of step 40 is missing"),
         (with_another_runs_rank, "do not fill one box"),
-        (lambda folder: edited(folder, "ASCII", "BINARY"), "00001.*'BINARY' stands for 'ASCII'"),
+        (lambda folder: edited(folder, "ASCII", "BINARY"), "00001.*'BINARY' in place of 'ASCII'"),
         (lambda folder: edited(folder, "           4 ", " 99999999999 "), "claims .* more than its"),
         (
             lambda folder: edited(folder, "0.3000E+00", "0.9000E+00"),

@@ -51,18 +51,20 @@ def test_a_folder_of_dumps_is_an_ensemble_over_what_they_say(tmp_path: Path) -> 
 def test_a_pattern_may_name_every_rank_and_leave_the_step_to_the_files(tmp_path: Path) -> None:
     for run in (1, 2):
         dumps(tmp_path / f"run_{run}")
-    found = members(match_files("run_{gamma}/clover.*.vtk", tmp_path, told=True))
+    found = members(match_files("run_{gamma}/clover.*.vtk", tmp_path, more_in_files=True))
     assert found.names == ("gamma", "step")
     assert [tuple(row.parameters.values()) for row in found.rows] == [
         (g, s) for g in (1.0, 2.0) for s in (0.0, 10.0, 20.0)
     ]
-    assert members(match_files("run_1/clover.*.{n}.vtk", tmp_path, told=True)).names == ("n",)  # which is the step
+    assert members(match_files("run_1/clover.*.{n}.vtk", tmp_path, more_in_files=True)).names == (
+        "n",
+    )  # which is the step
 
 
 def test_a_table_may_leave_parameters_to_the_files(tmp_path: Path) -> None:
     dumps(tmp_path)
     (tmp_path / "t.csv").write_text("path,split\nclover.00001.00000.vtk,train\nclover.00002.00020.vtk,test\n")
-    found = members(read_table(tmp_path / "t.csv", told=True))
+    found = members(read_table(tmp_path / "t.csv", more_in_files=True))
     assert [(row.path.name, row.split, dict(row.parameters)) for row in found.rows] == [
         ("clover.00001.00000.vtk", "train", {"step": 0.0}),
         ("clover.00001.00020.vtk", "test", {"step": 20.0}),
@@ -133,7 +135,7 @@ def test_a_table_chooses_among_the_states_of_a_file() -> None:
 
 def test_what_is_missing_is_told(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(ValueError, match=r"is no ensemble: name a table of files .* cloverleaf \(CloverLeaf"):
+    with pytest.raises(ValueError, match=r"is not an ensemble: name a table of files .* cloverleaf \(CloverLeaf"):
         dumps_below(tmp_path)
     with pytest.raises(FileNotFoundError, match=r"there is no file .*absent"):
         table_of_files([tmp_path / "absent"])
@@ -146,7 +148,7 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
         reader_for([tmp_path / "clover.00001.00007.vtk", tmp_path / "notes.txt"])
     (tmp_path / "a.csv").write_text("path,step\nclover.00001.00007.vtk,1\nclover.00002.00007.vtk,2\n")
     with pytest.raises(ValueError, match="have the same file"):
-        FileEnsemble.of(members(read_table(tmp_path / "a.csv", told=True)))
+        FileEnsemble.of(members(read_table(tmp_path / "a.csv", more_in_files=True)))
 
 
 SCENE = """
@@ -196,9 +198,9 @@ def test_a_scene_may_name_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     [
         (["{folder}"], "name the array to render"),
         (["{folder}/clover.00001.00000.vtk", "{folder}/a.npy"], "the files are of several kinds"),
-        (["{folder}/a.npy"], "is no ensemble: name a table of files"),
+        (["{folder}/a.npy"], "is not an ensemble: name a table of files"),
         (["{folder}/one.h5", "--resolution", "2", "2", "2"], "is not resampled: leave --resolution out"),
-        (["{folder}", "--reader", "amrex"], "is no ensemble"),
+        (["{folder}", "--reader", "amrex"], "is not an ensemble"),
         (["{folder}/clover.00001.00000.vtk", "--parameters", "step"], "give --bounds step LOW HIGH"),
     ],
 )

@@ -118,7 +118,7 @@ def test_numbers_may_be_written_in_any_way_and_stores_count_as_files(tmp_path: P
         ("run_{Re}/none_{time}.npy", "no file below"),
         ("run_{}/dump.npy", "names no parameter"),
         ("run_{2}/dump.npy", "begin it with a letter"),
-        (r"run_(?P<Re>[\d/dump", "no regular expression"),
+        (r"run_(?P<Re>[\d/dump", "not a regular expression"),
         (r"run_(?P<Re>[\d.]+)/(?P<name>\w+)\.txt", "name must be a finite number, got 'notes'"),
     ],
 )

@@ -66,7 +66,7 @@ def test_steps_trajectories_and_files_are_members(tmp_path: Path) -> None:
     assert found.names == ("Ma", "trajectory", "time")
     assert len(found.rows) == 2 * TRAJECTORIES * STEPS
     assert tuple(found.rows[4].parameters.values()) == (0.7, 1.0, 0.5)
-    one = members(match_files(str(tmp_path / "MHD_Ma_{Mach}.hdf5"), told=True))
+    one = members(match_files(str(tmp_path / "MHD_Ma_{Mach}.hdf5"), more_in_files=True))
     assert one.names == ("Mach", "trajectory", "time")
     ensemble = FileEnsemble.of(found, arrays=("density",), reader="well")
     read = [ensemble.field(member, lambda fraction: None)["density"].values for member in ensemble.members()]
@@ -108,7 +108,7 @@ def harmed(path: Path, harm: str) -> None:
         ("flat", r"its fields have the axes \['x', 'y'\], and so no volume"),
         ("trajectories", "more than the .* GB of memory|no array 'density'"),
         ("words", "n_trajectories must be a whole number"),
-        ("time", "it is no file of The Well"),
+        ("time", "it is not a file of The Well"),
         ("nan", "dimensions/time must hold finite numbers"),
         ("outside", "there is no array 'density'"),
     ],

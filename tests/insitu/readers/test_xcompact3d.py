@@ -172,7 +172,7 @@ HOSTILE = [
     ),
     (lambda path: replaced('Format="Binary"', 'Format="HDF"', path), "stored as 'HDF'.*name its .bp folder"),
     (lambda path: path.write_text("<Xdmf>" * 100), "it nests more than 32 elements"),
-    (lambda path: path.write_text("no XML at all"), "it is no XML"),
+    (lambda path: path.write_text("no XML at all"), "it is not XML"),
 ]
 
 
