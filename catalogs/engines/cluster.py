@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from catalogs.engines.engine import TICK_SECONDS, EngineError, Task
+from catalogs.engines.engine import TICK_SECONDS, Done, EngineError, Failed, GiveUp, Task, Tick, never_give_up
 from catalogs.engines.preflight import Prepared, complaints, marked, software, threads_complaints
 from catalogs.vocabulary.words import shortened
 
@@ -65,12 +65,7 @@ class Cluster:
             client.close()
 
     def run(
-        self,
-        tasks: Mapping[str, Task],
-        done: Callable[[str, Any], None],
-        failed: Callable[[str, BaseException], None],
-        tick: Callable[[Iterable[Any]], None],
-        give_up: Callable[[BaseException], bool] = lambda error: False,
+        self, tasks: Mapping[str, Task], done: Done, failed: Failed, tick: Tick, give_up: GiveUp = never_give_up
     ) -> None:
         """As `Engine.run`; a task whose worker dies is run on another one, up to the scheduler's `allowed-failures`.
 
@@ -120,13 +115,7 @@ class Cluster:
         prepared = Prepared(task, software(), os.getcwd(), threads_here)
         return self.client.submit(prepared, key=f"{name}-{uuid4().hex}", pure=False)
 
-    def _settled(
-        self,
-        future: Any,
-        name: str,
-        done: Callable[[str, Any], None],
-        failed: Callable[[str, BaseException], None],
-    ) -> BaseException | None:
+    def _settled(self, future: Any, name: str, done: Done, failed: Failed) -> BaseException | None:
         """The error with which a task ended, if it did."""
         try:
             result = future.result()  # computed once more where its worker has died since

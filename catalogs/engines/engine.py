@@ -10,6 +10,15 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THRE
 TICK_SECONDS = 0.2
 
 Task = Callable[[], Any]
+Done = Callable[[str, Any], None]
+Failed = Callable[[str, BaseException], None]
+Tick = Callable[[Iterable[Any]], None]
+GiveUp = Callable[[BaseException], bool]
+
+
+def never_give_up(error: BaseException) -> bool:
+    """False: tasks that follow an error are run."""
+    return False
 
 
 class EngineError(RuntimeError):
@@ -20,12 +29,7 @@ class Engine(Protocol):
     """Runs tasks somewhere."""
 
     def run(
-        self,
-        tasks: Mapping[str, Task],
-        done: Callable[[str, Any], None],
-        failed: Callable[[str, BaseException], None],
-        tick: Callable[[Iterable[Any]], None],
-        give_up: Callable[[BaseException], bool] = lambda error: False,
+        self, tasks: Mapping[str, Task], done: Done, failed: Failed, tick: Tick, give_up: GiveUp = never_give_up
     ) -> None:
         """Run picklable `tasks` by name until each is `done` (with its result) or `failed` (with its error).
 

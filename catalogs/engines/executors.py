@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, wait
 from dataclasses import dataclass
-from typing import Any
 
-from catalogs.engines.engine import TICK_SECONDS, Task
+from catalogs.engines.engine import TICK_SECONDS, Done, Failed, GiveUp, Task, Tick, never_give_up
 
 
 @dataclass(frozen=True)
@@ -17,12 +16,7 @@ class OnExecutor:
     executor: Executor
 
     def run(
-        self,
-        tasks: Mapping[str, Task],
-        done: Callable[[str, Any], None],
-        failed: Callable[[str, BaseException], None],
-        tick: Callable[[Iterable[Any]], None],
-        give_up: Callable[[BaseException], bool] = lambda error: False,
+        self, tasks: Mapping[str, Task], done: Done, failed: Failed, tick: Tick, give_up: GiveUp = never_give_up
     ) -> None:
         """As `Engine.run`, but a task whose worker died has failed."""
         running = {self.executor.submit(task): name for name, task in tasks.items()}

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-
-import numpy as np
 
 from catalogs.files import cinema
 from catalogs.store.catalog import Catalog, CatalogError
@@ -86,39 +84,25 @@ class _Column:
     """Type, range and number of different values of a table's column."""
 
     def __init__(self, label: str) -> None:
-        self._label = label
-        self._kind: type | None = None
-        self._hashes = array("q")
-        self._words: tuple[str, str] | None = None
-        self._numbers: tuple[float, float] | None = None
-        self._mixed = False  # `catalogs check` reports these
+        self._label, self._first = label, ""
+        self._cells: set[str] = set()
 
     def add(self, cell: str) -> None:
         """Count the column's next cell."""
-        if not cell:
-            return
-        self._kind = self._kind or cinema.cell_type(cell)
-        self._hashes.append(hash(cell))
-        low, high = self._words or (cell, cell)
-        self._words = min(low, cell), max(high, cell)
-        if self._kind is str or self._mixed:
-            return
-        try:
-            number = float(cell)
-        except ValueError:
-            self._mixed = True
-            return
-        least, most = self._numbers or (number, number)
-        self._numbers = min(least, number), max(most, number)
+        if cell:
+            self._first = self._first or cell
+            self._cells.add(cell)
 
     def row(self) -> list[str]:
-        """The column as a row: label, type, how many values, from, to."""
-        kind = "files" if cinema.is_file_column(self._label) else cinema.TYPE_NAMES[self._kind or str]
-        ends: Sequence[str] = self._words or [UNKNOWN] * 2
-        if self._numbers is not None and not self._mixed:
-            ends = [f"{number:g}" for number in self._numbers]
+        """The column as a row: label, type, number of values, from, to."""
+        kind = cinema.cell_type(self._first)
+        name = "files" if cinema.is_file_column(self._label) else cinema.TYPE_NAMES[kind]
+        ends = [min(self._cells), max(self._cells)] if self._cells else [UNKNOWN] * 2
+        with suppress(ValueError):  # of mixed columns, which `catalogs check` reports
+            numbers = [] if kind is str else [float(cell) for cell in self._cells]
+            ends = [f"{min(numbers):g}", f"{max(numbers):g}"]
         shown = [end if len(end) <= LONGEST else f"{end[: LONGEST - 3]}..." for end in ends]
-        return [self._label, kind, str(len(np.unique(self._hashes))), *shown]
+        return [self._label, name, str(len(self._cells)), *shown]
 
 
 def _table_lines(path: Path) -> Iterator[str]:
