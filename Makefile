@@ -1,6 +1,8 @@
 # The whole line: simulation -> Cinema catalog -> surrogate -> report.  `make help` lists what there is.
 SCENE   ?= tgv
 PYTHON  ?= python3
+# The folder of real data that scenes name.
+export GS_SURROGATE_DATA ?= ../shared/data
 RUNS    ?= runs
 RECORDS ?= $(if $(filter runs,$(RUNS)),research/records,$(RUNS))
 WORKERS ?=

@@ -32,7 +32,7 @@ def commit() -> str:
     try:
         _git("ls-files", "--error-unmatch", HERE.name)
         found = _git("rev-parse", "--short=12", "HEAD")
-        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":(top,exclude)research/records")
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":(top,exclude,glob)**/records/**")
     except (OSError, subprocess.SubprocessError):
         return UNKNOWN
     return f"{found}+dirty" if changed else found

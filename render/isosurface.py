@@ -16,7 +16,7 @@ from render.volume import hidden_cells, image_data
 
 # VTK squares gradients in float32.  Within these bounds neither the square overflows on the longest grid, nor does it vanish.
 LARGEST, SMALLEST = 1e15, 1e-8
-SUPERSAMPLING = 4  # pixels are the mean of SUPERSAMPLING**2; what fewer cost in error: docs/rendering.md
+SUPERSAMPLING = 4  # pixels are the mean of SUPERSAMPLING**2
 
 # Blinn-Phong with light and eye in one direction (a headlight at the eye), seen from both sides.
 HEADLIGHT = """

@@ -3,7 +3,7 @@
 VTK's stock loop looks colours up in tables of 1024 entries that span the range of the *data*.  It ends rays at the last whole
 step, stops at 254/255 and starts one whole step late.  These pieces evaluate the transfer function exactly, cut each ray into
 equal steps from entry to exit and sample each in its middle.  That is the midpoint rule, as in the reference implementation
-beside the tests (`tests/support/raymarch.py`).  VTK's tags (//VTK::...) are the documented
+beside the tests.  VTK's tags (//VTK::...) are the documented
 interface for replacing parts of its shaders.
 """
 

@@ -11,7 +11,6 @@ import pytest
 
 from catalogs.cli import main as catalogs
 from insitu.cli import main as insitu
-from research.studies.__main__ import main as studies
 from surrogate.cli import main as surrogate
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -24,7 +23,7 @@ DOCUMENTS = [
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
 MODULE = re.compile(r"python\s+-m\s+((?:research|insitu|surrogate|catalogs)[\w.]*\w)")
-COMMAND = re.compile(r"(?<![\w./-])(insitu|surrogate|catalogs|research\.studies) ([a-z][a-z-]+)\b")
+COMMAND = re.compile(r"(?<![\w./-])(insitu|surrogate|catalogs) ([a-z][a-z-]+)\b")
 TARGET = re.compile(r"^`?make ([a-z][a-z-]*(?: [a-z][a-z-]*)*)")
 
 every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
@@ -72,7 +71,7 @@ def test_subcommands_that_are_named_exist(document: Path) -> None:
     )
     lines = [" ".join(line.split("#")[0].split()) for block in quoted for line in block.splitlines()]
     named = {found.groups() for line in lines if (found := COMMAND.search(line)) and "import" not in line}
-    groups = {"insitu": insitu, "surrogate": surrogate, "catalogs": catalogs, "research.studies": studies}
+    groups = {"insitu": insitu, "surrogate": surrogate, "catalogs": catalogs}
     assert sorted(pair for pair in named if pair[1] not in groups[pair[0]].commands) == []
 
 

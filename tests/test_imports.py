@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import re
 import resource
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -60,10 +62,9 @@ def test_the_packages_themselves_load_nothing_heavy() -> None:
     assert result.stdout.strip() == "[]", result.stdout + result.stderr
 
 
-def test_tests_share_through_support_alone() -> None:
-    """A test module that imports another runs its fixtures twice, and breaks when the other moves."""
-    strangers = []
-    for path in sorted((PROJECT / "tests").rglob("*.py")):
+def imports_of(folder: str) -> Iterator[tuple[str, str]]:
+    """Where and what the modules below a folder import, by every name that may be a module."""
+    for path in sorted((PROJECT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom):
                 names = [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
@@ -71,9 +72,40 @@ def test_tests_share_through_support_alone() -> None:
                 names = [alias.name for alias in node.names]
             else:
                 continue
-            strangers += [
-                f"{path.relative_to(PROJECT)}:{node.lineno} {name}"
-                for name in names
-                if name.startswith("tests.") and name.rsplit(".", 1)[-1].startswith("test_")
-            ]
+            for name in names:
+                yield f"{path.relative_to(PROJECT)}:{node.lineno}", name
+
+
+def test_tests_share_through_support_alone() -> None:
+    """A test module that imports another runs its fixtures twice, and breaks when the other moves."""
+    strangers = [
+        f"{place} {name}"
+        for place, name in imports_of("tests")
+        if name.startswith("tests.") and name.rsplit(".", 1)[-1].startswith("test_")
+    ]
     assert strangers == []
+
+
+def test_tests_of_the_product_know_no_research() -> None:
+    found = [
+        f"{place} {name}"
+        for place, name in imports_of("tests")
+        if not place.startswith("tests/research/") and name.startswith(("research.", "tests.research."))
+    ]
+    assert found == []
+
+
+OURS = re.compile(r"`make |\b(scenes|docs|tests|examples)/|\.\./shared|\b(research|benchmarks)\b|CONTRIBUTING|README")
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_the_wheel_says_nothing_of_this_repository(package: str) -> None:
+    """Whoever installed it has no Makefile, and none of our folders."""
+    said = [
+        f"{path.relative_to(PROJECT)}:{node.lineno} {match[0]}"
+        for path in sorted((PROJECT / package).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (match := OURS.search(node.value))
+    ]
+    pages = [path for kind in ("js", "html") for path in sorted((PROJECT / package).rglob(f"*.{kind}"))]
+    assert said + [str(path) for path in pages if OURS.search(path.read_text())] == []

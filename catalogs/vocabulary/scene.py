@@ -207,11 +207,11 @@ class Scene:
         return self.path.parent / str(self.source["path"])
 
     def data_path(self) -> Path:
-        """The source's file or folder, relative to $GS_SURROGATE_DATA (default `../shared/data`).
+        """The source's file or folder, relative to $GS_SURROGATE_DATA (default: the current folder).
 
         Raises FileNotFoundError naming the path and the remedy.
         """
-        path = Path(os.environ.get(DATA_FOLDER, "../shared/data")) / str(self.source["path"])
+        path = Path(os.environ.get(DATA_FOLDER, "")) / str(self.source["path"])
         if not path.exists():
             raise FileNotFoundError(
                 f"scene {self.name} needs {path}, which is missing: set {DATA_FOLDER} to the folder that holds "

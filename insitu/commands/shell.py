@@ -21,9 +21,7 @@ NAN = click.option(
 )
 WORKERS = click.option("--workers", type=click.IntRange(min=1), help="Processes; by default one per available core.")
 SHARD = click.option("--shard", metavar="I/N", help="Take only every N-th member, beginning with the I-th.")
-ENGINE = click.option(
-    "--engine", metavar="dask://HOST:PORT", help="Render on the workers of a Dask cluster, see docs/clusters.md."
-)
+ENGINE = click.option("--engine", metavar="dask://HOST:PORT", help="Render on the workers of a Dask cluster.")
 CATALOG = click.option("--catalog", required=True, type=PATH, help="The .cdb folder to write.")
 SCENE = click.option("--scene", type=NAMED_FILE, help="Take appearances and views from this scene.")
 APPEARANCE = click.option(

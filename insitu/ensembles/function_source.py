@@ -126,7 +126,7 @@ class ScriptFunction:
         requirements = self.path.with_name(REQUIREMENTS)
         if not requirements.is_file():
             return "install it there, or run this command in an environment that has it"
-        return f"`make dataset SCENE={self.scene}` makes an environment that has it, from {requirements}"
+        return f"`python -m pip install -r {requirements}` installs it"
 
 
 def scripted(path: Path, scene: str) -> ScriptFunction:

@@ -2,8 +2,8 @@
 
 u = sin x cos y cos z,  v = -cos x sin y cos z,  w = 0  at t = 0 in the periodic box [0, 2π)³, ν = 1 / Re.
 
-The equations solved, the 2/3 rule (cubic) and the exact Galerkin truncation are those of its reference implementation
-(`tests/support/periodic_box.py`).  This flow fills only a part of that one's modes, since it keeps the symmetries of the initial
+The equations solved, the 2/3 rule (cubic) and the exact Galerkin truncation are those of its reference
+implementation beside the tests.  This flow fills only a part of that one's modes, since it keeps the symmetries of the initial
 condition for all time (Brachet et al. 1983, J. Fluid Mech. 130, section 2).
 
 1. Mirrors at x, y, z = 0 and π:  u = Σ û sin(kx x) cos(ky y) cos(kz z),  v: cos sin cos,  w: cos cos sin,  û real.
@@ -59,7 +59,7 @@ class TaylorGreen:
     The periodic repetition of plane 0 at 2π is not stored, so a rendered box spans n - 1 cells, [0, 2π - spacing].
 
     Limits: only this initial condition; disturbances that break its symmetries, which a real
-    flow would amplify, cannot occur; under-resolved once the smallest eddies are (see docs/taylor_green.md).
+    flow would amplify, cannot occur; under-resolved once the smallest eddies are.
 
     >>> flow = TaylorGreen(resolution=16, reynolds=100.0)
     >>> state = flow.advance(flow.initial(), until=1.0)

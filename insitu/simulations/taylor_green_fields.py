@@ -40,7 +40,7 @@ def run_fields(
     """Some of `FIELDS` at `time` for the Reynolds number `parameters["Re"]`, on `resolution`³ points.
 
     With a finer `solver_resolution` the flow is solved on more points and then coarsened: small eddies that the field
-    cannot hold still act on those it does.  At t = 5 that is what makes 64³ a converged field (docs/taylor_green.md).
+    cannot hold still act on those it does.  At t = 5 that is what makes 64³ a converged field.
 
     Raises ValueError where parameters other than Re are given or Re is missing, for resolutions that cannot be and for unknown
     fields.

@@ -8,8 +8,7 @@ mode Gaussian i follows.  Changing the parameters costs one small network for th
 the L modes that all share.  The second hidden layer is added to the first (He et al. 2016): with it members between the trained
 ones are predicted better by far.  Deformations of before have none.
 
-With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too (docs/values.md says what
-they gained and cost).
+With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too.
 """
 
 from __future__ import annotations

@@ -20,8 +20,7 @@ class Constants:
     near : Gaussians whose centre is nearer than this, in world units along the camera's axis, are not drawn: the projection has a
         pole at 0.
     dilation : variance in pixels squared added to each projected Gaussian, so that one smaller than a pixel is seen at all; it
-        also makes such Gaussians larger than they are.  The usual 0.3 costs volumes a decibel, and ten at other sizes
-        (docs/volume_fidelity.md).
+        also makes such Gaussians larger than they are.  The usual 0.3 costs volumes a decibel, and ten at other sizes.
     alpha_floor : alphas below it are left out, which bounds each Gaussian's extent: one step of an 8-bit picture.
     alpha_cap : alphas are cut to it, because one of 1 would let nothing through and have no derivative; below 1.
     min_transmittance : a pixel that lets less light through takes no further Gaussian: at most a fortieth of an 8-bit step.

@@ -1,10 +1,9 @@
 """What a budget in minutes or steps leads to: how many Gaussians, trained for how many steps, on this machine.
 
 The pictures say how many Gaussians are worth having, and the number of images how many steps they need for it.  The rules are
-those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side (`python -m
-research.benchmarks.training.budgets`):
-where members look much alike, more Gaussians were worth more than more steps, so they grow with the time; where members differ
-strongly, steps were; where little of a picture shows anything, few Gaussians were.
+those that did best on validation images in equal time, on pictures of 64 to 256 pixels a side: where members look much alike, more
+Gaussians were worth more than more steps, so they grow with the time; where members differ strongly, steps were; where little of
+a picture shows anything, few Gaussians were.
 """
 
 from __future__ import annotations
@@ -260,7 +259,7 @@ def _design(source: Source, worth: Worth) -> dict[str, Any]:
     """Settings that follow from what Gaussians carry, and from what pictures show.
 
     Of rough pictures carried colours learn more with several samples a pixel (nyx at 128 pixels, five minutes: 33.1 dB instead of
-    32.4), carried values less (tgv-tf: 38.8 instead of 41.8); docs/splatting.md says how that was measured.
+    32.4), carried values less (tgv-tf: 38.8 instead of 41.8).
     """
     return {"samples": worth.samples} if source.field is None else {"latent_size": MODES_OF_VALUES}
 

@@ -51,7 +51,7 @@ def train(
     and does nothing when all is done.
 
     Several processes train one surrogate together as `torchrun --standalone --nproc-per-node 4 -m surrogate train CATALOG batch=4`,
-    each drawing its share of a step's pictures; docs/clusters.md has more.
+    each drawing its share of a step's pictures.
     """
     kind = kind_of(source)
     given = {f"--{name.replace('_', '-')}": value for name, value in asked.items()}

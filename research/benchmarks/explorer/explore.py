@@ -9,7 +9,6 @@ Prints Markdown.  The browser draws on the same processor: nothing else should r
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import re
@@ -25,7 +24,7 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from research.benchmarks.page import DOCS, commit, fill, table
+from research.benchmarks.page import DOCS, command_line, commit, fill, table
 from surrogate.provenance import machine
 from tests.support.browsers import FLAGS, find_browser
 
@@ -181,7 +180,7 @@ def together(browser: Browser, address: str, seconds: float) -> list[Rate]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line("explorer.explore", __doc__)
     parser.add_argument("run", type=Path)
     parser.add_argument("--seconds", type=float, default=4.0, help="of each movement")
     parser.add_argument("--interactions", type=int, default=10_000, help="0 leaves the memory unmeasured")

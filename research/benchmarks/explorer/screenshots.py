@@ -8,7 +8,6 @@ and tgv-iso, which must be trained.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlencode
@@ -16,7 +15,7 @@ from urllib.parse import urlencode
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from research.benchmarks.explorer.explore import serving
-from research.benchmarks.page import DOCS
+from research.benchmarks.page import DOCS, command_line
 from tests.support.browsers import FLAGS, find_browser
 
 SIZE = {"width": 1280, "height": 800}
@@ -70,7 +69,7 @@ def browsed(browser: Browser, runs: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Take all pictures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line("explorer.screenshots", __doc__)
     parser.add_argument("--runs", type=Path, default=Path("runs"))
     given = parser.parse_args(arguments)
     program = find_browser()

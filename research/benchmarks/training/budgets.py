@@ -8,12 +8,12 @@ work, only rows of one run can be compared.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from research.benchmarks.page import command_line
 from surrogate.training.begin import Asked, begin
 from surrogate.training.budget import Budget
 from surrogate.training.run import train
@@ -35,7 +35,7 @@ def row(catalog: Path, minutes: float, gaussians: int | None, hold_out: float | 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print a row for the command's own choice, and one for each multiple of its Gaussians."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line("training.budgets", __doc__)
     parser.add_argument("catalogs", nargs="+", type=Path)
     parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--times", type=float, nargs="*", default=[0.25, 0.5, 2.0, 4.0])

@@ -18,7 +18,7 @@ from surrogate.explore.reliability.measuring import Measurement
 from surrogate.explore.reliability.points import base_name, point_of
 from surrogate.model import Surrogate
 
-# Of 1 to 15 the best at rows left out, see research/benchmarks/explorer/expectation.py.
+# Of 1 to 15 the best at rows left out.
 NEAREST = 4  # measurements whose median is expected
 SLACK = 1.0 + 1e-9  # distances went through decimals
 

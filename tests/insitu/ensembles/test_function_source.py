@@ -203,7 +203,7 @@ def test_a_mistake_in_the_source_is_named_before_anything_is_written(
 
 
 @pytest.mark.parametrize(
-    ("requirements", "remedy"), [("", "make dataset SCENE=ball"), (None, "install it there")], ids=["with", "without"]
+    ("requirements", "remedy"), [("", "pip install -r "), (None, "install it there")], ids=["with", "without"]
 )
 def test_a_script_whose_code_is_not_installed_is_told_in_one_sentence(
     tmp_path: Path, requirements: str | None, remedy: str

@@ -1,6 +1,7 @@
 """Folders of records, as the commands of the studies choose them."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,11 +15,19 @@ from surrogate.report.seeds import load_scores
 from tests.research.support.commands import invoked
 from tests.support.results import make_catalog, make_scene
 
+PROJECT = Path(__file__).resolve().parents[3]
+
 
 def test_every_command_is_there_and_help_loads_nothing_heavy() -> None:
     assert sorted(main.commands) == ["ablate", "ceiling", "compare", "repeat", "stress"]
     program = "import sys, research.studies.__main__; print([n for n in ('torch', 'numpy', 'matplotlib') if n in sys.modules])"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_studies_that_pages_name_exist() -> None:
+    pages = [*PROJECT.glob("*.md"), *(PROJECT / "docs").rglob("*.md"), PROJECT / "Makefile"]
+    named = [re.findall(r"(?:research\.studies|\$\(STUDY\)) ([a-z]\w+)", page.read_text()) for page in pages]
+    assert set().union(*named) == set(main.commands)
 
 
 def test_records_lie_in_research_where_that_is_and_results_in_runs(

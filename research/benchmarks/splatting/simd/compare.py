@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from research.benchmarks.page import table
+from research.benchmarks.page import command_line, table
 from research.benchmarks.splatting.compiling import WIDTHS, compiled
 from surrogate import kernels
 
@@ -69,4 +69,5 @@ def _cells(times: list[list[float]]) -> list[str]:
 
 
 if __name__ == "__main__":
+    command_line("splatting.simd.compare", __doc__).parse_args()
     sys.stdout.write(compare())
