@@ -124,8 +124,8 @@ function stepMember(sign) {
   chooseCell({ ...cell(), member: brushed[next] });
 }
 
-function findMember(said) {
-  const exact = memberNames.indexOf(said), found = exact >= 0 ? exact : memberNames.findIndex(name => name.includes(said));
+function findMember(typed) {
+  const exact = memberNames.indexOf(typed), found = exact >= 0 ? exact : memberNames.findIndex(name => name.includes(typed));
   $("find").setAttribute("aria-invalid", String(found < 0));
   if (found >= 0) chooseCell({ ...cell(), member: found });
 }

@@ -133,7 +133,7 @@ function readAddress() {
   wanted = valuesOf(cell());
 }
 
-function brushFrom(said, axis) {
-  const [least, most] = (said ?? "").split("..").map(part => part ? Number(part) : NaN);
+function brushFrom(field, axis) {
+  const [least, most] = (field ?? "").split("..").map(part => part ? Number(part) : NaN);
   return least <= most && most >= axis.low && least <= axis.high ? [Math.max(least, axis.low), Math.min(most, axis.high)] : null;
 }

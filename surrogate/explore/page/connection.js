@@ -4,31 +4,31 @@
 const SOONEST = 400, LATEST = 3000; // milliseconds between attempts to find the program again
 
 let socket, open, waiting = []; // { resolve, reject } of calls without an answer yet, in their order, which is that of the answers
-let heard = { lost: () => {}, back: () => {} };
+let handlers = { lost: () => {}, back: () => {} };
 
 /** Raised by calls while the program is gone. */
 export class Gone extends Error {}
 
 /** `lost(reason)` hears that the program can't be asked any more, `back()` that it can again. */
-export const listen = handlers => { heard = handlers; };
+export const listen = given => { handlers = given; };
 
 let ready = connected();
 
 /** Resolves when the socket is open, or can't be opened. */
 function connected() {
   return new Promise(resolve => {
-    const made = new WebSocket(new URL("ws", document.baseURI).href.replace(/^http/, "ws"));
-    made.binaryType = "arraybuffer";
-    made.onmessage = event => {
+    const created = new WebSocket(new URL("ws", document.baseURI).href.replace(/^http/, "ws"));
+    created.binaryType = "arraybuffer";
+    created.onmessage = event => {
       const answer = unpacked(event.data), { resolve: take, reject } = waiting.shift();
       if (answer.error) reject(new Error(answer.error));
       else take(answer);
     };
-    made.onopen = () => {
-      [socket, open] = [made, true];
+    created.onopen = () => {
+      [socket, open] = [created, true];
       resolve();
     };
-    made.onclose = () => {
+    created.onclose = () => {
       lose();
       resolve();
     };
@@ -36,10 +36,10 @@ function connected() {
 }
 
 function lose() {
-  const asked = waiting;
+  const unanswered = waiting;
   [open, waiting] = [false, []];
-  for (const { reject } of asked) reject(new Gone("The explorer has stopped."));
-  heard.lost("");
+  for (const { reject } of unanswered) reject(new Gone("The explorer has stopped."));
+  handlers.lost("");
   find(SOONEST);
 }
 
@@ -50,10 +50,10 @@ function find(pause) {
     if (answer?.ok) {
       ready = connected();
       await ready;
-      if (open) heard.back(); // else it was lost again, and is being looked for
+      if (open) handlers.back(); // else it was lost again, and is being looked for
       return;
     }
-    if (answer?.status === 403) heard.lost("It runs again, but wants a new token: open the address that it printed.");
+    if (answer?.status === 403) handlers.lost("It runs again, but wants a new token: open the address that it printed.");
     find(Math.min(LATEST, 1.5 * pause));
   }, pause);
 }
@@ -87,8 +87,8 @@ function unpacked(buffer) {
 export async function exported(request) {
   const response = await fetch("export", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(request) });
   if (!response.ok) {
-    const said = await response.json().catch(() => ({}));
-    throw new Error(said.error ?? `the explorer refused (${response.status})`);
+    const refusal = await response.json().catch(() => ({}));
+    throw new Error(refusal.error ?? `the explorer refused (${response.status})`);
   }
   const name = /filename="([^"]*)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "export";
   return { name, blob: await response.blob() };

@@ -144,8 +144,8 @@ class Explorer {
   /** Ask for the stored picture nearest to what is shown, and let `take` use it. */
   async goToStored(take) {
     try {
-      const asked = { ...this.request(false), settings: [messageOf(current(this.state), this.facts)], difference: false, truth: false };
-      const found = await connection.nearest(asked);
+      const request = { ...this.request(false), settings: [messageOf(current(this.state), this.facts)], difference: false, truth: false };
+      const found = await connection.nearest(request);
       if (!found) return;
       take(found);
       this.set({});
@@ -258,23 +258,23 @@ class Explorer {
   }
 
   /** Say what error to expect, of each picture beside it. */
-  expect(said) {
+  expect(expected) {
     const { kind } = this.planned;
-    this.expected.classList.toggle("warning", Boolean(said?.some(one => one.warning)));
-    if (!said) {
+    this.expected.classList.toggle("warning", Boolean(expected?.some(one => one.warning)));
+    if (!expected) {
       this.expected.textContent = "Measuring what to expect here…";
       if (this.facts.truth) setTimeout(() => this.stream.settle(), 2000);
       return;
     }
-    const nearest = [...new Set(said.map((one, i) => one.nearest && (kind === "compare" ? `${"AB"[i]}: ${one.nearest}` : one.nearest)))].filter(Boolean);
-    this.expected.textContent = kind === "sweep" ? spanOf(said) : kind === "view" ? said[0].sentence : nearest.join("; ");
+    const nearest = [...new Set(expected.map((one, i) => one.nearest && (kind === "compare" ? `${"AB"[i]}: ${one.nearest}` : one.nearest)))].filter(Boolean);
+    this.expected.textContent = kind === "sweep" ? spanOf(expected) : kind === "view" ? expected[0].sentence : nearest.join("; ");
     this.expected.title = this.expected.textContent;
     if (kind === "view") return;
-    said.forEach((one, i) => {
-      const { expected } = this.panes[i];
-      expected.textContent = kind === "sweep" ? shortest(one) : one.short;
-      expected.title = one.short;
-      expected.classList.toggle("warning", one.warning);
+    expected.forEach((one, i) => {
+      const label = this.panes[i].expected;
+      label.textContent = kind === "sweep" ? shortest(one) : one.short;
+      label.title = one.short;
+      label.classList.toggle("warning", one.warning);
     });
   }
 

@@ -7,10 +7,10 @@ const ONE_WAY = 6000; // milliseconds
 /** A button that plays; `get()` and `set(share)` are the place between the bounds, 0 to 1.  Returns { box, stop() }. */
 export function player(title, get, set) {
   const box = button("▶", () => timer ? stop() : start(), { class: "play", "aria-label": `Play ${title}`, "aria-pressed": false });
-  let timer = 0, way = 1, before = 0;
+  let timer = 0, direction = 1, before = 0;
 
   function start() {
-    [way, before] = [get() < 1 ? 1 : -1, performance.now()];
+    [direction, before] = [get() < 1 ? 1 : -1, performance.now()];
     show(true);
     timer = requestAnimationFrame(step);
   }
@@ -20,9 +20,9 @@ export function player(title, get, set) {
       timer = 0;
       return;
     }
-    const share = get() + way * (now - before) / ONE_WAY;
+    const share = get() + direction * (now - before) / ONE_WAY;
     before = now;
-    if (share <= 0 || share >= 1) way = share <= 0 ? 1 : -1;
+    if (share <= 0 || share >= 1) direction = share <= 0 ? 1 : -1;
     set(Math.max(0, Math.min(1, share)));
     timer = requestAnimationFrame(step);
   }

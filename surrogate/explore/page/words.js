@@ -10,15 +10,15 @@ export const valued = (p, value) => `${p.name.replace("_", " ")} ${digits(+value
 
 /** A setting in words. */
 export function described(setting, facts) {
-  const said = facts.parameters.map(p => valued(p, setting.parameters[p.name]));
-  if (setting.kind === "isovalue") said.push(valued({ name: "isovalue", ...variation(facts, "isovalue") }, setting.isovalue));
-  if (setting.kind === "field") said.push(setting.appearance);
+  const words = facts.parameters.map(p => valued(p, setting.parameters[p.name]));
+  if (setting.kind === "isovalue") words.push(valued({ name: "isovalue", ...variation(facts, "isovalue") }, setting.isovalue));
+  if (setting.kind === "field") words.push(setting.appearance);
   if (setting.kind === "transfer_function") {
     const moved = pointsOf(facts).filter(p => setting.points[p.name] !== p.origin);
-    said.push(...moved.map(p => valued(p, setting.points[p.name])));
-    if (setting.colorMap) said.push(setting.colorMap);
+    words.push(...moved.map(p => valued(p, setting.points[p.name])));
+    if (setting.colorMap) words.push(setting.colorMap);
   }
-  return said.join(", ");
+  return words.join(", ");
 }
 
 /** What error to expect of all pictures of a sweep, in a sentence. */
