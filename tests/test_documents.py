@@ -1,4 +1,4 @@
-"""README, CONTRIBUTING and docs/: what they point at is there, and the commands that they name exist."""
+"""Links, files and commands that README, CONTRIBUTING and docs/ name exist."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ DOCUMENTS = [
     PROJECT / "CONTRIBUTING.md",
     *sorted((PROJECT / "docs").rglob("*.md")),
     PROJECT / "docs" / "tutorial.ipynb",
+    PROJECT / "research" / "records" / "README.md",
 ]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"`((?:catalogs|render|insitu|surrogate|research|tests|scenes|docs)/[\w/.-]+)`")
@@ -26,7 +27,7 @@ MODULE = re.compile(r"python\s+-m\s+((?:research|insitu|surrogate|catalogs)[\w.]
 COMMAND = re.compile(r"(?<![\w./-])(insitu|surrogate|catalogs) ([a-z][a-z-]+)\b")
 TARGET = re.compile(r"^`?make ([a-z][a-z-]*(?: [a-z][a-z-]*)*)")
 
-every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+every_document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(PROJECT)))
 
 
 @every_document

@@ -356,7 +356,7 @@ def sections(reference: NDArray[np.float64], with_finest: bool) -> dict[str, tup
             "Exact decaying two-dimensional vortex, ν = 0.01, t = 10: largest error of the velocity",
             planar_decay,
         ),
-        "twins": ("Symmetric solver and plain twin (float64 at CFL 0.1; times: float32 at CFL 0.5 to t = 5)", twins),
+        "twins": ("Symmetric and plain solver (float64 at CFL 0.1; times: float32 at CFL 0.5 to t = 5)", twins),
         "times": ("Time of one member on one core (float32, CFL 0.5)", lambda: times(RESOLUTIONS)),
     }
     return found if with_finest else {name: section for name, section in found.items() if name != "finest"}
