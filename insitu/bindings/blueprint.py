@@ -48,7 +48,7 @@ class BlueprintSession:
         state = {name: _state(leaves, name, int) for name in ("cycle", "domain_id")}
         known = {name: value for name, value in state.items() if value is not None}
         provenance = {**known, **(options.pop("provenance", None) or {})}
-        return self.session.render_member(_data_set(leaves), parameters, provenance=provenance, **options)
+        return self.session.render_member(data_set(mesh), parameters, provenance=provenance, **options)
 
     def finalize(self) -> None:
         """Let go of the catalog; see `Session.close`."""
@@ -65,10 +65,7 @@ def data_set(mesh: Any) -> Any:
 
     Raises ValueError naming the path in the mesh that can't be drawn.
     """
-    return _data_set(dict(_leaves(mesh)))
-
-
-def _data_set(leaves: Mapping[str, Any]) -> Any:
+    leaves = dict(_leaves(mesh))
     topology = _one_name(leaves, "topologies")
     kind = _text(leaves, f"topologies/{topology}/type")
     coordset = _text(leaves, f"topologies/{topology}/coordset")

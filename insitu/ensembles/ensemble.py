@@ -26,7 +26,7 @@ from insitu.ensembles.tasks import DiskError, MemberOutcome, measure_pilots, rea
 from insitu.ensembles.workers import WorkerPool, WorkerReport, single_threaded
 from insitu.fields.cache import drop_field
 from insitu.members.agreement import SOURCE, agreeing_catalog, create_catalog, misplaced
-from insitu.members.callers import warn_caller
+from insitu.members.failures import warn_caller
 from insitu.members.planning import Pilot, PlanOptions, check_complete, combine_pilots
 from insitu.members.request import Existing
 from insitu.members.result import RenderedMember

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from catalogs.store.plan import name_problem
-from catalogs.vocabulary.parameters import Parameter, ParameterSpace
+from catalogs.vocabulary.parameters import ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
 from insitu.fields.location import FieldLocation
 from insitu.members.request import member_name
@@ -18,9 +20,7 @@ from insitu.readers.files import read_data
 from insitu.readers.identity import contents, is_changed, stamp
 from insitu.readers.reader import Sampling
 from insitu.readers.states import files_beside
-from insitu.readers.tables import MemberTable, TableRow
-
-Bounds = Mapping[str, tuple[float, float]]
+from insitu.readers.tables import Bounds, MemberTable, TableRow, bounded_space
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,12 @@ class FileEnsemble:
         for name, row in rows.items():
             if problem := name_problem(name):
                 raise ValueError(f"{row.path}: {problem}")
-        return cls(rows, space_of(table, bounds or {}, units), **how)
+        names = table.names
+        if units and len(units) != len(names):
+            raise ValueError(f"--units must be of the {len(names)} parameters {list(names)}, got {list(units)}")
+        values = np.array([list(row.parameters.values()) for row in table.rows])  # [M, P]
+        units = units or [table.units.get(name, "") for name in names]
+        return cls(rows, bounded_space(names, values, units, bounds or {}), **how)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -124,23 +129,3 @@ class FileEnsemble:
     def files(self, path: Path) -> tuple[Path, ...]:
         """Files that belong to a member besides the one at `path`: those of other ranks, and that of the mesh."""
         return files_beside(path, self.reader, self.sampling)
-
-
-def space_of(table: MemberTable, bounds: Bounds, units: Sequence[str] = ()) -> ParameterSpace:
-    """The parameters of a table, their bounds as given, else from the smallest to the largest value."""
-    names = table.names
-    unknown = sorted(set(bounds) - set(names))
-    if unknown:
-        raise ValueError(f"--bounds of {unknown}, but the parameters are {list(names)}")
-    if units and len(units) != len(names):
-        raise ValueError(f"--units must be of the {len(names)} parameters {list(names)}, got {list(units)}")
-    parameters = []
-    for number, name in enumerate(names):
-        values = [row.parameters[name] for row in table.rows]
-        low, high = bounds.get(name, (min(values), max(values)))
-        if low == high:
-            raise ValueError(
-                f"parameter {name!r} is {low:g} in every member: give --bounds {name} LOW HIGH, or name the others by --parameters"
-            )
-        parameters.append(Parameter(name, low, high, units[number] if units else table.units.get(name, "")))
-    return ParameterSpace(tuple(parameters))

@@ -166,7 +166,7 @@ def summarize_part(
     shown = [a for a in appearances if isinstance(a, VolumeRendering | Isosurface)]
     shares = [points // len(shown) + (i < points % len(shown)) for i in range(len(shown))]
     sampled = [_sample(part, a, n, rng, ranks) for a, n in zip(shown, shares, strict=True)]
-    even = _sample_evenly(part, even_points, _shift(low, high, histogram), ranks)
+    even = sample_evenly(part, even_points, _shift(low, high, histogram), ranks)
     smallest = min(part.whole.spacing)
     return FieldSummary(
         minimum=low,
@@ -200,19 +200,13 @@ def _statistics(
 
 
 def sample_evenly(
-    grid: Grid, count: int, shift: NDArray[np.float64]
+    part: FieldPart, count: int, shift: NDArray[np.float64], ranks: RankGroup = SINGLE
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World points (M, 3) that fill the grid's box evenly, none in a cell with a hole at a corner, and values (M,); M <= `count`.
 
     They are the first points of a low-discrepancy sequence, multiples of the generalized golden ratio, moved by `shift` (3,)
     around the box (Cranley and Patterson 1976).  Source: Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences".
     """
-    return _sample_evenly(FieldPart.all_of(grid), count, shift, SINGLE)
-
-
-def _sample_evenly(
-    part: FieldPart, count: int, shift: NDArray[np.float64], ranks: RankGroup
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     steps = GOLDEN ** -np.arange(1.0, 4.0)  # [3]
     last = np.array(part.whole.shape) - 1  # [3]
     has_holes = any(ranks.gather(part.holes is not None))

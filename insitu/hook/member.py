@@ -15,8 +15,7 @@ from catalogs.vocabulary.variations import Variation
 from insitu.fields.boxes import Box
 from insitu.fields.location import Ghosts
 from insitu.hook.session import Session
-from insitu.members.callers import warn_caller
-from insitu.members.failures import Failures
+from insitu.members.failures import Failures, warn_caller
 from insitu.members.planning import Space
 from insitu.members.request import Existing, OnError
 from insitu.members.result import RenderedMember

@@ -20,8 +20,7 @@ from insitu.fields.boxes import Box
 from insitu.fields.location import FieldLocation, Ghosts
 from insitu.fields.member_fields import LocalField, MemberInput, time_of
 from insitu.hook.writer import CatalogWriter
-from insitu.members.callers import warn_caller
-from insitu.members.failures import Failures, warn_safely
+from insitu.members.failures import Failures, warn_caller, warn_safely
 from insitu.members.planning import PlanOptions, Space, appearances_from, space_from, variations_from
 from insitu.members.request import EXISTING, ON_ERROR, Existing, MemberArguments, OnError, one_of, with_time
 from insitu.members.result import RenderedMember

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from catalogs.store.missing import no_longer_missing, report_missing
@@ -65,6 +67,15 @@ def _called(name: Any, parameters: Any) -> str:
     with suppress(Exception):
         return member_name(parameters)
     return "without a name"
+
+
+def warn_caller(note: Warning) -> None:
+    """Warn of `note` at the line that called into this package, however deep the call."""
+    frame: FrameType | None = sys._getframe()
+    level = 1
+    while frame is not None and frame.f_globals.get("__name__", "").startswith("insitu."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(note, stacklevel=level)
 
 
 def warn_safely(note: Warning, warn: Callable[[Warning], None]) -> None:

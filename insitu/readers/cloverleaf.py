@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
 from insitu.readers.gzip_files import unpacked
-from insitu.readers.printed_axis import PrintedAxis, joined_axis
+from insitu.readers.printed_axis import PrintedAxis, field_on_axes, joined_axis
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
 NAME = re.compile(r"(?P<stem>.+)\.(?P<chunk>\d+)\.(?P<step>\d+)(?P<ending>\.vtk(\.gz)?)")
@@ -100,18 +100,7 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
         nx, ny, nz = (len(axis) - on_cells for axis in chunk.axes)
         with unpacked(chunk.path) as inner:
             values[z : z + nz, y : y + ny, x : x + nx] = _values(inner, chunk.path.name, section).reshape(nz, ny, nx)
-    return _placed(values, whole, sections[0])
-
-
-def _placed(values: NDArray[Any], axes: Sequence[PrintedAxis], section: Section) -> Field | LabelledArray:
-    """The values at the points, or at the cells' centres, of an even mesh as a field; of another with its coordinates."""
-    x, y, z = (axis.step for axis in axes)
-    if x is not None and y is not None and z is not None:
-        half = 0.5 if section.on_cells else 0.0
-        i, j, k = (axis.ends[0] for axis in axes)
-        return Field(values, (x, y, z), (i + half * x, j + half * y, k + half * z), section.name)
-    along = [axis.centers if section.on_cells else axis.values for axis in axes]
-    return LabelledArray(values, ("z", "y", "x"), dict(zip("xyz", along, strict=True)), section.name)
+    return field_on_axes(values, whole, on_cells, sections[0].name)
 
 
 # ---- the chunks of a step --------------------------------------------------------------------------------------------

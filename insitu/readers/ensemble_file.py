@@ -26,7 +26,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
+from catalogs.vocabulary.parameters import SPLITS, ParameterSpace
 from catalogs.vocabulary.scene import PlannedMember
 from insitu.fields.field import Field
 from insitu.fields.location import FieldLocation
@@ -35,9 +35,8 @@ from insitu.readers.attributes import as_text, attributes_about, bounds_about, s
 from insitu.readers.identity import contents
 from insitu.readers.layout import EnsembleLayout, FileMapping, find_layout
 from insitu.readers.placement import axis_names, place_of, placed_field
+from insitu.readers.tables import Bounds, bounded_space
 from render.xarray_fields import axis_order
-
-Bounds = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,18 +223,5 @@ def _space(arrays: Arrays, layout: EnsembleLayout, field: StoredArray, given: Bo
         raise ValueError(
             f"the names of {count} parameters are asked for, got {list(names)} with units {list(layout.units)}"
         )
-    unknown = sorted(set(given) - set(names))
-    if unknown:
-        raise ValueError(f"--bounds of {unknown}, but the parameters are {list(names)}")
     stated = bounds_about(arrays, layout.columns, field, count)
-    low, high = (layout.values.min(axis=0), layout.values.max(axis=0)) if stated is None else stated
-    parameters = []
-    for number, name in enumerate(names):
-        least, most = given.get(name, (float(low[number]), float(high[number])))
-        if least == most and stated is None:
-            raise ValueError(
-                f"parameter {name!r} is {least:g} in every member: give --bounds {name} LOW HIGH, or name the "
-                "others by --parameters"
-            )
-        parameters.append(Parameter(name, least, most, layout.units[number] if layout.units else ""))
-    return ParameterSpace(tuple(parameters))
+    return bounded_space(names, layout.values, layout.units, given, stated)

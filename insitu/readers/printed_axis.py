@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from insitu.fields.field import Field
+from insitu.readers.arrays import LabelledArray
 
 SLACK = 1e-9  # of a coordinate: what computing with it adds to its rounding
 
@@ -68,6 +72,19 @@ class PrintedAxis:
         """True if `other` begins where this one ends."""
         slack = self.rounding[-1] + other.rounding[0] + SLACK * abs(self.ends[1])
         return bool(abs(self.ends[1] - other.ends[0]) <= slack)
+
+
+def field_on_axes(
+    values: NDArray[Any], axes: Sequence[PrintedAxis], on_cells: bool, name: str, time: float | None = None
+) -> Field | LabelledArray:
+    """Values [nz, ny, nx] at the points of axes (x, y, z), or at the cells' centres: a field if even, else with coordinates."""
+    x, y, z = (axis.step for axis in axes)
+    if x is not None and y is not None and z is not None:
+        half = 0.5 if on_cells else 0.0
+        i, j, k = (axis.ends[0] for axis in axes)
+        return Field(values, (x, y, z), (i + half * x, j + half * y, k + half * z), name, time=time)
+    along = [axis.centers if on_cells else axis.values for axis in axes]
+    return LabelledArray(values, ("z", "y", "x"), dict(zip("xyz", along, strict=True)), name, time=time)
 
 
 def joined_axis(parts: Sequence[PrintedAxis]) -> tuple[PrintedAxis, list[int]]:

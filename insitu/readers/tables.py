@@ -20,7 +20,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from catalogs.vocabulary.parameters import SPLITS
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.vocabulary.parameters import SPLITS, Parameter, ParameterSpace
 from catalogs.vocabulary.words import shortened
 from insitu.readers.attributes import SPLIT_WORDS
 from insitu.readers.folders import files_below
@@ -31,6 +34,8 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 BRACES = re.compile(r"\{(\w*)\}|\*\*|\*")
 NAMED_GROUP = "(?P<"
 LARGEST_TABLE = 1 << 28  # bytes
+
+Bounds = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -232,3 +237,32 @@ def distinct(rows: Sequence[TableRow]) -> tuple[TableRow, ...]:
                     f"{other.path} and {row.path} have the same {what}, {dict(row.parameters)}: members must differ"
                 )
     return tuple(rows)
+
+
+def bounded_space(
+    names: Sequence[str],
+    values: NDArray[np.float64],
+    units: Sequence[str],
+    given: Bounds,
+    stated: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+) -> ParameterSpace:
+    """The parameters of members with `values` [M, P].
+
+    Bounds (low, high) are as `given` by name, else as a file has `stated` them (P,), else the smallest and largest value.
+
+    Raises ValueError where others than the parameters are given, and for one that is the same in every member.
+    """
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise ValueError(f"--bounds of {unknown}, but the parameters are {list(names)}")
+    low, high = (values.min(axis=0), values.max(axis=0)) if stated is None else stated
+    parameters = []
+    for number, name in enumerate(names):
+        least, most = given.get(name, (float(low[number]), float(high[number])))
+        if least == most and stated is None:
+            raise ValueError(
+                f"parameter {name!r} is {least:g} in every member: give --bounds {name} LOW HIGH, or name the "
+                "others by --parameters"
+            )
+        parameters.append(Parameter(name, least, most, units[number] if units else ""))
+    return ParameterSpace(tuple(parameters))

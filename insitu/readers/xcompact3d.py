@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ import numpy as np
 
 from insitu.fields.field import Field
 from insitu.readers.arrays import LabelledArray, check_room
-from insitu.readers.printed_axis import PrintedAxis
+from insitu.readers.printed_axis import PrintedAxis, field_on_axes
 from insitu.readers.reader import Reader, Sampling, StoredState, chosen_array
 
 SUFFIXES = {".xdmf", ".xmf"}
@@ -100,13 +99,19 @@ def read(path: Path, array: str | None, index: tuple[int, ...], sampling: Sampli
 
 
 def _placed(values: Any, snapshot: Snapshot, name: str, on_points: bool) -> Field | LabelledArray:
-    steps, starts, axes = _mesh(snapshot)
-    half = 0.0 if on_points else 0.5
-    if steps is not None:
-        origin = tuple(start + half * step for start, step in zip(starts, steps, strict=True))
-        return Field(values, steps, origin, name, time=snapshot.time)  # type: ignore[arg-type]
-    along = [axis.values if on_points else axis.centers for axis in axes]
-    return LabelledArray(values, ("z", "y", "x"), dict(zip("xyz", along, strict=True)), name, time=snapshot.time)
+    kind = snapshot.geometry.get("Type") or snapshot.geometry.get("GeometryType") or ""
+    items = [(item.text or "").split() for item in snapshot.geometry.findall("DataItem")]
+    wanted = {"ORIGIN_DXDYDZ": [3, 3], "VXVYVZ": list(snapshot.counts[::-1])}.get(kind.upper())
+    if wanted is None or [len(words) for words in items] != wanted:
+        raise ValueError(
+            f"its geometry must be ORIGIN_DXDYDZ or VXVYVZ with {wanted or 'their'} numbers, got {kind[:40]!r}"
+        )
+    if kind.upper() == "VXVYVZ":
+        axes = [PrintedAxis.of(words) for words in items]
+        return field_on_axes(values, axes, not on_points, name, snapshot.time)
+    start, step = ([_finite(word, "origin and spacing") for word in reversed(words)] for words in items)
+    origin = [a + (0.0 if on_points else 0.5) * width for a, width in zip(start, step, strict=True)]
+    return Field(values, tuple(step), tuple(origin), name, time=snapshot.time)  # type: ignore[arg-type]
 
 
 # ---- XDMF ------------------------------------------------------------------------------------------------------------
@@ -192,25 +197,6 @@ def _counts(element: Element) -> tuple[int, int, int]:
         raise ValueError(f"Dimensions must be three numbers, z y x, got {' '.join(words)[:60]!r}")
     nz, ny, nx = map(int, words)
     return nz, ny, nx
-
-
-def _mesh(snapshot: Snapshot) -> tuple[Any, Any, Sequence[PrintedAxis]]:
-    """(spacing, origin) of an even mesh, (x, y, z); (None, None) of another, and its axes along x, y and z."""
-    kind = snapshot.geometry.get("Type") or snapshot.geometry.get("GeometryType") or ""
-    items = [(item.text or "").split() for item in snapshot.geometry.findall("DataItem")]
-    wanted = {"ORIGIN_DXDYDZ": [3, 3], "VXVYVZ": list(snapshot.counts[::-1])}.get(kind.upper())
-    if wanted is None or [len(words) for words in items] != wanted:
-        raise ValueError(
-            f"its geometry must be ORIGIN_DXDYDZ or VXVYVZ with {wanted or 'their'} numbers, got {kind[:40]!r}"
-        )
-    if kind.upper() == "ORIGIN_DXDYDZ":
-        origin, spacing = ([_finite(word, "origin and spacing") for word in reversed(words)] for words in items)
-        return tuple(spacing), tuple(origin), ()
-    axes = [PrintedAxis.of(words) for words in items]
-    steps = [axis.step for axis in axes]
-    if all(step is not None for step in steps):
-        return tuple(steps), tuple(axis.ends[0] for axis in axes), axes
-    return None, None, axes
 
 
 def _raw_array(path: Path, item: Element) -> RawArray:

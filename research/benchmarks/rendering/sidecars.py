@@ -19,7 +19,7 @@ import numpy as np
 
 from catalogs.store.summary import save_summaries
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
-from insitu.fields.summarize import sample_evenly, summarize
+from insitu.fields.summarize import FieldPart, sample_evenly, summarize
 from render import Grid, to_grid
 from research.benchmarks.timing import digits, measured
 
@@ -56,7 +56,7 @@ def main(sizes: str, even: str, seconds: float) -> None:
         grid = waves(size)
         rest = measured(partial(summarize, grid, [WAVES], FUNCTION.bounds, even_points=0), seconds).median
         for count in map(int, even.split(",")):
-            taken = measured(partial(sample_evenly, grid, count, SHIFT), seconds).median
+            taken = measured(partial(sample_evenly, FieldPart.all_of(grid), count, SHIFT), seconds).median
             cells = [f"{size}³", f"{count:,}", f"{stored_bytes(grid, count) / 1e3:.0f}", digits(taken), digits(rest)]
             click.echo(f"| {' | '.join(cells)} |")
     load = " ".join(f"{value:.0f}" for value in os.getloadavg())

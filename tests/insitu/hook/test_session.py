@@ -316,7 +316,7 @@ def test_a_session_renders_many_members_through_one_window(tmp_path: Path) -> No
     ("changes", "message"),
     [
         ({"name": "../x"}, "invalid member name.*'../x'"),
-        ({"name": "12"}, "reads as a number"),
+        ({"name": "12"}, "read as a number"),
         ({"time": float("nan")}, "time must be a finite number, got nan"),
     ],
 )
@@ -400,7 +400,7 @@ def test_a_field_is_called_what_the_loop_calls_it(tmp_path: Path) -> None:
     render(path, reynolds=170.0)  # a later call may leave it out
     for fields, message in (
         ({"T": "K"}, r"fields: T \(K\) here, Q \(1/s²\) in the catalog"),
-        ({"T": "K", "Q": "1/s²"}, "the appearances show an only one"),
+        ({"T": "K", "Q": "1/s²"}, "the catalog has a single unnamed field"),
         ({"Q": 5}, "the unit of field 'Q' must be printable text, got 5"),
     ):
         with pytest.raises(ValueError, match=message):
