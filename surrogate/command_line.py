@@ -67,7 +67,7 @@ class OpenRun:
                 )
             catalog = Catalog.open(place)
         with scene_errors(scene.path):
-            settings = TrainingSettings(**scene.training)
+            settings = TrainingSettings.from_table(scene.training)
             if in_place:
                 catalog = with_chosen_splits(catalog, settings.appearance, scene.source.get("hold_out"), scene.seed)
         return cls(scene.name, settings, catalog, folder, path)

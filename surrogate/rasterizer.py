@@ -37,10 +37,8 @@ class Rasterizer:
 
     @classmethod
     def of(cls, settings: TrainingSettings) -> Rasterizer:
-        """The rasterizer that `settings` ask for."""
-        chosen = asdict(settings.splatting)
-        others = {name: chosen.pop(name) for name in ("backend", *SAMPLES)}
-        return cls(Constants(**chosen), **others)
+        """The rasterizer of some settings."""
+        return cls(backend=settings.backend, samples=settings.samples, surface_samples=settings.surface_samples)
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Rasterizer:

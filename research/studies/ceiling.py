@@ -155,9 +155,9 @@ def _middle_setting(variation: Variation) -> str:
 def _settings(source: Source, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
     """Stage 1 alone, with the Gaussians, the steps and the colour degree that the surrogate has for such a picture."""
     settings, lit = source.settings, _lighting(source, subject) is not None
-    steps = settings.steps.visualization if subject.variation is not None else 0
+    steps = settings.visualization_steps if subject.variation is not None else 0
     if not lit:  # which stands on the base's Gaussians
-        steps += settings.steps.canonical + settings.steps.deformation
+        steps += settings.canonical_steps + settings.deformation_steps
     return settings.changed(
         gaussians=settings.count_on_surfaces if lit else settings.gaussians,
         canonical_steps=steps,
@@ -177,7 +177,7 @@ def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surro
     if surrogate is not None:
         mine = [v for v in surrogate.visualizations if subject.variation and v.variation.kind == subject.variation.kind]
         return max([surrogate.gaussians.color_degree, *(v.color_degree for v in mine)])
-    asked = [settings.color_degree, *([settings.designs.visualization_color_degree] if subject.variation else [])]
+    asked = [settings.color_degree, *([settings.visualization_color_degree] if subject.variation else [])]
     return max(1 if degree == "auto" else degree for degree in asked)
 
 
@@ -191,7 +191,7 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
         "parameters": {**subject.member.parameters, **subject.varied},
         "gaussians": form.gaussians,
         "color_degree": form.color_degree,
-        "steps": form.steps.canonical,
+        "steps": form.canonical_steps,
         "seed": form.seed,
     }
 

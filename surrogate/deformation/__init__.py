@@ -8,20 +8,15 @@ from typing import Any
 from torch import Tensor
 
 from surrogate.deformation.bilinear import BilinearDeformation, compose
-from surrogate.deformation.field import FieldDeformation
 from surrogate.deformation.offsets import Deformation, Offsets
 from surrogate.deformation.values import ValuesDeformation
 
-Learnt = type[BilinearDeformation] | type[FieldDeformation]  # any parameters can be learnt with these
-KINDS: dict[str, Learnt] = {form.kind: form for form in (BilinearDeformation, FieldDeformation)}
-READABLE: dict[str, type[Deformation]] = {**KINDS, ValuesDeformation.kind: ValuesDeformation}
+READABLE: dict[str, type[Deformation]] = {form.kind: form for form in (BilinearDeformation, ValuesDeformation)}
 
 __all__ = [
-    "KINDS",
     "READABLE",
     "BilinearDeformation",
     "Deformation",
-    "FieldDeformation",
     "Offsets",
     "ValuesDeformation",
     "compose",

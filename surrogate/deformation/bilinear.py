@@ -25,7 +25,7 @@ from catalogs.vocabulary.numbers import row
 from catalogs.vocabulary.words import one_line
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation.kernels import Factors, add_products
-from surrogate.deformation.offsets import Deformation, Offsets
+from surrogate.deformation.offsets import UNITS, Deformation, Offsets
 from surrogate.deformation.positional import encode
 from surrogate.gaussians import GEOMETRY
 from surrogate.randomness import generator
@@ -36,6 +36,8 @@ FIELD_COLUMNS = 13  # of a Gaussian's parameters where it carries values of a fi
 COLUMNS = (FIELD_COLUMNS, 14, 23)  # and with colours of degree 0 and 1
 TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
 MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
+LATENT_SPREAD = 0.25  # standard deviation of the latents at the start
+MOST_MODES_OF_VISUALIZATION = 16  # more have not paid
 FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
@@ -81,15 +83,15 @@ class BilinearDeformation:
         color_columns : how many of the colours' columns may move; of values all do.
         for_visualization : whether it has F_vis's own size and form.
         """
-        size = settings.visualization_size if for_visualization else settings.simulation_size
-        count, hidden, latent = len(gaussians), size.hidden, size.latent
-        units = _units(gaussians, settings, color_columns)  # [C]
+        count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
+        latent = min(latent, MOST_MODES_OF_VISUALIZATION) if for_visualization else latent
+        units = _units(gaussians, color_columns)  # [C]
         random = generator(settings.seed, "latents")
         bound = min(1.0, FIRST_SLOPES / max(parameters, 1))
-        frequencies = 0 if for_visualization else settings.designs.parameter_frequencies
+        frequencies = 0 if for_visualization else settings.parameter_frequencies
         inputs = parameters * (1 + 2 * frequencies)
         return cls(
-            latents=_float32(settings.designs.latent_spread * random.standard_normal((count, latent))),
+            latents=_float32(LATENT_SPREAD * random.standard_normal((count, latent))),
             weights_in=_float32(random.uniform(-bound, bound, (hidden, inputs))),
             biases_in=_float32(random.uniform(-bound, bound, hidden)),
             weights_out=torch.zeros(latent * len(units), hidden),
@@ -263,13 +265,13 @@ class BilinearDeformation:
         is a sum over those of the first as well: what keeps it from running away is `optimizer.surprise`.
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
-        hidden = settings.rates.embedding * narrower
+        hidden = settings.embedding_rate * narrower
         found = {
-            "latents": settings.rates.latent * fewer,
+            "latents": settings.latent_rate * fewer,
             "weights_in": hidden,
             "biases_in": hidden,
             "weights_out": hidden * fewer,
-            "biases_out": settings.rates.embedding * fewer,
+            "biases_out": settings.embedding_rate * fewer,
             "weights_middle": hidden * narrower,
             "biases_middle": hidden,
         }
@@ -303,10 +305,10 @@ def compose(gaussians: AnyGaussians, first: At, second: At) -> AnyGaussians:
     return gaussians
 
 
-def _units(gaussians: AnyGaussians, settings: TrainingSettings, color_columns: int) -> Tensor:
+def _units(gaussians: AnyGaussians, color_columns: int) -> Tensor:
     """The size of one unit of each of a Gaussian's C parameters that may move, (C,), `color_columns` of them of its colour."""
     widths = GEOMETRY | {"colors": color_columns, "values": 2}
-    return torch.tensor([getattr(settings.units, name) for name in gaussians.tensors() for _ in range(widths[name])])
+    return torch.tensor([UNITS[name] for name in gaussians.tensors() for _ in range(widths[name])])
 
 
 def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:

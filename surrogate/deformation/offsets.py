@@ -14,6 +14,9 @@ from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
+# The change of each attribute that one unit of a deformation's output makes; lengths in half boxes.
+UNITS = {"means": 0.05, "log_scales": 0.2, "quats": 0.1, "opacity_logits": 1.0, "colors": 0.5, "values": 0.1}
+
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
@@ -53,7 +56,7 @@ def _widened(table: Tensor, columns: int) -> Tensor:
 class Deformation(Protocol):
     """Offsets as a differentiable function of the canonical Gaussians and the normalized parameters.
 
-    An implementation joins `surrogate.deformation.READABLE` under its `kind`, and `KINDS` if any parameters can be learnt with it.
+    An implementation joins `surrogate.deformation.READABLE` under its `kind`.
     """
 
     kind: ClassVar[str]

@@ -33,6 +33,8 @@ from surrogate.deformation.transfer import Transfer
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
+VALUE_BINS = 32  # field values for which each Gaussian has weights
+VALUE_RATE = 2e-3  # Adam's step size for the weights
 FINE = 1024  # places at which the density of values is taken
 COLOR_SPREAD = 0.1  # how far the colour of a value may lie from a Gaussian's to be thought its own at first
 
@@ -184,7 +186,7 @@ class ValuesDeformation:
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for the weights."""
-        return {"weights": settings.rates.value}
+        return {"weights": VALUE_RATE}
 
     def record(self) -> dict[str, Any]:
         """The kind, the base transfer function, the values and the steps."""

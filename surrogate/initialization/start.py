@@ -18,6 +18,8 @@ from surrogate.initialization.pictures import Points
 from surrogate.randomness import generator
 from surrogate.settings import TrainingSettings
 
+FIRST_OPACITY = 0.2
+FIRST_SCALE = 0.25  # times the mean distance of as many Gaussians, evenly in the box
 FIRST_SPREAD = 0.08  # of the values in a Gaussian, on their scale
 LEAST_EXTINCTION = 0.1  # relative to the unit distance, that the thickness at the start is chosen for
 START_NORMAL = 0.8  # length of normals: 1 is the longest that means anything
@@ -29,16 +31,16 @@ def initial_points(
     """The points of all training members' summaries, or None where Gaussians are to start anywhere in the box.
 
     They are of the field that `appearance` shows.  Their colours are those of the transfer function, where it has one.  Raises
-    ValueError where `settings.start.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
+    ValueError where `settings.initialization` is "in-situ" and the catalog has no points, or where its pictures tell too few.
     """
-    if settings.start.initialization == "random":
+    if settings.initialization == "random":
         return None
-    if settings.start.initialization in ("hull", "sfm"):
+    if settings.initialization == "sfm":
         return _from_pictures(settings, catalog, appearance, normalization)
     shown = next(a for a in catalog.plan.appearances if a.name == appearance)
     summaries = [m.summary(field_of(shown)) for m in catalog.members if m.split == "train"]
     kept = [s for s in summaries if s is not None and len(s.points)]
-    if not kept and settings.start.initialization == "in-situ":
+    if not kept and settings.initialization == "in-situ":
         raise ValueError(
             'training.initialization is "in-situ", but no training member of this catalog has sampled points: '
             'set it to "auto" or "random"'
@@ -56,7 +58,7 @@ def surface_points(
     settings: TrainingSettings, catalog: Catalog, variation: Variation, normalization: Normalization
 ) -> Points | None:
     """Points that the hook sampled on the isosurfaces which `variation` trains, of all training members; None where it has none."""
-    if settings.start.initialization not in ("auto", "in-situ"):
+    if settings.initialization not in ("auto", "in-situ"):
         return None
     names, found = variation.named("train"), []
     for surface in (a for a in catalog.plan.appearances if a.name in names and isinstance(a, Isosurface)):
@@ -73,15 +75,11 @@ def _from_pictures(
     settings: TrainingSettings, catalog: Catalog, appearance: str, normalization: Normalization
 ) -> Points:
     """Points that the pictures of one member tell, slower and coarser than what the hook knew."""
-    from surrogate.initialization.hull import hull_points
     from surrogate.initialization.pictures import representative_member
     from surrogate.initialization.structure_from_motion import structure_from_motion_points
 
     member = representative_member(catalog, appearance)
-    if settings.start.initialization == "sfm":
-        return structure_from_motion_points(catalog, member, appearance, normalization, seed=settings.seed)
-    random = generator(settings.seed, "hull")
-    return hull_points(catalog, member, appearance, normalization, settings.gaussians, random)
+    return structure_from_motion_points(catalog, member, appearance, normalization, seed=settings.seed)
 
 
 def initial_gaussians(
@@ -112,10 +110,10 @@ def initial_gaussians(
         colors = colors if points.colors is None else points.colors[chosen]
         values = values if points.values is None else points.values[chosen]
     flat = np.zeros((count, 9 * (settings.color_degree == 1)))
-    opacity_logit = float(np.log(settings.start.opacity / (1.0 - settings.start.opacity)))
+    opacity_logit = float(np.log(FIRST_OPACITY / (1.0 - FIRST_OPACITY)))
     gaussians = Gaussians(
         means=torch.tensor(places, dtype=torch.float32),
-        log_scales=torch.full((count, 3), float(np.log(settings.start.scale * spacing))),
+        log_scales=torch.full((count, 3), float(np.log(FIRST_SCALE * spacing))),
         quats=torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
         opacity_logits=torch.full((count,), opacity_logit),
         colors=torch.tensor(np.concatenate([colors, flat], axis=1), dtype=torch.float32),

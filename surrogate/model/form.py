@@ -10,7 +10,7 @@ from torch import Tensor
 from catalogs.vocabulary.numbers import finite, fraction, row
 from catalogs.vocabulary.parameters import ParameterSpace
 from surrogate.appearance.field_gaussians import FieldGaussians, load_gaussians
-from surrogate.deformation import Deformation, FieldDeformation, ValuesDeformation, load_deformation
+from surrogate.deformation import Deformation, ValuesDeformation, load_deformation
 from surrogate.deformation.bilinear import FIELD_COLUMNS, BilinearDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization
@@ -112,11 +112,7 @@ def _check_fit(deformation: Deformation, gaussians: int, parameters: int) -> Non
         rows = len(deformation.tensors()[name])
         if rows != gaussians:
             raise ValueError(f"{name} must have a row for each of {gaussians} Gaussians, got {rows}")
-    taken = parameters
-    if isinstance(deformation, BilinearDeformation):
-        taken = deformation.parameters
-    elif isinstance(deformation, FieldDeformation):
-        taken = deformation.architecture.parameters
+    taken = deformation.parameters if isinstance(deformation, BilinearDeformation) else parameters
     if taken != parameters:
         raise ValueError(f"it must be of {parameters} parameters, got {taken}")
 

@@ -22,7 +22,7 @@ from catalogs.store.pictures import picture_size
 from catalogs.vocabulary.appearance import appearance_to_json
 from catalogs.vocabulary.variations import Variation
 from catalogs.vocabulary.words import one_line
-from surrogate.settings import TrainingSettings
+from surrogate.settings import FORMER, TrainingSettings
 
 CHECKPOINT = "checkpoint.safetensors"
 NOT_LEARNT = (
@@ -92,12 +92,12 @@ def fingerprint(settings: TrainingSettings, catalog: Catalog) -> str:
     """A SHA-256 over all that determines a training run: settings, the catalog's plan, its members and image sizes."""
     plan = catalog.plan
     appearance = settings.appearance or plan.appearances[0].name
-    learnt = [v for v in plan.variations if v.base == appearance and settings.steps.visualization]
-    carried = any(settings.designs.carry_values(a) for a in plan.appearances if a.name == appearance)
+    learnt = [v for v in plan.variations if v.base == appearance and settings.visualization_steps]
+    carried = any(settings.carry_values(a) for a in plan.appearances if a.name == appearance)
     return _digest(
         {
             **({"carried": "values"} if carried else {}),
-            "settings": {k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY},
+            "settings": {**FORMER, **{k: v for k, v in settings.to_json().items() if k not in TIMING_ONLY}},
             **_shown(catalog, appearance, learnt, sizes=True),
         }
     )

@@ -156,7 +156,7 @@ class RunFolder:
                 raise FileNotFoundError(f"{self.folder} has no trained surrogate yet")
             found = (stored.get("training") or {}).get("settings") or {}
         try:
-            return TrainingSettings(**found)
+            return TrainingSettings.from_record(found)
         except (TypeError, ValueError) as error:
             raise ValueError(f"the settings in {place} can't be read by this version: {error}") from error
 

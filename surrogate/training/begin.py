@@ -38,7 +38,7 @@ class Asked:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        TrainingSettings(**self.settings)  # says what is wrong
+        TrainingSettings.from_table(self.settings)  # says what is wrong
 
     @property
     def whole_budget(self) -> Budget:
@@ -61,7 +61,7 @@ def read_settings(path: Path) -> dict[str, Any]:
         found = tables.get("training", tables)
         if not isinstance(found, dict):
             raise ValueError(f"training must be a table, got {found!r}")
-        TrainingSettings(**found)
+        TrainingSettings.from_table(found)
     except ValueError as error:
         raise ValueError(f"settings {path}: {error}") from error
     return found
@@ -88,7 +88,7 @@ def begin(
     known = ranks.by_first(lambda: _known(folder, catalog, asked))
     if known is not None:
         return RunFolder(folder, known)
-    first = TrainingSettings(**asked.settings)
+    first = TrainingSettings.from_table(asked.settings)
     seen = with_chosen_splits(catalog, first.appearance, asked.hold_out, first.seed)
     Source(first, seen, ranks)  # says what can't be learnt
     ranks.by_first(lambda: folder.mkdir(parents=True, exist_ok=True))
@@ -123,8 +123,8 @@ def calmer(run: RunFolder) -> RunFolder | None:
     known = run.record
     if known is None or not known.asked or known.chosen.get("calmed", 0) >= MOST_CALMED:
         return None
-    rates = run.settings.rates
-    settings = run.settings.changed(latent_rate=rates.latent / 2.0, embedding_rate=rates.embedding / 2.0)
+    before = run.settings
+    settings = before.changed(latent_rate=before.latent_rate / 2.0, embedding_rate=before.embedding_rate / 2.0)
     chosen = {**known.chosen, "calmed": known.chosen.get("calmed", 0) + 1}
     with locked(run.folder):
         (run.model / CHECKPOINT).unlink(missing_ok=True)
@@ -178,7 +178,8 @@ def _disagreements(known: RunRecord, asked: Asked) -> list[str]:
         for name, value in now.items()
         if value is not None and value != known.asked.get(name)
     ]
-    before, given = (TrainingSettings(**values).to_json() for values in (known.settings, asked.settings))
+    before = TrainingSettings.from_record(known.settings).to_json()
+    given = TrainingSettings.from_table(asked.settings).to_json()
     others = [key for key in asked.settings if before.get(key) != given.get(key)]
     return said + [f"{key}={before.get(key)}, not {given.get(key)}" for key in others]
 

@@ -85,7 +85,7 @@ def budgeted(
 
     Raises ValueError where keys are given that the budget decides on, or the time is too short.
     """
-    settings = TrainingSettings(**given)
+    settings = TrainingSettings.from_table(given)
     source = Source(settings, catalog, ranks)
     if budget.minutes is None and budget.steps is None:
         return settings, {}
@@ -169,7 +169,8 @@ def _sized(given: Mapping[str, Any], source: Source, worth: Worth, steps: int) -
         **_calm_rates(moving),
     }
     lengths = {"canonical_steps": canonical, "deformation_steps": each - canonical}
-    return TrainingSettings(**{**follows, **given, **lengths, **({"visualization_steps": each} if stages > 1 else {})})
+    of_variations = {"visualization_steps": each} if stages > 1 else {}
+    return TrainingSettings.from_table({**follows, **given, **lengths, **of_variations})
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def _in_time(
 ) -> tuple[TrainingSettings, dict[str, Any]]:
     rows = _rows(source)
     images, worth = sum(map(len, rows)), _worth(source, rows[0])
-    choosing = source.settings.compression.enabled and bool(validation_rows(source.catalog, [source.appearance], 1))
+    choosing = source.settings.fit_to_need and bool(validation_rows(source.catalog, [source.appearance], 1))
 
     def planned(tried: TrainingSettings, lasting: float = 0.0) -> _Plan:
         slowest = Source(_slowest(tried, source.shown), source.catalog, source.ranks)
@@ -228,7 +229,7 @@ def _in_time(
         choices = given if compressing or not choosing else {"fit_to_need": False, **given}
         return _Plan(tried, pace, compressing, steps, _sized(choices, source, worth, steps))
 
-    plan = planned(TrainingSettings(**{"gaussians": worth.gaussians(), **_design(source, worth), **given}))
+    plan = planned(TrainingSettings.from_table({"gaussians": worth.gaussians(), **_design(source, worth), **given}))
     if plan.growth > 1.0:
         plan = planned(plan.nearer)
     while plan.growth < 1.0:
@@ -269,8 +270,8 @@ def _calm_rates(steps: float) -> dict[str, Any]:
 
     An ensemble of strongly different members diverged at the usual ones in 33,288 steps; at 0.3 of them it was trained in 43,268.
     """
-    rates, calm = TrainingSettings().rates, min(1.0, math.sqrt(USUAL_STEPS / steps))
-    return {"latent_rate": calm * rates.latent, "embedding_rate": calm * rates.embedding}
+    usual, calm = TrainingSettings(), min(1.0, math.sqrt(USUAL_STEPS / steps))
+    return {"latent_rate": calm * usual.latent_rate, "embedding_rate": calm * usual.embedding_rate}
 
 
 def _rows(source: Source) -> list[list[ImageRow]]:

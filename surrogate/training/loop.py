@@ -17,12 +17,12 @@ from surrogate.randomness import generator
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.data import Example, TrainingData
-from surrogate.training.losses import deformation_size, image_loss
+from surrogate.training.losses import image_loss
 from surrogate.training.optimizer import Adam
 from surrogate.training.ranks import ALONE, Ranks
-from surrogate.training.relocation import ScreenGradients, plan_relocation, relocate
-from surrogate.training.sampling import HardExamples, ShuffledEpochs
-from surrogate.training.stages import Stage
+from surrogate.training.relocation import PEAK_DECAY, STOP, plan_relocation, relocate
+from surrogate.training.sampling import ShuffledEpochs
+from surrogate.training.stages import Stage, decay
 from surrogate.training.value_loss import INTERVAL
 
 LARGEST_SCALE = 1e4  # in half boxes: deformations that ran away passed it while all numbers were finite
@@ -33,8 +33,7 @@ FARTHEST = 10.0  # half boxes from the centre
 class LoopMemory:
     """What the loop remembers after `step` steps of a stage, beside what it trains.
 
-    `tensors` are Adam's moments and the steps of rows, the recent largest opacities, screen gradients and the images' errors, as
-    far as there are any.
+    `tensors` are Adam's moments and the steps of rows, and the recent largest opacities.
     """
 
     step: int
@@ -68,19 +67,12 @@ class StageRun:
         first = next(iter(stage.tensors.values()))
         count = len(stage.tensors["means"]) if stage.per_gaussian else 0
         self._peaks = first.new_zeros(count, requires_grad=False)  # [N], decayed maximum of the deformed opacities
-        by_gradient = count and settings.relocation.target == "gradient"
-        self._screen_gradients = ScreenGradients.none(count, first) if by_gradient else None
-        images, power = len(data.examples), settings.loss.hard_example_power
-        self._hard = HardExamples(images, settings.seed, power) if power else None
-        self._order = self._hard or ShuffledEpochs(images, settings.seed)
+        self._order = ShuffledEpochs(len(data.examples), settings.seed)
         self._rasterizer = Rasterizer.of(settings)
         self._background = WHITE if data.background is None else data.background
         if memory is not None:
             for name, own in self.memory().tensors.items():
-                if name.startswith("moments.steps.") and name not in memory.tensors:
-                    own.fill_(self.step)  # an earlier version's rows all counted every step
-                else:
-                    own.copy_(memory.tensors[name])
+                own.copy_(memory.tensors[name])
 
     def advance(self, pause: bool = False) -> float:
         """One step: draw, compare, move, and relocate where it is due.  Returns the mean loss of its images.
@@ -89,7 +81,7 @@ class StageRun:
         """
         batch, ranks = self.settings.batch, self.data.ranks
         items = [self._order[self.step * batch + place] for place in range(batch)]
-        step = _Step.begin(batch, pause, self._screen_gradients)
+        step = _Step.begin(batch, pause)
         failure: Exception | None = None
         try:
             for place in ranks.share(batch):
@@ -103,11 +95,9 @@ class StageRun:
         if step.failed.any():
             ranks.raise_any(failure, Diverged)
         self.pausing = bool(step.pause.any())
-        if self._hard is not None:
-            for item, of_image in zip(items, step.errors.tolist(), strict=True):
-                self._hard.tell(item, of_image)
-        decay, warmth = self.settings.rates.decay(self.step / self.stage.steps), self.stage.warmth(self.step)
-        self._adam.step(math.sqrt(batch) * decay, dict.fromkeys(self.stage.warming, warmth))
+        factor = decay(self.step / self.stage.steps, self.stage.final_factor)
+        warmth = self.stage.warmth(self.step)
+        self._adam.step(math.sqrt(batch) * factor, dict.fromkeys(self.stage.warming, warmth))
         self.step += 1
         if self.stage.per_gaussian:
             self._relocate(step.shown)
@@ -123,30 +113,13 @@ class StageRun:
         gaussians = carriers.drawn(self.stage.function_at(example.parameters))
         picture = self._drawn(gaussians, example)  # [H, W, 4]
         target = torch.from_numpy(example.compared()).to(picture.device)  # [H, W, 3 or 4]
-        loss = image_loss(picture, target, ssim_weight=settings.loss.ssim_weight)
-        step.errors[place] = loss.detach()
-        if settings.loss.deformation_penalty and self.stage.rest_at is not None:
-            size = deformation_size(gaussians, self.stage.rest_at(example.parameters))
-            loss = loss + settings.loss.deformation_penalty * size
+        loss = image_loss(picture, target)
         if self.data.values is not None and self.step % INTERVAL == 0 and isinstance(carriers, FieldGaussians):
             known = self.data.values.loss(carriers, example.member, self.step * settings.batch + place)
-            loss = loss + INTERVAL * settings.loss.values * known
+            loss = loss + INTERVAL * settings.field_value_weight * known
         step.losses[place] = loss.detach()
         step.shown.append(gaussians)
-        if step.pulls is None:
-            (loss / settings.batch).backward()
-        else:
-            self._count_pulls(loss, gaussians, example, step.pulls)
-
-    def _count_pulls(self, loss: Tensor, gaussians: Gaussians, example: Example, pulls: ScreenGradients) -> None:
-        """Add to the gradients, and count how one image pulls at the Gaussians on the screen."""
-        means = self.stage.tensors["means"]
-        before, means.grad = means.grad, None
-        (loss / self.settings.batch).backward()
-        if means.grad is not None:
-            pulls.add(gaussians.means.detach(), self.settings.batch * means.grad, example.camera)
-        if before is not None:
-            means.grad = before if means.grad is None else before.add_(means.grad)
+        (loss / settings.batch).backward()
 
     def _add_up(self, step: _Step) -> None:
         """Let all processes know the sums of their gradients, and of what each knows of the step."""
@@ -162,8 +135,6 @@ class StageRun:
                 own.copy_(summed)
             for tensor, any_moved in zip(tensors, moved.tolist(), strict=True):
                 tensor.grad = tensor.grad if any_moved else None
-        if step.pulls is not None and self._screen_gradients is not None:
-            self._screen_gradients.include(step.pulls)
 
     def finish(self) -> None:
         """All steps that are left."""
@@ -179,7 +150,7 @@ class StageRun:
         example = self.data.examples[self._order[self.step * self.settings.batch]]
         with torch.no_grad():
             gaussians = self.stage.gaussians_at(example.parameters)
-        shown, floor = as_drawn(gaussians), self.settings.splatting.alpha_floor
+        shown, floor = as_drawn(gaussians), self._rasterizer.constants.alpha_floor
         found = first_infinite(self.stage.tensors) or first_infinite(shown) or first_huge(shown, floor)
         if found:
             raise self._diverged(found)
@@ -190,7 +161,7 @@ class StageRun:
         return Diverged(
             f"training diverged in stage {self.stage.name} at step {self.step:,} of {self.stage.steps:,}, where {what}: "
             f"lower the rates in the scene's [training] table, or as KEY=VALUE of a catalog into another folder (-o), such as "
-            f"latent_rate={self.settings.rates.latent / 2:g} embedding_rate={self.settings.rates.embedding / 2:g}"
+            f"latent_rate={self.settings.latent_rate / 2:g} embedding_rate={self.settings.embedding_rate / 2:g}"
         )
 
     def validate(self) -> float | None:
@@ -210,8 +181,6 @@ class StageRun:
         tensors = {"peaks": self._peaks}
         for name, moments in self._adam.moments().items():
             tensors |= {f"moments.{which}.{name}": tensor for which, tensor in moments.tensors().items()}
-        for part in (self._screen_gradients, self._hard):
-            tensors |= {} if part is None else part.tensors()
         return LoopMemory(self.step, tensors)
 
     def _drawn(self, gaussians: Gaussians, example: Example) -> Tensor:
@@ -225,23 +194,20 @@ class StageRun:
     @torch.no_grad()
     def _relocate(self, shown: Sequence[Gaussians]) -> None:
         """Take note of the opacities that were just drawn, and relocate dead Gaussians where that is due."""
-        settings, gradients, peaks = self.settings.relocation, self._screen_gradients, self._peaks
-        peaks.mul_(settings.peak_decay)
+        interval, peaks = self.settings.relocation_interval, self._peaks
+        peaks.mul_(PEAK_DECAY)
         for gaussians in shown:
             torch.maximum(peaks, gaussians.opacities(), out=peaks)
-        if not settings.interval or self.step % settings.interval or self.step > settings.stop * self.stage.steps:
+        if not interval or self.step % interval or self.step > STOP * self.stage.steps:
             return
         self.data.ranks.maximum(peaks)  # until now each process knows what it drew itself
         random = generator(self.settings.seed, "relocation", self.step)
-        wanted = None if gradients is None else gradients.above(settings.gradient_threshold)
-        relocation = self.data.ranks.by_first(lambda: plan_relocation(peaks, settings.dead_opacity, random, wanted))
+        relocation = self.data.ranks.by_first(lambda: plan_relocation(peaks, random))
         if relocation is not None:
             relocation = relocation.to(peaks.device)
             rows = {name: self.stage.tensors[name] for name in self.stage.per_gaussian}
             relocate(relocation, rows, self._adam.moments())
             peaks[relocation.moved] = peaks[relocation.sources]
-        if gradients is not None:
-            gradients.forget()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,28 +217,23 @@ class _Step:
     Attributes
     ----------
     shown : the Gaussians of its own images.
-    losses, errors : of each image (B,), and the part of it that compares pictures.
+    losses : of each image (B,).
     pause, failed : (1,), in how many processes a pause is asked for, and drawing failed.
-    pulls : at the Gaussians on the screen; None where nobody asks.
     """
 
     shown: list[Gaussians]
     losses: Tensor
-    errors: Tensor
     pause: Tensor
     failed: Tensor
-    pulls: ScreenGradients | None
 
     @classmethod
-    def begin(cls, batch: int, pause: bool, like: ScreenGradients | None) -> _Step:
+    def begin(cls, batch: int, pause: bool) -> _Step:
         """Before the first image."""
-        pulls = None if like is None else ScreenGradients.none(len(like.totals), like.totals)
-        return cls([], torch.zeros(batch), torch.zeros(batch), torch.full((1,), float(pause)), torch.zeros(1), pulls)
+        return cls([], torch.zeros(batch), torch.full((1,), float(pause)), torch.zeros(1))
 
     def tensors(self) -> list[Tensor]:
         """All that is added up."""
-        pulls = [] if self.pulls is None else list(self.pulls.tensors().values())
-        return [self.losses, self.errors, self.pause, self.failed, *pulls]
+        return [self.losses, self.pause, self.failed]
 
 
 def first_infinite(tensors: Mapping[str, Tensor]) -> str:

@@ -8,15 +8,17 @@ import torch
 from torch import Tensor
 
 from surrogate import kernels
-from surrogate.gaussians import NAMES, Gaussians
 from surrogate.splatting.threads import cores
 
 WINDOW = 11
 SIGMA = 1.5
+SSIM_WEIGHT = 0.2
 C1, C2 = 0.01**2, 0.03**2
 
 
-def image_loss(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2, threads: int | None = None) -> Tensor:
+def image_loss(
+    image: Tensor, target: Tensor, *, ssim_weight: float = SSIM_WEIGHT, threads: int | None = None
+) -> Tensor:
     """mean |image - target| + ssim_weight (1 - SSIM) of pictures (H, W, C); differentiable in `image` only.
 
     `target` holds floats in [0, 1] or bytes in 0..255.  Channels that only `image` has are not compared.  SSIM is Wang et al. 2004
@@ -28,17 +30,11 @@ def image_loss(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2, threa
     return _ImageLoss.apply(image, target, ssim_weight, threads or cores())
 
 
-def image_loss_reference(image: Tensor, target: Tensor, *, ssim_weight: float = 0.2) -> Tensor:
+def image_loss_reference(image: Tensor, target: Tensor, *, ssim_weight: float = SSIM_WEIGHT) -> Tensor:
     """The same in plain torch, in the dtype of `image`: the definition that the kernel is tested against."""
     target = target.to(image.dtype) / 255.0 if target.dtype == torch.uint8 else target
     image = image[..., : target.shape[2]]
     return (image - target).abs().mean() + ssim_weight * (1.0 - structural_similarity(image, target).mean())
-
-
-def deformation_size(deformed: Gaussians, rest: Gaussians) -> Tensor:
-    """L_deform of GS-Surrogate: squared offsets of all attributes, added up for each Gaussian, then the mean over Gaussians."""
-    offsets = [(getattr(deformed, name) - getattr(rest, name)).reshape(len(rest), -1) for name in NAMES]  # [N, .] each
-    return torch.stack([(offset**2).sum(dim=1).mean() for offset in offsets]).sum()
 
 
 def structural_similarity(image: Tensor, target: Tensor) -> Tensor:

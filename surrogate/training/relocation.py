@@ -19,9 +19,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from catalogs.vocabulary.cameras import Camera
 from surrogate.training.optimizer import Moments
 
+DEAD_OPACITY = 0.01
+PEAK_DECAY = 0.995  # of the recent largest opacities, per step
+STOP = 0.7  # of a stage; later no Gaussian is relocated
 MOST_SHARING = 16  # Gaussians that may come to share one place at once
 LEAST_DEPTH = 1e-300  # so that its logarithm is finite
 
@@ -40,11 +42,11 @@ class Relocation:
 
 
 def plan_relocation(
-    peaks: Tensor, dead_opacity: float, random: np.random.Generator, wanted: Tensor | None = None
+    peaks: Tensor, random: np.random.Generator, dead_opacity: float = DEAD_OPACITY
 ) -> Relocation | None:
     """Dead Gaussians and where they go, from `peaks` (N,), each Gaussian's recent largest opacity.
 
-    Places are drawn in proportion to `wanted` (N,) where any is, else to the opacities.
+    Places are drawn in proportion to the opacities.
 
     No source is shared by so many that these would be nearly dead again (below twice `dead_opacity`): a crowd of faint
     Gaussians would else be shared out again and again (CloverLeaf, 40,000 Gaussians: 48 dB fell to 27).  Dead Gaussians for
@@ -55,8 +57,6 @@ def plan_relocation(
     room = np.log1p(-np.minimum(opacities, 1.0 - 1e-6)) / np.log1p(-2.0 * dead_opacity)  # [N], who may share each place
     room = np.minimum(np.floor(room).astype(np.int64), MOST_SHARING) - 1  # [N], beside the one that is there
     chances = np.where(room > 0, opacities, 0.0)
-    if wanted is not None and (asked := np.where(room > 0, wanted.cpu().numpy().astype(np.float64), 0.0)).any():
-        chances = asked
     if not len(dead) or not chances.any():
         return None
     sources = random.choice(len(opacities), len(dead), p=chances / chances.sum())  # [D]
@@ -117,53 +117,3 @@ def share(opacity_logits: Tensor, log_scales: Tensor, sharing: Tensor) -> tuple[
     factor = -torch.expm1(-depth) / each / total  # [D]
     logits = each_depth + each.log()  # [D], ln(o' / (1 - o'))
     return logits.float(), log_scales + factor.log().float()[:, None]
-
-
-@dataclass(frozen=True, eq=False)
-class ScreenGradients:
-    """How strongly the loss pulls at each Gaussian's place on the screen: where it does, more Gaussians are needed.
-
-    Kerbl et al. 2023, section 5.2: a Gaussian whose mean gradient, in normalized device coordinates, is large covers more detail
-    than one Gaussian can show.  Kept are the sum of each Gaussian's gradients and the number of pictures that showed it, both since
-    the last `forget`.
-    """
-
-    totals: Tensor  # [N]
-    pictures: Tensor  # [N]
-
-    @classmethod
-    def none(cls, count: int, like: Tensor) -> ScreenGradients:
-        """Of `count` Gaussians, on the device of `like`."""
-        return cls(torch.zeros(count, device=like.device), torch.zeros(count, device=like.device))
-
-    def add(self, means: Tensor, gradients: Tensor | None, camera: Camera) -> None:
-        """Count one picture: `means` (N, 3) as it showed them, `gradients` (N, 3) of its loss with respect to them.
-
-        A place on the screen moves by f / depth pixels per unit of length, of which width / 2 are one device coordinate.
-        """
-        if gradients is None:
-            return
-        rotation = torch.from_numpy(camera.world_to_camera[2, :3].copy()).to(means)  # [3]
-        depths = means @ rotation + float(camera.world_to_camera[2, 3])  # [N]
-        sizes = gradients.norm(dim=1) * depths.abs() * (camera.width / (2.0 * camera.fx))  # [N]
-        self.totals.add_(sizes)
-        self.pictures.add_((sizes > 0).to(self.pictures.dtype))
-
-    def include(self, more: ScreenGradients) -> None:
-        """Count the pictures that others have counted."""
-        self.totals.add_(more.totals)
-        self.pictures.add_(more.pictures)
-
-    def above(self, threshold: float) -> Tensor:
-        """The mean of each Gaussian (N,), zero where it does not exceed `threshold`."""
-        means = self.totals / self.pictures.clamp(min=1.0)  # [N]
-        return torch.where(means > threshold, means, 0.0)
-
-    def forget(self) -> None:
-        """Set all sums to zero."""
-        self.totals.zero_()
-        self.pictures.zero_()
-
-    def tensors(self) -> dict[str, Tensor]:
-        """The state by name; writing to it changes the state."""
-        return {"screen_gradients.totals": self.totals, "screen_gradients.pictures": self.pictures}

@@ -11,7 +11,6 @@ same batch, any number of processes goes on with what another number began.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -26,15 +25,13 @@ from surrogate.settings import TrainingSettings
 from surrogate.splatting.cuda import chosen_device
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.checkpoints import CHECKPOINT, Checkpoint, fingerprint, locked
-from surrogate.training import earlier
 from surrogate.training.data import TrainingData
 from surrogate.training.ranks import ALONE, Ranks, require_own_gpu
 from surrogate.training.session import Interruption, ProgressReport, Session
 from surrogate.training.source import Source
 from surrogate.training.stages import new_deformation
 from surrogate.training.state import Fitted, TrainingState
-from surrogate.training.steps import Step, plan
-from surrogate.training.visualizations import kind_of
+from surrogate.training.steps import plan
 
 
 def train(
@@ -57,8 +54,6 @@ def train(
     """
     directory = Path(directory)
     source = Source(settings, catalog, ranks)
-    for variation in source.variations:
-        kind_of(variation, settings)  # says at once what can't be had
     mark = fingerprint(settings, catalog)
     _require_like_the_first(ranks, mark)
     if ranks.by_first(lambda: Surrogate.exists(directory)):
@@ -107,7 +102,7 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
     session.report("loading", 0)
     data = source.data()
     steps = plan(source, data)
-    state = _begun(source, data, checkpoint, steps)
+    state = _begun(source, data, checkpoint)
     session.before, session.processor_before = state.seconds, state.processor_seconds
     with session.interruption:
         for step in steps[state.done :]:
@@ -139,15 +134,15 @@ def _trained(source: Source, checkpoint: Checkpoint | None, session: Session) ->
     )
 
 
-def _begun(source: Source, data: TrainingData, checkpoint: Checkpoint | None, steps: Sequence[Step]) -> TrainingState:
+def _begun(source: Source, data: TrainingData, checkpoint: Checkpoint | None) -> TrainingState:
     """The state that training goes on from."""
     device = chosen_device(source.settings.device)
     require_own_gpu(source.ranks, device)
-    if checkpoint is not None and "done" in checkpoint.record:
+    if checkpoint is not None:
         return TrainingState.load(checkpoint).to(device)
     gaussians = source.initial_gaussians(data)
     first = Fitted(gaussians, new_deformation(gaussians, len(source.catalog.plan.space), source.settings)).to(device)
-    return TrainingState(first) if checkpoint is None else earlier.state_of(checkpoint, first, source, steps)
+    return TrainingState(first)
 
 
 def _same(state: TrainingState, session: Session) -> TrainingState:
@@ -162,8 +157,9 @@ def _same(state: TrainingState, session: Session) -> TrainingState:
 
 def _steps(source: Source) -> int:
     """Of all stages."""
-    steps = source.settings.steps
-    return steps.canonical + steps.deformation + len(source.variations) * steps.visualization
+    settings = source.settings
+    of_variations = len(source.variations) * settings.visualization_steps
+    return settings.canonical_steps + settings.deformation_steps + of_variations
 
 
 def _finished(directory: Path, mark: str) -> Surrogate:

@@ -61,7 +61,7 @@ class Source:
             raise ValueError(f"training.appearance must be one of the catalog's {names}, got {self.appearance!r}")
         for variation in (None, *self.variations):
             training_rows(self.catalog, self._shown(variation))  # says at once where there are none
-        if self.settings.start.initialization == "in-situ":
+        if self.settings.initialization == "in-situ":
             _ = self.points  # says at once where the catalog has none
         _ = self.field  # says at once where values can't be carried
 
@@ -78,20 +78,19 @@ class Source:
     @cached_property
     def field(self) -> FieldValues | None:
         """What the values mean that the Gaussians carry; None where they carry colours.  Raises ValueError where they can't."""
-        if not self.settings.designs.carry_values(self.shown) or not isinstance(self.shown, VolumeRendering):
+        if not self.settings.carry_values(self.shown) or not isinstance(self.shown, VolumeRendering):
             return None
         return FieldValues(self.shown.transfer_function, ValueScale.of_function(self.shown.transfer_function))
 
     @cached_property
     def space(self) -> ParameterSpace:
         """The catalog's parameters on the scales that are learnt: those that span `DECADE` or more by their logarithms."""
-        given = self.catalog.plan.space
-        return given if self.settings.designs.scales == "given" else given.with_logarithms(DECADE)
+        return self.catalog.plan.space.with_logarithms(DECADE)
 
     @cached_property
     def values(self) -> KnownValues | None:
         """What is learnt of the fields' own values; None where Gaussians carry colours, or nothing is to be learnt of them."""
-        if self.field is None or not self.settings.loss.values:
+        if self.field is None or not self.settings.field_value_weight:
             return None
         points = field_points(self.catalog, field_of(self.shown), self.normalization, self.space)
         return KnownValues(points, self.field.scale, self.settings.seed)
@@ -104,12 +103,12 @@ class Source:
     def data(self, variation: Variation | None = None) -> TrainingData:
         """All images that training needs, decoded: of the base appearance, or of a variation without it."""
         learnt = self._loaded(training_rows(self.catalog, self._shown(variation)), variation)
-        watched = self._validation(self.settings.validation.images, variation)
+        watched = self._validation(self.settings.validation_images, variation)
         return TrainingData(learnt, watched, self.catalog.plan.background, self.values, self.ranks)
 
     def decision_images(self, variation: Variation | None = None) -> list[Example]:
         """The validation images that choices about the model are made on; none where the settings want none."""
-        return self._validation(DECISION_IMAGES if self.settings.validation.images else 0, variation)
+        return self._validation(DECISION_IMAGES if self.settings.validation_images else 0, variation)
 
     def _validation(self, count: int, variation: Variation | None) -> list[Example]:
         return self._loaded(validation_rows(self.catalog, self._shown(variation), count), variation)
@@ -124,7 +123,7 @@ class Source:
     @property
     def variations(self) -> tuple[Variation, ...]:
         """Those of the appearance that is learnt, where they are learnt too."""
-        kept = self.catalog.plan.variations if self.settings.steps.visualization else ()
+        kept = self.catalog.plan.variations if self.settings.visualization_steps else ()
         return tuple(v for v in kept if v.base == self.appearance)
 
     @property

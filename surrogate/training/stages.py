@@ -13,11 +13,22 @@ from torch import Tensor
 
 from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.appearance.field_gaussians import AnyGaussians
-from surrogate.deformation import KINDS, Deformation
+from surrogate.deformation import BilinearDeformation, Deformation
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 
 PREFIX = "deformation."
+# Adam's step sizes for the Gaussians' tensors at the start of a stage; lengths in half boxes.
+RATES = {
+    "means": 3e-3,
+    "log_scales": 6e-3,
+    "quats": 3e-3,
+    "opacity_logits": 6e-2,
+    "colors": 5e-3,
+    "values": 1e-3,
+}
+FINAL_FACTOR = 0.2  # of all rates, reached exponentially at the end of a stage
+COOLDOWN = 0.3  # share of a stage: its last steps, in which all rates fall to 0 as well
 WARM_UP, WARM_UP_SHARE = 500, 0.05  # steps, at most so many of a stage's
 
 
@@ -36,7 +47,7 @@ class Stage:
     warming : which of them begin slowly, see `warmth`.
     carried_at : the Gaussians at normalized parameters (P,) with the colours or values they carry, differentiable in `tensors`.
     function_at : the transfer function that is shown there of the values that they carry; None for the base.
-    rest_at : what the stage's deformation acts on, there; None where it has none.
+    final_factor : see `decay`.
     """
 
     name: str
@@ -48,7 +59,7 @@ class Stage:
     shared: frozenset[str] = frozenset()
     warming: frozenset[str] = frozenset()
     function_at: Callable[[Tensor], TransferFunction | None] = lambda _: None
-    rest_at: Callable[[Tensor], Gaussians] | None = None
+    final_factor: float = FINAL_FACTOR
 
     def gaussians_at(self, parameters: Tensor) -> Gaussians:
         """The Gaussians that are drawn at normalized parameters (P,)."""
@@ -63,29 +74,35 @@ class Stage:
         return min(1.0, (step + 1) / min(WARM_UP, max(1.0, WARM_UP_SHARE * self.steps)))
 
 
-def canonical_rates(gaussians: AnyGaussians, settings: TrainingSettings) -> dict[str, float]:
+def decay(done: float, final_factor: float = FINAL_FACTOR) -> float:
+    """The factor of all rates once this part of a stage, from 0 to 1, is done.
+
+    The exponential fall of 3D Gaussian splatting, times a linear one to 0 at the end (Hägele et al. 2024, "Scaling laws and
+    compute-optimal training beyond fixed training durations"): steps that still wander leave noise in the last images.
+    """
+    return final_factor**done * min(1.0, (1.0 - done) / COOLDOWN)
+
+
+def canonical_rates(gaussians: AnyGaussians) -> dict[str, float]:
     """Adam's rates for the tensors of Gaussians."""
-    return {name: getattr(settings.rates, name) for name in gaussians.tensors()}
+    return {name: RATES[name] for name in gaussians.tensors()}
 
 
 def canonical_stage(gaussians: AnyGaussians, settings: TrainingSettings) -> Stage:
     """Optimize `gaussians` in place; every member looks the same."""
     return Stage(
         name="canonical",
-        steps=settings.steps.canonical,
+        steps=settings.canonical_steps,
         tensors={name: tensor.requires_grad_() for name, tensor in gaussians.tensors().items()},
-        rates=canonical_rates(gaussians, settings),
+        rates=canonical_rates(gaussians),
         per_gaussian=frozenset(gaussians.tensors()),
         carried_at=lambda _: gaussians,
     )
 
 
 def new_deformation(gaussians: AnyGaussians, parameters: int, settings: TrainingSettings) -> Deformation:
-    """F_sim before stage 2, by `parameters` many parameters: it moves nothing yet, and never what is to be held still."""
-    deformation: Deformation = KINDS[settings.designs.simulation].create(gaussians, parameters, settings)
-    for name in settings.designs.held_still:
-        deformation = deformation.without(name)
-    return deformation
+    """The simulation deformation before stage 2, by `parameters` many parameters: it moves nothing yet."""
+    return BilinearDeformation.create(gaussians, parameters, settings)
 
 
 def shared_of(deformation: Deformation, prefix: str) -> frozenset[str]:
@@ -94,19 +111,15 @@ def shared_of(deformation: Deformation, prefix: str) -> frozenset[str]:
 
 
 def simulation_stage(gaussians: AnyGaussians, deformation: Deformation, settings: TrainingSettings) -> Stage:
-    """Optimize `gaussians` (at a reduced rate) and `deformation` in place."""
-    canonical = {
-        name: rate * settings.rates.canonical_factor for name, rate in canonical_rates(gaussians, settings).items()
-    }
+    """Optimize `gaussians` and `deformation` in place."""
     tensors = gaussians.tensors() | {PREFIX + name: tensor for name, tensor in deformation.tensors().items()}
     return Stage(
         name="deformation",
-        steps=settings.steps.deformation,
+        steps=settings.deformation_steps,
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
-        rates=canonical | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
+        rates=canonical_rates(gaussians) | {PREFIX + name: rate for name, rate in deformation.rates(settings).items()},
         per_gaussian=frozenset(gaussians.tensors()) | {PREFIX + name for name in deformation.per_gaussian},
         carried_at=lambda parameters: deformation.deformed(gaussians, parameters),
         shared=shared_of(deformation, PREFIX),
         warming=frozenset(PREFIX + name for name in deformation.tensors()),
-        rest_at=lambda parameters: gaussians.drawn(),
     )

@@ -52,7 +52,7 @@ class Optimize:
     def __call__(self, state: TrainingState, session: Session) -> TrainingState:
         state = state.copy()
         run = StageRun(self.stage(state), session.settings, self.data(), state.loop)
-        losses, curve, interval = list(state.losses), list(state.curve), session.settings.validation.interval
+        losses, curve, interval = list(state.losses), list(state.curve), session.settings.validation_interval
 
         def now() -> TrainingState:
             return replace(state, loop=run.memory(), losses=tuple(losses), curve=tuple(curve))
@@ -96,7 +96,7 @@ Step = Optimize | Decide
 
 def plan(source: Source, data: TrainingData) -> list[Step]:
     """All steps of a training, `data` being the images of the base appearance."""
-    settings, lengths = source.settings, source.settings.steps
+    settings = source.settings
     evaluator = functools.cache(lambda: Evaluator(settings, replace(data, validation=source.decision_images())))
 
     def canonical(state: TrainingState) -> Stage:
@@ -118,19 +118,19 @@ def plan(source: Source, data: TrainingData) -> list[Step]:
     def precision(state: TrainingState) -> TrainingState:
         return _in_fewest_bits(state, source, data.background, evaluator())
 
-    before, steps = lengths.canonical, list[Step]()
-    steps.append(Optimize(canonical, lambda: data, 0, lengths.canonical))
+    before, steps = settings.canonical_steps, list[Step]()
+    steps.append(Optimize(canonical, lambda: data, 0, settings.canonical_steps))
     if settings.color_degree == "auto" and data.validation and source.field is None:
-        first = round(ASKED_AFTER * lengths.deformation)
+        first = round(ASKED_AFTER * settings.deformation_steps)
         steps.append(Optimize(simulation, lambda: data, before, first))
         steps.append(Decide(color_degree, NAME, before + first))
-    steps.append(Optimize(simulation, lambda: data, before, lengths.deformation))
-    made = choices(bool(source.variations)) if settings.compression.enabled and data.validation else ()
+    steps.append(Optimize(simulation, lambda: data, before, settings.deformation_steps))
+    made = choices(bool(source.variations)) if settings.fit_to_need and data.validation else ()
     for i, choose in enumerate(made):
         steps.append(Decide(functools.partial(decide, choose), COMPRESSION, i, len(made) + 1))
     images = functools.lru_cache(maxsize=1)(lambda number: source.data(source.variations[number]))
     for number, variation in enumerate(source.variations):
-        before = lengths.canonical + lengths.deformation + number * lengths.visualization
+        before = settings.canonical_steps + settings.deformation_steps + number * settings.visualization_steps
         steps += _of_variation(source, variation, data, functools.partial(images, number), before)
     if made:
         steps.append(Decide(precision, COMPRESSION, len(made), len(made) + 1))
@@ -159,7 +159,7 @@ def _of_variation(
 
     return [
         Decide(color_degree, NAME_OF_F_VIS, before),
-        Optimize(stage, learnt, before, settings.steps.visualization),
+        Optimize(stage, learnt, before, settings.visualization_steps),
     ]
 
 

@@ -91,7 +91,7 @@ def _kind(shown: Appearance) -> str:
 
 def _budget(run: RunFolder) -> str:
     settings, chosen = run.settings, dict(run.record.chosen if run.record else {})
-    stages = settings.steps.canonical + settings.steps.deformation
+    stages = settings.canonical_steps + settings.deformation_steps
     text = f"{settings.gaussians:,} Gaussians, {chosen.get('steps', stages):,} steps"
     pace, minutes = chosen.get("milliseconds_per_step"), (run.record.asked if run.record else {}).get("minutes")
     return text + (f" of {pace:.3g} ms, which should take {minutes:g} minutes in all" if pace and minutes else "")

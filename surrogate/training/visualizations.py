@@ -16,32 +16,20 @@ from torch import Tensor
 from catalogs.vocabulary.appearance import VolumeRendering
 from catalogs.vocabulary.variations import Variation
 from surrogate.appearance.field_gaussians import AnyGaussians, FieldGaussians
-from surrogate.deformation import KINDS, Deformation
-from surrogate.deformation.values import ValuesDeformation, placed_values
+from surrogate.deformation import BilinearDeformation, Deformation
+from surrogate.deformation.values import VALUE_BINS, ValuesDeformation, placed_values
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians
 from surrogate.lighting import Lighting
-from surrogate.settings import TrainingSettings, VisualizationKind
+from surrogate.settings import TrainingSettings
 from surrogate.training.data import TrainingData
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import Stage, canonical_stage, shared_of, simulation_stage
 
-FROZEN_BY_TRANSFER_FUNCTIONS = ("means", "log_scales", "quats")
+SIMULATION_FACTOR = 0.1  # of the rates of the simulation deformation's copy that is tuned in stage 3
+REFINEMENT_FACTOR = 0.3  # of all rates where Gaussians that carry values learn from more transfer functions
 STILL = 0.03  # of stage 3, for which Gaussians of its own do not move yet; without it half of them may die at once
-
-
-def kind_of(variation: Variation, settings: TrainingSettings) -> VisualizationKind:
-    """Which F_vis a variation gets; raises ValueError where the settings ask for one that does not fit it."""
-    asked, edits = settings.designs.visualization, variation.edits_base
-    if asked == "auto":
-        return "values" if edits else "bilinear"
-    if asked == "values" and not edits:
-        raise ValueError(
-            f'training.visualization_deformation = "values" applies transfer functions, but this catalog varies the '
-            f"{variation.kind} of {variation.base}"
-        )
-    return asked
 
 
 def lighting_of(variation: Variation, source: Source) -> Lighting | None:
@@ -80,22 +68,18 @@ def shared_visualization(
     if edits and isinstance(gaussians, FieldGaussians):
         return Visualization(variation, None)
     gaussians = gaussians.drawn()
-    kind, degree = kind_of(variation, settings), max(color_degree, gaussians.color_degree)
-    if kind == "values":
+    degree = max(color_degree, gaussians.color_degree)
+    if edits:
         return Visualization(variation, _applied_functions(gaussians, variation, source), None, degree)
     wide = gaussians.with_color_degree(degree)
-    deformation = KINDS[kind].create(
+    deformation = BilinearDeformation.create(
         wide,
         len(source.catalog.plan.space) + len(variation.space),
         settings,
-        anchored=len(variation.space) if edits else 0,
         color_columns=wide.colors.shape[1],
         for_visualization=True,
     )
-    for attribute in FROZEN_BY_TRANSFER_FUNCTIONS if edits else ():
-        deformation = deformation.without(attribute)
-    tuned = None if edits or not settings.rates.simulation_factor else simulation.copy()
-    return Visualization(variation, deformation.to(gaussians.means.device), tuned, degree)
+    return Visualization(variation, deformation.to(gaussians.means.device), simulation.copy(), degree)
 
 
 def _of_surfaces(lighting: Lighting, variation: Variation, source: Source) -> Visualization:
@@ -103,7 +87,7 @@ def _of_surfaces(lighting: Lighting, variation: Variation, source: Source) -> Vi
     settings = source.settings
     own = source.gaussians_on_surfaces(variation)
     parameters = len(source.catalog.plan.space) + len(variation.space)
-    deformation = KINDS[kind_of(variation, settings)].create(own, parameters, settings, for_visualization=True)
+    deformation = BilinearDeformation.create(own, parameters, settings, for_visualization=True)
     return Visualization(variation, deformation, None, 0, own, lighting)
 
 
@@ -113,7 +97,7 @@ def _applied_functions(gaussians: Gaussians, variation: Variation, source: Sourc
     if not isinstance(base, VolumeRendering):
         raise ValueError(f"appearance {base.name} has no transfer function that could be varied")
     steps, function = [parameter.high for parameter in variation.space.parameters], base.transfer_function
-    values = placed_values(source.settings.designs.value_bins, function.bounds, *source.histogram)
+    values = placed_values(VALUE_BINS, function.bounds, *source.histogram)
     return ValuesDeformation.create(gaussians, function, values, steps)
 
 
@@ -122,7 +106,7 @@ def in_common(visualization: Visualization, settings: TrainingSettings, data: Tr
     if visualization.gaussians is None:
         return visualization
     own = replace(visualization.gaussians.copy(), lighting=visualization.lighting)
-    steps = max(1, round(STILL * settings.steps.visualization))
+    steps = max(1, round(STILL * settings.visualization_steps))
     StageRun(replace(canonical_stage(own, settings), steps=steps), settings, data).finish()
     return replace(visualization, gaussians=replace(own.copy(), lighting=None))
 
@@ -138,12 +122,11 @@ def visualization_stage(
         return refinement_stage(gaussians, simulation, visualization, settings)
     parts = [("visualization.", of_vis, 1.0)]
     if tuned is not None:
-        parts.append(("simulation.", tuned, settings.rates.simulation_factor))
+        parts.append(("simulation.", tuned, SIMULATION_FACTOR))
     tensors = {prefix + name: t for prefix, part, _ in parts for name, t in part.tensors().items()}
     rates = {
         prefix + name: factor * rate for prefix, part, factor in parts for name, rate in part.rates(settings).items()
     }
-    applied = isinstance(of_vis, ValuesDeformation)  # its offsets are as large as the transfer functions say
     known: dict[tuple[float, ...], Gaussians] = {}
 
     def rest_at(parameters: Tensor) -> Gaussians:
@@ -162,13 +145,12 @@ def visualization_stage(
 
     return Stage(
         name=visualization.variation.kind,
-        steps=settings.steps.visualization,
+        steps=settings.visualization_steps,
         tensors={name: tensor.requires_grad_() for name, tensor in tensors.items()},
         rates=rates,
         per_gaussian=frozenset(),
         carried_at=gaussians_at,
         shared=frozenset[str]().union(*(shared_of(part, prefix) for prefix, part, _ in parts)),
-        rest_at=None if applied else rest_at,
     )
 
 
@@ -178,16 +160,15 @@ def refinement_stage(
     """Optimize `gaussians` that carry values, and F_sim, in place on pictures under all transfer functions that training shows."""
     assert isinstance(gaussians, FieldGaussians)
     before, base = simulation_stage(gaussians, simulation, settings), gaussians.field.base
-    factor, count = settings.rates.refinement_factor, len(visualization.variation.space)
+    count = len(visualization.variation.space)
     return replace(
         before,
         name=visualization.variation.kind,
-        steps=settings.steps.visualization,
-        rates={name: factor * rate for name, rate in before.rates.items()},
+        steps=settings.visualization_steps,
+        rates={name: REFINEMENT_FACTOR * rate for name, rate in before.rates.items()},
         warming=frozenset(),
         carried_at=lambda parameters: simulation.deformed(gaussians, parameters[:-count]),
         function_at=lambda parameters: visualization.function(base, parameters[-count:]),
-        rest_at=None,
     )
 
 
@@ -201,6 +182,6 @@ def _surface_stage(
         simulation_stage(visualization.gaussians, visualization.deformation, settings),
         warming=frozenset(),  # in the tutorial (one seed) surfaces that began slowly were 3.6 dB worse
         name=visualization.variation.kind,
-        steps=settings.steps.visualization,
+        steps=settings.visualization_steps,
         carried_at=lambda parameters: visualization.gaussians_at(gaussians, simulation, parameters),
     )

@@ -16,8 +16,8 @@ def test_settings_survive_json() -> None:
 
 def test_keys_are_flat_and_read_in_records() -> None:
     settings = TrainingSettings(mean_rate=0.25, need_tolerance=0.5, latent_size=3, visualization_latent_size=4)
-    assert (settings.rates.means, settings.compression.tolerance) == (0.25, 0.5)
-    assert (settings.simulation_size.latent, settings.visualization_size.latent) == (3, 4)
+    assert (settings.rates.means, settings.need_tolerance) == (0.25, 0.5)
+    assert (settings.latent_size, settings.visualization_size.latent) == (3, 4)
     assert TrainingSettings().rates.means != 0.25
 
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from research.benchmarks.results.studies import StudyResults
 from research.studies.ablation.comparison import Row
 from research.studies.ablation.table import decibels_cell, difference_cell, equal_steps, unequal_times, verdict
-from research.studies.ablation.variants import DEFAULT, PAPER, Variant
+from research.studies.ablation.variants import DEFAULT, Variant
 from surrogate.evaluation.tables import number, table_of
 
 COLUMNS = (
@@ -20,13 +20,12 @@ COLUMNS = (
     ("seconds", lambda row: f"{row.mean('seconds'):,.0f}"),
     ("seeds", lambda row: str(len(row.results))),
 )
-DESIGNS = {"deformation", "visualization_deformation"}
-SIZES = {"gaussians", "latent_size", "visualization_latent_size", "value_bins"}
+SIZES = {"gaussians", "latent_size"}
 EQUAL_TIME = (
     "In equal time the paper's field takes far fewer steps on a processor (see the column).  Those rows measure what a step of it "
     "costs, not what it can learn; only equally many steps compare the fields."
 )
-GROUPS = ("reference", "deformation field", "start", "training strategy", "size")
+GROUPS = ("reference", "equal steps", "start", "training strategy", "size")
 
 
 def group_of(variant: Variant) -> str:
@@ -34,8 +33,8 @@ def group_of(variant: Variant) -> str:
     changed = {*variant.changes, *variant.factors}
     if variant.name == DEFAULT:
         return "reference"
-    if changed & DESIGNS or variant.steps_of:
-        return "deformation field"
+    if variant.steps_of:
+        return "equal steps"
     if "initialization" in changed:
         return "start"
     return "size" if changed <= SIZES else "training strategy"
@@ -45,7 +44,8 @@ def study_section(study: StudyResults) -> list[str]:
     """A study in Markdown: a table by groups, the best of a group first, and what it says in sentences."""
     if study.published:
         lines = "\n".join(study.published["lines"])
-        return [lines, " ".join(_limits(study.kind.variants, _named_on(lines, study.kind.variants)))]
+        of_paper = [EQUAL_TIME] if "| paper |" in lines else []
+        return [lines, " ".join([*_limits(study.kind.variants, _named_on(lines, study.kind.variants)), *of_paper])]
     rows = [row for row in study.rows if row.results]
     groups = {name: [row for row in rows if group_of(row.variant) == name] for name in GROUPS}
     places = {id(row): name for name, members in groups.items() for row in members[:1]}
@@ -71,11 +71,7 @@ def _introduction(study: StudyResults) -> str:
 def _limits(variants: Sequence[Variant], known: Collection[str]) -> list[str]:
     """What a study of these variants, of which some are `known`, does not tell."""
     missing = [variant.name for variant in variants if variant.name not in known]
-    of_paper = any(PAPER in variant.changes.values() for variant in variants if variant.name in known)
-    return [
-        *([f"{len(missing)} of {len(variants)} variants were not run: {', '.join(missing)}."] if missing else []),
-        *([EQUAL_TIME] if of_paper else []),
-    ]
+    return [f"{len(missing)} of {len(variants)} variants were not run: {', '.join(missing)}."] if missing else []
 
 
 def _named_on(lines: str, variants: Sequence[Variant]) -> set[str]:

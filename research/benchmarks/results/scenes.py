@@ -74,9 +74,9 @@ def read_scenes(scenes: Path, records: Path, runs: Path) -> list[SceneResults]:
 def read_scene(path: Path, records: Path, runs: Path) -> SceneResults:
     """What there is of one scene.  Raises ValueError for one that can't be read."""
     scene = Scene.load(path)
-    settings, folder, run = TrainingSettings(**scene.training), records / scene.name, scene.run_directory(runs)
+    settings, folder, run = TrainingSettings.from_table(scene.training), records / scene.name, scene.run_directory(runs)
     base = next((a for a in scene.appearances if settings.appearance in ("", a.name)), ImportedImages(""))
-    learnt = [v for v in scene.variations if v.base in ("", base.name) and settings.steps.visualization]
+    learnt = [v for v in scene.variations if v.base in ("", base.name) and settings.visualization_steps]
     of_scene = scene.name, scene.title, run, APPEARANCES[appearance_to_json(base)["kind"]], len(learnt)
     shown = _shown(folder, settings)
     scores, known = load_scores(folder, settings=shown), load_report(folder, settings.seed)

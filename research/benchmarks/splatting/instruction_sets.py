@@ -55,7 +55,7 @@ def measure(path: Path, name: str, seeds: int, runs: Path, records: Path) -> Non
     if environment.items() <= os.environ.items():
         scene = Scene.load(path)
         run, folder = scene.run_directory(runs), records / scene.name / FOLDER / name
-        settings = TrainingSettings(**scene.training)
+        settings = TrainingSettings.from_table(scene.training)
         repeat(settings, Catalog.open(run / "catalog.cdb"), run / FOLDER / name, records=folder, seeds=seeds)
         return
     options = ["--sets", name, "--seeds", seeds, "--runs", runs.resolve(), "--records", records.resolve()]
@@ -94,7 +94,10 @@ def main() -> None:
                 say(f"{path.stem}, {name}")
                 measure(path, name, given.seeds, given.runs, given.records)
             scene = Scene.load(path)
-            print(in_words(load(given.records / scene.name, TrainingSettings(**scene.training).to_json())), flush=True)
+            print(
+                in_words(load(given.records / scene.name, TrainingSettings.from_table(scene.training).to_json())),
+                flush=True,
+            )
     except (ValueError, OSError, RuntimeError) as error:
         parser.error(str(error))
 

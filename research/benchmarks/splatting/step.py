@@ -72,7 +72,7 @@ def step_parts(kept: Training, seconds: float) -> list[Measured]:
 
     def compare() -> None:
         target = torch.from_numpy(example.compared())
-        state["loss"] = image_loss(state["picture"], target, ssim_weight=SETTINGS.loss.ssim_weight)
+        state["loss"] = image_loss(state["picture"], target)
 
     def differentiate() -> None:
         state["loss"].backward()

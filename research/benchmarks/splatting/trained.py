@@ -91,7 +91,7 @@ class Trained:
         """Those of the scene for its base appearance, without the choices that follow: what is left out here is what these
         tables are about.
         """
-        found = TrainingSettings(**self.scene_file.training)
+        found = TrainingSettings.from_table(self.scene_file.training)
         degree = 0 if found.color_degree == "auto" else found.color_degree
         return found.changed(fit_to_need=False, color_degree=degree, visualization_steps=0)
 

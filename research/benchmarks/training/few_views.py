@@ -75,11 +75,11 @@ def row(scene: str, views: int, learnt: str, surrogate: Surrogate, catalog: Cata
 
 def measured(scene: Scene, run: Path, counts: Sequence[int], say: Callable[[str], None]) -> Iterator[list[str]]:
     """Train a scene's data set in the folder `run` on so many views each, and give the rows of the table as they come."""
-    catalog, base = Catalog.open(run / "catalog.cdb"), TrainingSettings(**scene.training)
+    catalog, base = Catalog.open(run / "catalog.cdb"), TrainingSettings.from_table(scene.training)
     for count in counts:
         with tempfile.TemporaryDirectory(dir=run) as beside:
             few = thinned(catalog, Path(beside) / "catalog.cdb", count)
-            for learnt, weight in (("pictures and values", base.loss.values), ("pictures alone", 0.0)):
+            for learnt, weight in (("pictures and values", base.field_value_weight), ("pictures alone", 0.0)):
                 say(f"{scene.name}, {count} views, {learnt}")
                 surrogate = train(base.changed(field_value_weight=weight), few, run / FOLDER / f"{count}-{weight:g}")
                 yield row(scene.name, count, learnt, surrogate, catalog)

@@ -3,11 +3,10 @@
     python -m research.benchmarks.training.ranks CATALOG [--images 12000] [--seeds 3] [--processes 2] [--quick]
     [--machine "two cores"]
 
-Trains on the CATALOG with 1, 2 and 4 images a step, as many images in all, with rates multiplied by the square root of that number
-and with the usual ones, and judges them by test images.  Then some steps of each batch are taken by one process and by several that
-`torchrun` starts.  Their processor time depends little on what else the machine does; the time of the wall does.  Writes two tables
-in docs/clusters.md; with the defaults about half an hour on one loaded core for runs/tiny/catalog.cdb, which `insitu dataset`
-makes of scenes/tiny.toml.
+Trains on the CATALOG with 1, 2 and 4 images a step, as many images in all, and judges the results by test images.  Then some steps
+of each batch are taken by one process and by several that `torchrun` starts.  Their processor time depends little on what else the
+machine does; wall-clock time does.  Writes two tables in docs/clusters.md.  With the defaults it takes half an hour on one loaded
+core for runs/tiny/catalog.cdb, which `insitu dataset` makes of scenes/tiny.toml.
 """
 
 from __future__ import annotations
@@ -45,16 +44,12 @@ GAUSSIANS = 2_000
 TIMED = (2_000, 20_000)  # Gaussians
 CANONICAL = 0.2  # of the steps
 SCORED = 120  # test images
-RATES = ("mean_rate", "log_scale_rate", "quat_rate", "opacity_rate", "color_rate", "field_value_rate")
-RATES_OF_F_SIM = ("latent_rate", "embedding_rate", "value_rate")
 
 
-def settings_of(batch: int, images: int, seed: int = 0, *, scaled: bool = True) -> TrainingSettings:
-    """A training on so many images; its rates are those of one image a step where they are not `scaled`."""
-    steps, usual = images // batch, TrainingSettings().to_json()
+def settings_of(batch: int, images: int, seed: int = 0) -> TrainingSettings:
+    """The settings of a training on so many images, `batch` a step."""
+    steps = images // batch
     canonical = round(CANONICAL * steps)
-    back = 1.0 if scaled else batch**-0.5
-    rates = {key: back * usual[key] for key in (*RATES, *RATES_OF_F_SIM) if key in usual}
     return TrainingSettings(
         gaussians=GAUSSIANS,
         canonical_steps=canonical,
@@ -64,25 +59,22 @@ def settings_of(batch: int, images: int, seed: int = 0, *, scaled: bool = True) 
         color_degree=0,
         seed=seed,
         batch=batch,
-        **rates,
     )
 
 
 def trained(catalog: Catalog, images: int, seeds: int, say: Callable[[str], None]) -> str:
     """The table of PSNR at equal images."""
-    header = ["images a step", "steps", "rates", "PSNR at test images, dB"]
+    header = ["images a step", "steps", "PSNR at test images, dB"]
     rows = []
     for batch in BATCHES:
-        for scaled in (True, False) if batch > 1 else (True,):
-            found = []
-            for seed in range(seeds):
-                with tempfile.TemporaryDirectory() as folder:
-                    made = train(settings_of(batch, images, seed, scaled=scaled), catalog, folder)
-                found.append(_score(made, catalog))
-                say(f"batch {batch}, {'scaled' if scaled else 'usual'} rates, seed {seed}: {found[-1]:.2f} dB")
-            deviation = f" ± {statistics.stdev(found):.2f}" if seeds > 1 else ""
-            usual = "usual" if not scaled or batch == 1 else f"usual × √{batch}"
-            rows.append([str(batch), f"{images // batch:,}", usual, f"{statistics.fmean(found):.2f}{deviation}"])
+        scores = []
+        for seed in range(seeds):
+            with tempfile.TemporaryDirectory() as folder:
+                made = train(settings_of(batch, images, seed), catalog, folder)
+            scores.append(_score(made, catalog))
+            say(f"batch {batch}, seed {seed}: {scores[-1]:.2f} dB")
+        deviation = f" ± {statistics.stdev(scores):.2f}" if seeds > 1 else ""
+        rows.append([str(batch), f"{images // batch:,}", f"{statistics.fmean(scores):.2f}{deviation}"])
     shown = f"{GAUSSIANS:,} Gaussians, {images:,} images in all, mean and standard deviation over {seeds} seeds."
     return f"{shown}\n\n{table(header, rows)}"
 

@@ -29,7 +29,7 @@ from surrogate.training.loop import StageRun
 from surrogate.training.run import train
 from surrogate.training.session import ProgressReport, TrainingProgress
 from surrogate.training.source import DECISION_IMAGES, Source
-from surrogate.training.visualizations import in_common, kind_of, new_visualization, visualization_stage
+from surrogate.training.visualizations import in_common, new_visualization, visualization_stage
 
 BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's results and records
 # Settings with which all time is given to training itself.
@@ -100,9 +100,7 @@ class VisualizationExperiment:
         if not all(self._cases(variation) for variation in self._source.variations):
             raise ValueError(f"catalog {catalog.path} has no validation images of its variations, {WITHOUT_VALIDATION}")
         degree = max(v.color_degree for v in surrogate.visualizations)
-        kinds = {kind_of(variation, settings) for variation in self._source.variations}
         self.base = settings.changed(
-            visualization_deformation=kinds.pop() if len(kinds) == 1 else "auto",
             canonical_steps=0,
             deformation_steps=0,
             visualization_color_degree=1 if degree else 0,
@@ -156,7 +154,7 @@ class VisualizationExperiment:
         """A new F_vis and its training."""
         device, source = chosen_device(settings.device), Source(settings, self.catalog)
         fitted = self._surrogate.gaussians.to(device), self._surrogate.deformation.to(device)
-        degree = int(settings.designs.visualization_color_degree)
+        degree = int(settings.visualization_color_degree)
         visualization = in_common(new_visualization(*fitted, variation, source, degree), settings, data)
         stage = visualization_stage(*fitted, visualization, settings)
         return visualization, StageRun(stage, settings, data)
@@ -182,7 +180,7 @@ def _is_of(surrogate: Surrogate, source: Source) -> bool:
 
 def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
     """What all variants of `BaseExperiment` depart from."""
-    start = settings.start.initialization
+    start = settings.initialization
     if start == "auto":
         start = "random" if Source(settings, catalog).points is None else "in-situ"
     return settings.changed(

@@ -48,7 +48,7 @@ class StepTimes(NamedTuple):
 
 def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
     """Of the three stages."""
-    return settings.steps.canonical, settings.steps.deformation, settings.steps.visualization
+    return settings.canonical_steps, settings.deformation_steps, settings.visualization_steps
 
 
 @one_torch_thread()
@@ -126,9 +126,9 @@ def _timed(
     """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
     device, canonical, deformation = chosen_device(settings.device), 0.0, 0.0
     gaussians = gaussians.copy().to(device)
-    if settings.steps.canonical:
+    if settings.canonical_steps:
         canonical = timed(StageRun(canonical_stage(gaussians, settings), settings, data))
-    if settings.steps.deformation:
+    if settings.deformation_steps:
         gaussians, parameters = gaussians.copy(), len(data.examples[0].parameters)
         moving = new_deformation(gaussians, parameters, settings).to(device)
         deformation = timed(StageRun(simulation_stage(gaussians, moving, settings), settings, data))

@@ -22,13 +22,13 @@ from research.studies.baselines.spherical_harmonics import COUNT as BASIS
 from surrogate.initialization.pictures import Points
 from surrogate.initialization.start import initial_gaussians
 from surrogate.randomness import generator
-from surrogate.settings import Relocation, TrainingSettings
+from surrogate.settings import TrainingSettings
 from surrogate.splatting import Constants, Primitives, draw_over
 from surrogate.training.data import Example, foreground_color
 from surrogate.training.loop import Diverged, first_infinite
 from surrogate.training.losses import image_loss
 from surrogate.training.optimizer import Adam
-from surrogate.training.relocation import plan_relocation, relocate
+from surrogate.training.relocation import STOP, plan_relocation, relocate
 from surrogate.training.sampling import ShuffledEpochs
 
 COUNT, STEPS = 20_000, 10_000
@@ -37,7 +37,7 @@ DEGREES_PER_TRAINING = 30  # they are raised by one every 1000 of 30,000 steps
 MEAN_RATE = 1.6e-4  # of the extent of the cameras
 RATES = {"log_scales": 5e-3, "quats": 1e-3, "opacity_logits": 5e-2, "base_colors": 2.5e-3, "directional": 2.5e-3 / 20.0}
 FINAL_FACTOR = 0.01  # of the means' rate, reached exponentially
-RELOCATION = Relocation()
+RELOCATION_INTERVAL = TrainingSettings().relocation_interval
 COLOR_SAMPLES = 16  # pictures that the first colour is the mean of
 BLACK = (0.0, 0.0, 0.0)
 
@@ -118,7 +118,7 @@ def prepare(pictures: Pictures, seed: int, *, count: int = COUNT, steps: int = S
         drawn = of_leaves(leaves).draw_over(pictures.camera(picture), pictures.behind, degree=degree)  # [H, W, 4]
         image_loss(drawn, compared(pictures, picture).to(drawn.device)).backward()
         adam.step(1.0, {"means": decay(fraction)})
-        if (step + 1) % RELOCATION.interval == 0 and fraction < RELOCATION.stop:
+        if (step + 1) % RELOCATION_INTERVAL == 0 and fraction < STOP:
             revive(leaves, adam, seed, step + 1)
     return {name: tensor.detach() for name, tensor in of_leaves(leaves).tensors().items()}
 
@@ -192,7 +192,7 @@ def compared(pictures: Pictures, picture: int) -> Tensor:
 def revive(leaves: Leaves, adam: Adam, seed: int, step: int) -> None:
     """Move Gaussians that are invisible to where others are, in place."""
     opacities = leaves["opacity_logits"].sigmoid()  # [N]
-    relocation = plan_relocation(opacities, RELOCATION.dead_opacity, generator(seed, "relocation", step))
+    relocation = plan_relocation(opacities, generator(seed, "relocation", step))
     if relocation is not None:
         relocate(relocation, leaves, adam.moments())
 

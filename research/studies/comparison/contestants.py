@@ -6,7 +6,7 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -137,7 +137,7 @@ def precision_here(preferred: Precision, device: str) -> Precision:
 
 @dataclass(frozen=True)
 class OurSurrogate:
-    """The surrogate of this project under some settings of its `[training]` table; the pilot and all choices are on the clock.
+    """The surrogate of this project; the pilot and all choices are on the clock.
 
     With `steps_of`, or without a time, it makes as many steps as the plan says.
     """
@@ -145,7 +145,6 @@ class OurSurrogate:
     name: str
     title: str
     source: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
     official_steps: int = 0
     precision: Precision = "float32"
     is_tuned: bool = False
@@ -163,14 +162,7 @@ class OurSurrogate:
             deformed = surrogate.at(**case.member.parameters, **case.varied)
             return lambda other: deformed.render(other.camera)
 
-        precision = {"field_precision": plan.precision} if self.precision == "bfloat16" else {}
-        settings = {
-            "seed": plan.seed,
-            "validation_images": WATCHED,
-            "device": session.device,
-            **self.settings,
-            **precision,
-        }
+        settings = {"seed": plan.seed, "validation_images": WATCHED, "device": session.device}
         budget = Budget(steps=plan.steps) if seconds is None or self.steps_of else Budget(minutes=seconds / 60.0)
         run = begin(task.catalog.path, emptied(session.work) / "run", Asked(budget, settings=settings), elapsed=elapsed)
         planned = elapsed()
@@ -186,6 +178,23 @@ class OurSurrogate:
             taken,
             curve_of(surrogate, task, planned, session.device),
         )
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A contestant of which only records are left: tables and plots show them, and nothing trains it any more."""
+
+    name: str
+    title: str
+    source: str
+    official_steps: int = 0
+    precision: Precision = "bfloat16"
+    is_tuned: bool = False
+    steps_of: str = ""
+
+    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+        """Raises ValueError: its code was removed."""
+        raise ValueError(f"{self.name} can't be trained any more: only its records are left")
 
 
 def curve_of(surrogate: Surrogate, task: Task, planned: float, device: str) -> list[tuple[float, float]]:

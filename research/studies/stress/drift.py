@@ -23,7 +23,7 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.losses import image_loss, image_loss_reference
 from surrogate.training.optimizer import Adam
-from surrogate.training.stages import simulation_stage
+from surrogate.training.stages import decay, simulation_stage
 
 SIZE, GAUSSIANS, STEPS = 32, 60, 400
 PARAMETERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
@@ -122,7 +122,7 @@ def _run(
         image = learn[order[step - 1]]
         loss = loss_of(drawn(image), image.pixels.to(dtype))
         loss.backward()
-        adam.step(settings.rates.decay((step - 1) / steps))
+        adam.step(decay((step - 1) / steps))
         losses.append(float(loss.detach()))
         if step in SNAPSHOT_STEPS or step == steps:
             with torch.no_grad():

@@ -12,7 +12,7 @@ from surrogate.training.compression.choice import Choice, Option
 from surrogate.training.compression.evaluator import Evaluator
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.stages import Stage
+from surrogate.training.stages import RATES, Stage
 from surrogate.training.state import Fitted
 from surrogate.training.visualizations import lighting_of, new_visualization, visualization_stage
 
@@ -42,7 +42,7 @@ def choose_visualized_color_degree(
     Nothing is asked, and the choice None, where the settings say it, where transfer functions are varied (they do not light) or
     surfaces whose light is known, where the base's colours depend on the direction already, or without validation images.
     """
-    asked, least = source.settings.designs.visualization_color_degree, fitted.gaussians.color_degree
+    asked, least = source.settings.visualization_color_degree, fitted.gaussians.color_degree
     if asked != "auto":
         return max(int(asked), least), None
     if lighting_of(variation, source) is not None:
@@ -65,7 +65,7 @@ def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> floa
         name=NAME,
         steps=evaluator.steps(PROBE),
         tensors={"colors": gaussians.colors.requires_grad_()},
-        rates={"colors": evaluator.settings.rates.colors},
+        rates={"colors": RATES["colors"]},
         per_gaussian=frozenset(),
         carried_at=lambda parameters: fitted.deformation.deformed(gaussians, parameters),
     )
@@ -75,7 +75,7 @@ def _psnr_with_colors(fitted: Fitted, degree: int, evaluator: Evaluator) -> floa
 
 def _psnr_of_f_vis(fitted: Fitted, variation: Variation, source: Source, evaluator: Evaluator, degree: int) -> float:
     """Mean PSNR over the validation images after a short stage 3 of its own."""
-    steps = max(1, round(PROBE_OF_F_VIS * source.settings.steps.visualization))
+    steps = max(1, round(PROBE_OF_F_VIS * source.settings.visualization_steps))
     short = source.settings.changed(visualization_steps=steps)
     stage = visualization_stage(*fitted, new_visualization(*fitted, variation, source, degree), short)
     StageRun(stage, short, evaluator.data).finish()

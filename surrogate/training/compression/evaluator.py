@@ -17,11 +17,12 @@ from surrogate.settings import TrainingSettings
 from surrogate.training.compression.choice import Measured
 from surrogate.training.data import Example, TrainingData
 from surrogate.training.loop import StageRun, mean_psnr
-from surrogate.training.stages import simulation_stage
+from surrogate.training.stages import FINAL_FACTOR, simulation_stage
 from surrogate.training.state import Fitted
 
 TIMED = 8  # pictures
 RECOVERY_RATE = 0.05  # of stage 2's rates, with which a fine-tuning begins
+RECOVERY_FRACTION = 0.02  # of all steps, for which a model is fine-tuned after each choice
 RECOVERY_DECAY = 0.3  # of these in it
 
 
@@ -35,11 +36,11 @@ class Evaluator:
     @property
     def tolerance(self) -> float:
         """What a choice may cost, in dB."""
-        return self.settings.compression.tolerance
+        return self.settings.need_tolerance
 
     def steps(self, fraction: float) -> int:
         """A part of the steps of stages 1 and 2, at least one."""
-        return max(1, round(fraction * (self.settings.steps.canonical + self.settings.steps.deformation)))
+        return max(1, round(fraction * (self.settings.canonical_steps + self.settings.deformation_steps)))
 
     def psnr(self, fitted: Fitted) -> float:
         """Mean over the validation images, in dB."""
@@ -62,23 +63,23 @@ class Evaluator:
 
     def fine_tuned(self, fitted: Fitted, turn: int) -> Fitted:
         """A copy after a few more steps at low rates; `turn` decides on which images."""
-        steps = self.steps(self.settings.compression.recovery_fraction)
+        steps = self.steps(RECOVERY_FRACTION)
         return self._trained(fitted, steps, turn, RECOVERY_RATE, RECOVERY_DECAY)
 
     def settled(self, fitted: Fitted, steps: int) -> Fitted:
         """A copy whose training was brought to an early end: in so many steps its rates decay as stage 2 lets them."""
-        return self._trained(fitted, steps, 0, 1.0, self.settings.rates.final_factor)
+        return self._trained(fitted, steps, 0, 1.0, FINAL_FACTOR)
 
     def _trained(self, fitted: Fitted, steps: int, turn: int, start: float, decay: float) -> Fitted:
         settings = self.settings.changed(
             seed=self.settings.seed + 1 + turn,
             deformation_steps=steps,
             relocation_interval=0,
-            final_rate_factor=decay,
         )
         copy = fitted.copy()
         stage = simulation_stage(*copy, settings)
-        stage = replace(stage, rates={name: start * rate for name, rate in stage.rates.items()})
+        rates = {name: start * rate for name, rate in stage.rates.items()}
+        stage = replace(stage, rates=rates, final_factor=decay)
         StageRun(stage, settings, self.data).finish()
         return copy.copy()
 

@@ -26,7 +26,7 @@ def test_a_run_is_begun_and_found_again(catalog: Path, tmp_path: Path) -> None:
     asked = Asked(Budget(steps=40), settings={"seed": 3, "held_still": ("quats",), "mean_rate": 1e-3})
     run = begin(catalog, folder, asked)
     assert run.settings.seed == 3
-    assert (run.settings.steps.canonical, run.settings.steps.deformation) == (2, 38)
+    assert (run.settings.canonical_steps, run.settings.deformation_steps) == (2, 38)
     assert {m.name: m.split for m in run.catalog.members} == {name: name.split("-")[0] for name in MEMBERS}
     before = (folder / RECORD).read_bytes()
     for again in (asked, Asked(), Asked(settings={"seed": 3}), Asked(Budget(steps=40))):
@@ -141,8 +141,8 @@ def test_a_training_that_diverged_begins_anew_with_lower_rates_but_not_for_ever(
         found = calmer(run)
         assert found is not None
         run = found
-        assert run.settings.rates.latent == factor * rates.latent
-        assert run.settings.rates.embedding == factor * rates.embedding
+        assert run.settings.latent_rate == factor * rates.latent
+        assert run.settings.embedding_rate == factor * rates.embedding
         assert not (run.model / CHECKPOINT).exists()
         assert begin(catalog, tmp_path / "mine", STEPS).settings == run.settings
     assert calmer(run) is None

@@ -38,9 +38,9 @@ def test_gaussians_follow_from_what_is_seen_and_steps(
 def test_steps_lead_to_the_same_settings_everywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(budget, "measure_pace")
     settings, chosen = budgeted({"seed": 1}, make_catalog(tmp_path, "blobs"), Budget(steps=1_000))
-    assert (settings.steps.canonical, settings.steps.deformation, settings.seed) == (60, 940, 1)
+    assert (settings.canonical_steps, settings.deformation_steps, settings.seed) == (60, 940, 1)
     assert chosen == {"gaussians": settings.gaussians, "steps": 1_000}
-    assert settings.validation.interval == 62
+    assert settings.validation_interval == 62
 
 
 @pytest.mark.parametrize("elapsed", [0.0, 100.0])
@@ -50,7 +50,7 @@ def test_minutes_are_spent_on_loading_steps_and_choices(
     pace = Pace(0.010, (), 0.002, 0.001)
     monkeypatch.setattr(budget, "measure_pace", lambda *_: pace)
     settings, chosen = budgeted({}, make_catalog(tmp_path, "blobs"), Budget(minutes=10.0), lambda: elapsed)
-    steps = settings.steps.canonical + settings.steps.deformation
+    steps = settings.canonical_steps + settings.deformation_steps
     assert (steps, chosen["compressed"]) == (chosen["steps"], True)
     choices = 0.010 * steps * (budget.COMPRESSION + budget.COLOR_PROBES) + 0.002 * budget.PICTURES
     assert 0.010 * steps + choices == pytest.approx(600.0 - elapsed - budget.SPARE - 6 * 0.001, abs=0.1)
@@ -69,7 +69,7 @@ def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
     settings, chosen = budgeted({}, make_catalog(tmp_path, "blobs"), Budget(minutes=0.5))
     assert tried == [2_000, settings.gaussians]
     assert settings.gaussians < 2_000
-    assert not settings.compression.enabled
+    assert not settings.fit_to_need
     assert chosen["steps"] * 1e-5 * settings.gaussians < 30.0
     kept, _ = budgeted({"gaussians": 2_000, "fit_to_need": True}, make_catalog(tmp_path, "more"), Budget(minutes=0.5))
     assert (kept.gaussians, kept.compression.enabled) == (2_000, True)
@@ -82,7 +82,7 @@ def test_rough_pictures_get_more_samples_in_a_pixel(
     tried: list[int] = []
 
     def pace(source: budget.Source, *_: object) -> Pace:
-        tried.append(source.settings.splatting.samples)
+        tried.append(source.settings.samples)
         return Pace(0.010, (), 0.002, 0.001)
 
     monkeypatch.setattr(budget, "measure_pace", pace)
@@ -169,7 +169,7 @@ def test_long_trainings_move_f_sim_at_lower_rates_and_what_is_given_stays(tmp_pa
     usual = TrainingSettings().rates
     for steps, factor in ((40, 1.0), (4_000, 1.0), (16_000, 0.5), (400_000, 0.1)):
         settings, _ = budgeted({}, catalog, Budget(steps=steps))
-        assert settings.rates.latent == pytest.approx(factor * usual.latent)
-        assert settings.rates.embedding == pytest.approx(factor * usual.embedding)
+        assert settings.latent_rate == pytest.approx(factor * usual.latent)
+        assert settings.embedding_rate == pytest.approx(factor * usual.embedding)
     given, _ = budgeted({"latent_rate": 0.03}, catalog, Budget(steps=16_000))
     assert given.rates.latent == 0.03

@@ -131,7 +131,7 @@ def test_a_training_that_diverges_begins_anew(flow: Path, monkeypatch: pytest.Mo
     train, rates = surrogate.training.run.train, list[float]()
 
     def diverging(settings: TrainingSettings, *more: Any, **named: Any) -> Any:
-        rates.append(settings.rates.latent)
+        rates.append(settings.latent_rate)
         if len(rates) < 3:
             raise Diverged("training diverged in stage deformation: lower the rates")
         return train(settings, *more, **named)

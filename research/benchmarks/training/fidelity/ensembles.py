@@ -21,10 +21,7 @@ JUDGES = 64
 CHANGES: Mapping[str, Mapping[str, Any]] = {
     "as it is": {},
     "seed 1": {"seed": 1},
-    "dilation 0.1 px²": {"dilation": 0.1},
-    "alpha floor 1/1020": {"alpha_floor": 1.0 / 1020.0},
-    "first scale 0.5": {"initial_scale": 0.5},
-    "weight of SSIM 0.5": {"ssim_weight": 0.5},
+    "no relocation": {"relocation_interval": 0},
 }
 
 
@@ -63,11 +60,11 @@ def ensembles_table(results: list[dict[str, Any]]) -> str:
 
 
 def _settings(scene: str, scale: float) -> TrainingSettings:
-    own = TrainingSettings(**Scene.load(PROJECT / "scenes" / f"{scene}.toml").training)
-    steps = max(2, round(scale * own.steps.deformation / SHORTER))
+    own = TrainingSettings.from_table(Scene.load(PROJECT / "scenes" / f"{scene}.toml").training)
+    steps = max(2, round(scale * own.deformation_steps / SHORTER))
     return own.changed(
         color_degree=0,
-        canonical_steps=max(2, round(scale * own.steps.canonical / 2)),
+        canonical_steps=max(2, round(scale * own.canonical_steps / 2)),
         deformation_steps=steps,
         fit_to_need=False,
         validation_images=JUDGES,

@@ -19,7 +19,7 @@ from research.benchmarks.training.fidelity.variants import ACTIVATIONS, GAUSSIAN
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.pictures import Points
-from surrogate.initialization.start import initial_gaussians, initial_points
+from surrogate.initialization.start import FIRST_OPACITY, initial_gaussians, initial_points
 from surrogate.provenance import machine
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -101,7 +101,7 @@ def settings_of(variant: Variant, scale: float) -> TrainingSettings:
     """The settings of a variant; no deformation."""
     base = TrainingSettings(gaussians=GAUSSIANS, canonical_steps=STEPS, deformation_steps=0)
     chosen = base.changed(**variant.settings)
-    return chosen.changed(canonical_steps=max(POINTS, round(scale * chosen.steps.canonical)))
+    return chosen.changed(canonical_steps=max(POINTS, round(scale * chosen.canonical_steps)))
 
 
 def is_fitted(path: Path, settings: TrainingSettings) -> bool:
@@ -134,7 +134,7 @@ def judge(
 def _start(subject: Subject, settings: TrainingSettings, activation: str) -> Gaussians:
     some = subject.examples["train"][::8]
     gaussians = initial_gaussians(settings, subject.box, subject.points, foreground_color(some, subject.background))
-    gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(settings.start.opacity))
+    gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(FIRST_OPACITY))
     return gaussians
 
 

@@ -73,8 +73,8 @@ def rules_table(results: Results) -> str:
 
 
 def plot(path: Path, results: Results) -> None:
-    """Validation PSNR against dilation, alpha floor and the number of Gaussians."""
-    shown = {"dilation, px²": "dilation", "alpha floor": "alpha_floor", "Gaussians": "gaussians"}
+    """Validation PSNR against the number of Gaussians and of steps."""
+    shown = {"Gaussians": "gaussians", "steps": "canonical_steps"}
     with panels(path, len(shown), width=4.0, height=3.2) as axes:
         for axis, (group, setting) in zip(axes, shown.items(), strict=True):
             for (scene, found), color, marker in zip(results.items(), COLORS, MARKERS, strict=False):

@@ -36,7 +36,7 @@ def test_other_instructions_round_otherwise_and_stand_in_a_row_of_their_own(
     command = ["instruction_sets", scene, "--runs", runs, "--records", records]
     monkeypatch.setattr(sys, "argv", [*map(str, command)])
     main()
-    found = load(records / "again", TrainingSettings(**Scene.load(scene).training).to_json())
+    found = load(records / "again", TrainingSettings.from_table(Scene.load(scene).training).to_json())
     assert list(found) == sorted(kernels.instruction_sets()[1:])
     assert all(len(scores) == 2 for scores in found.values())
     assert "baseline: " in capsys.readouterr().out

@@ -388,8 +388,8 @@ def test_the_time_of_a_fit_is_its_own() -> None:
 
 def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
     base = base_settings(SCENE, catalog)
-    assert (base.start.initialization, base.color_degree, base.compression.enabled) == ("random", 0, False)
-    assert (base.validation.images, base.steps.visualization) == (0, 0)
+    assert (base.initialization, base.color_degree, base.fit_to_need) == ("random", 0, False)
+    assert (base.validation_images, base.visualization_steps) == (0, 0)
     assert base_settings(SCENE.changed(color_degree=1), catalog).color_degree == 1
 
 
