@@ -28,7 +28,7 @@ OMITTED_AT_DEFAULT = frozenset(
         "batch",
     }
 )
-# Former keys, all constants today: stored models and records still list them, and fingerprints still cover them.
+# Former keys, all constants today: records still list them, and fingerprints still cover them.
 FORMER: Mapping[str, Any] = {
     "initial_opacity": 0.2,
     "initial_scale": 0.25,
@@ -65,6 +65,18 @@ FORMER: Mapping[str, Any] = {
     "dilation": 0.003,
     "recovery_fraction": 0.02,
 }
+# Former keys that records list only at other values than the constants of today.
+RARE = frozenset(
+    {
+        "cooldown",
+        "field_precision",
+        "field_value_offset",
+        "field_value_rate",
+        "held_still",
+        "parameter_scales",
+        "refinement_rate_factor",
+    }
+)
 
 
 class Bound(NamedTuple):
@@ -180,16 +192,21 @@ class TrainingSettings:
 
         Raises ValueError naming an unknown key, a value of the wrong type or one out of bounds.
         """
+        if former := sorted(set(table) & {*FORMER, *RARE}):
+            raise ValueError(
+                f"training: {former} were settings of an earlier version and are constants now: leave them out"
+            )
         if unknown := sorted(set(table) - set(_TYPES)):
             raise ValueError(f"training: unknown keys {unknown}{_meant(unknown)}; known are {sorted(_TYPES)}")
         return cls(**table)
 
     @classmethod
     def from_record(cls, values: Mapping[str, Any]) -> TrainingSettings:
-        """Settings of a stored run, which may list the `FORMER` keys; raises ValueError as `from_table` does."""
-        return cls.from_table(
-            {key: value for key, value in values.items() if key not in FORMER or value != FORMER[key]}
-        )
+        """Settings of a stored run without former keys; raises ValueError as `from_table` does.
+
+        A run with another value of a former key has another fingerprint, by which training refuses to resume it.
+        """
+        return cls.from_table({key: value for key, value in values.items() if key not in FORMER and key not in RARE})
 
     @property
     def count_on_surfaces(self) -> int:

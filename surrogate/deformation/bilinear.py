@@ -37,7 +37,7 @@ COLUMNS = (FIELD_COLUMNS, 14, 23)  # and with colours of degree 0 and 1
 TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
 MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
 LATENT_SPREAD = 0.25  # standard deviation of the latents at the start
-MOST_MODES_OF_VISUALIZATION = 16  # more have not paid
+VISUALIZATION_MODES, VISUALIZATION_WIDTH = 16, 64
 FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
 MOST_NUMBERS = 2**26  # of a network's last layer, spread
 USUAL_SIZE, USUAL_WIDTH = 16, 64  # of the latent vectors and the hidden layer, for which the default rates were chosen
@@ -84,7 +84,8 @@ class BilinearDeformation:
         for_visualization : whether it has F_vis's own size and form.
         """
         count, hidden, latent = len(gaussians), settings.hidden_width, settings.latent_size
-        latent = min(latent, MOST_MODES_OF_VISUALIZATION) if for_visualization else latent
+        if for_visualization:
+            hidden, latent = VISUALIZATION_WIDTH, VISUALIZATION_MODES
         units = _units(gaussians, color_columns)  # [C]
         random = generator(settings.seed, "latents")
         bound = min(1.0, FIRST_SLOPES / max(parameters, 1))

@@ -21,7 +21,7 @@ KILLED = """
 import json, os, random, signal, sys
 from catalogs.store.catalog import Catalog
 from surrogate import Surrogate, TrainingSettings, train
-settings, catalog, folder = TrainingSettings(**json.loads(sys.argv[1])), sys.argv[2], sys.argv[3]
+settings, catalog, folder = TrainingSettings.from_table(json.loads(sys.argv[1])), sys.argv[2], sys.argv[3]
 random.seed(1)
 kills = 0
 while not Surrogate.exists(folder):

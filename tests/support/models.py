@@ -7,7 +7,7 @@ from functools import cache
 
 from surrogate import Surrogate
 from surrogate.settings import TrainingSettings
-from tests.support.visualizations import base, of_isovalue, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue
 from tests.support.visualizations import surrogate as made
 
 TRAINING = {
@@ -28,7 +28,7 @@ def following() -> Surrogate:
     fitted = base()
     fitted.gaussians.colors.clamp_(0.05, 0.95)
     fitted = fitted._replace(deformation=fitted.deformation.without("colors"))
-    whole = made(fitted, visualization("values", fitted), of_isovalue(fitted))
+    whole = made(fitted, of_functions(fitted), of_isovalue(fitted))
     return replace(whole, training=TRAINING)
 
 

@@ -72,10 +72,12 @@ def varied_surrogate() -> Surrogate:
 
 def moving(parameters: int, *, seed: int, anchored: int = 0) -> BilinearDeformation:
     """A deformation that moves everything visibly."""
-    settings = TrainingSettings(seed=seed, latent_size=4, hidden_width=8, latent_spread=1.0)
+    settings = TrainingSettings(seed=seed, latent_size=4, hidden_width=8)
     still = BilinearDeformation.create(BLOBS.gaussians(0.5), parameters, settings, anchored=anchored)
     random = torch.Generator().manual_seed(seed)
-    return replace(still, weights_out=0.7 * torch.randn(still.weights_out.shape, generator=random))
+    return replace(
+        still, latents=4.0 * still.latents, weights_out=0.7 * torch.randn(still.weights_out.shape, generator=random)
+    )
 
 
 def varied_catalog(

@@ -6,16 +6,15 @@ import numpy as np
 import torch
 
 from surrogate import Surrogate
-from surrogate.deformation import KINDS, BilinearDeformation, Deformation, ValuesDeformation
+from surrogate.deformation import BilinearDeformation, Deformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.state import Fitted
-from surrogate.training.visualizations import FROZEN_BY_TRANSFER_FUNCTIONS
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS, ISOVALUE, STEPS
 
-SMALL = TrainingSettings(latent_size=4, hidden_width=8, latent_spread=1.0)
+SMALL = TrainingSettings(latent_size=4, hidden_width=8)
 
 
 def shaken(deformation: Deformation, seed: int = 5) -> Deformation:
@@ -31,16 +30,9 @@ def base(color_degree: int = 0) -> Fitted:
     return Fitted(gaussians, shaken(BilinearDeformation.create(gaussians, 1, SMALL)))
 
 
-def visualization(kind: str, fitted: Fitted, color_degree: int = 0) -> Visualization:
-    """Of transfer functions, moving."""
-    if kind == "values":
-        values = ValuesDeformation.create(fitted.gaussians, FUNCTION, np.linspace(0, 3, 8), STEPS.tolist())
-        return Visualization(FUNCTIONS, shaken(values), None, color_degree)
-    wide = fitted.gaussians.with_color_degree(max(color_degree, fitted.gaussians.color_degree))
-    of_vis = KINDS[kind].create(wide, 5, SMALL, anchored=4, color_columns=wide.colors.shape[1])
-    for name in FROZEN_BY_TRANSFER_FUNCTIONS:
-        of_vis = of_vis.without(name)
-    return Visualization(FUNCTIONS, shaken(of_vis), None, color_degree)
+def of_functions(fitted: Fitted, color_degree: int = 0) -> Visualization:
+    values = ValuesDeformation.create(fitted.gaussians, FUNCTION, np.linspace(0, 3, 8), STEPS.tolist())
+    return Visualization(FUNCTIONS, shaken(values), None, color_degree)
 
 
 def of_isovalue(fitted: Fitted, color_degree: int = 0) -> Visualization:

@@ -18,7 +18,7 @@ from surrogate.notebook import WIDTH, first_camera
 from tests.support.cards import Tags, images
 from tests.support.field_blobs import FUNCTION, ISOVALUE
 from tests.support.surrogates import some_surrogate
-from tests.support.visualizations import base, of_isovalue, surrogate, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue, surrogate
 
 MIDDLE = {"Re": 2000.0, "time": 1.0}
 
@@ -63,14 +63,12 @@ def test_all_of_the_box_is_seen() -> None:
 
 def test_what_it_follows_is_said() -> None:
     fitted = base()
-    both = surrogate(fitted, of_isovalue(fitted), visualization("values", fitted))
+    both = surrogate(fitted, of_isovalue(fitted), of_functions(fitted))
     text = Tags(both._repr_html_()).text
     (isovalue,) = ISOVALUE.space.parameters
     assert f"isovalue from {isovalue.low:g} to {isovalue.high:g}" in text
     low, high = FUNCTION.bounds
     assert f"any transfer function over field values {low:g} to {high:g}" in text
-    learnt = Tags(surrogate(fitted, visualization("bilinear", fitted))._repr_html_()).text
-    assert "displacements of the transfer function: c1_value from" in learnt
 
 
 def test_gaussians_at_some_parameters_say_which(tmp_path: Any) -> None:

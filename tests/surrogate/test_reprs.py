@@ -14,15 +14,13 @@ import pytest
 import surrogate
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.words import WIDTH
-from surrogate.deformation import FieldDeformation, Offsets
-from surrogate.deformation.field import Architecture
+from surrogate.deformation import Offsets
 from surrogate.deformation.transfer import Transfer
 from surrogate.initialization.field_points import FieldPoints
 from surrogate.initialization.pictures import Picture, Points
 from surrogate.initialization.structure_from_motion import Track
 from surrogate.model.places import place_of
 from surrogate.rasterizer import primitives
-from surrogate.settings import TrainingSettings
 from surrogate.splatting import Constants, draw, reference
 from surrogate.splatting.kernel_function import KernelFunction
 from surrogate.storage.checkpoints import Checkpoint
@@ -31,12 +29,12 @@ from surrogate.storage.models import StoredModel
 from surrogate.storage.records import Provenance, Record
 from surrogate.storage.runs import RunFolder, RunRecord
 from tests.support.surrogates import CENTER, some_surrogate
-from tests.support.visualizations import base, visualization
+from tests.support.visualizations import base, of_functions
 
 CAMERA = Camera.look_at((0.0, -4.0, 0.5), (0.0, 0.0, 0.0), vertical_fov_degrees=35, width=24, height=20)
 MODEL = some_surrogate()
 DRAWN = primitives(MODEL.gaussians, CAMERA)
-FOLLOWING = visualization("values", base())
+FOLLOWING = of_functions(base())
 ROOMS = ("splatting", "deformation", "initialization", "storage", "gaussians", "rasterizer", "model")
 POINTS = FieldPoints(
     ("m",),
@@ -54,10 +52,8 @@ SHOWN: list[tuple[Any, str]] = [
     (MODEL.normalization, "extent=40.0"),
     (MODEL.rasterizer, "backend='reference'"),
     (MODEL.deformation, "BilinearDeformation(latents[30, 4], weights_in[8, 2]"),
-    (FieldDeformation.create(MODEL.gaussians, 2, TrainingSettings()), "FieldDeformation(networks={41 entries}"),
     (FOLLOWING.deformation, "ValuesDeformation(weights["),
     (FOLLOWING, "Visualization(variation="),
-    (Architecture(2), "Architecture(parameters=2"),
     (Offsets(*MODEL.gaussians.tensors().values()), "Offsets(means[30, 3]"),
     (Transfer(np.zeros((5, 4)), ((0.0, 0.5, 1.0),) * 50), "Transfer(changes[5, 4]"),
     (Constants(), "Constants(near=0.02"),

@@ -119,5 +119,4 @@ VISUALIZATION_VARIANTS = (
         "both after equally many steps, as many as one sample a pixel allows in the budget",
         steps_of="surface-samples-1",
     ),
-    *_each("latent_size", "how many modes the visualization deformation has", {"latent-8": 8}),
 )

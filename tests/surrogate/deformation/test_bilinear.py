@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from surrogate.deformation import BilinearDeformation, Offsets, load_deformation
+from surrogate.deformation.offsets import UNITS
 from surrogate.gaussians import Gaussians
 from surrogate.settings import TrainingSettings
 from surrogate.storage.encoding import encode
@@ -58,9 +59,9 @@ def test_offsets_are_each_latent_times_the_embedding_in_their_units(layers: int)
         assert again.weights_middle is None
     p = torch.tensor([0.3, -0.8], dtype=torch.float64)
     offsets = flat(deformation.offsets(gaussians, p))
-    settings, latent, columns = TrainingSettings(), 5, 14
-    units = [settings.units.means, settings.units.log_scales, settings.units.quats, settings.units.opacity_logits]
-    column_units = [units[0]] * 3 + [units[1]] * 3 + [units[2]] * 4 + [units[3]] + [settings.units.colors] * 3
+    latent, columns = 5, 14
+    units = [UNITS[name] for name in ("means", "log_scales", "quats", "opacity_logits")]
+    column_units = [units[0]] * 3 + [units[1]] * 3 + [units[2]] * 4 + [units[3]] + [UNITS["colors"]] * 3
     for i in range(6):
         for c in range(columns):
             expected = 0.0

@@ -12,8 +12,6 @@ import torch
 from catalogs.vocabulary.appearance import TransferFunction
 from surrogate.deformation import (
     BilinearDeformation,
-    Deformation,
-    FieldDeformation,
     ValuesDeformation,
     compose,
 )
@@ -141,22 +139,11 @@ def test_gradients_may_lie_anyhow_in_memory() -> None:
         assert all(torch.equal(a, b) for a, b in zip(found[0], others, strict=True))
 
 
-def of_kind(kind: str, gaussians: Gaussians) -> Deformation:
-    if kind == "values":
-        return ValuesDeformation.create(gaussians, FUNCTION, np.linspace(0, 3, 8), [1.0, 0.1, 1.0, 0.1])
-    made = FieldDeformation.create(gaussians, 2, TrainingSettings(), color_columns=12)
-    random = torch.Generator().manual_seed(5)
-    return replace(
-        made, networks={n: t + 0.3 * torch.randn(t.shape, generator=random) for n, t in made.networks.items()}
-    )
-
-
-@pytest.mark.parametrize("kind", ["values", "paper"])
-def test_others_see_what_the_first_one_made(kind: str) -> None:
+def test_others_see_what_the_first_one_made() -> None:
     gaussians = canonical(20, 3)
-    first, second = bilinear(gaussians, 1, 5), of_kind(kind, gaussians)
-    place = torch.tensor([0.3, 0.5, -0.5, 0.2, 0.9]) if kind == "values" else AT_SECOND
+    second = ValuesDeformation.create(gaussians, FUNCTION, np.linspace(0, 3, 8), [1.0, 0.1, 1.0, 0.1])
+    first, place = bilinear(gaussians, 1, 5), torch.tensor([0.3, 0.5, -0.5, 0.2, 0.9])
     together = compose(gaussians, (first, AT_FIRST), (second, place))
     in_turn = second.deformed(first.deformed(gaussians, AT_FIRST), place)
     assert all(torch.equal(a, b) for a, b in zip(numbers(together), numbers(in_turn), strict=True))
-    assert together.colors.shape[1] == (3 if kind == "values" else 12)
+    assert together.colors.shape[1] == 3

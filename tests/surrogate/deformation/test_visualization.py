@@ -10,7 +10,7 @@ import torch
 
 from catalogs.vocabulary.appearance import TransferFunction
 from surrogate import Surrogate
-from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesDeformation
+from surrogate.deformation import BilinearDeformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES, Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
@@ -18,7 +18,7 @@ from surrogate.storage.encoding import encode
 from surrogate.training.state import Fitted
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTION, FUNCTIONS
-from tests.support.visualizations import SMALL, base, of_isovalue, shaken, surrogate, visualization
+from tests.support.visualizations import SMALL, base, of_functions, of_isovalue, shaken, surrogate
 
 OTHER = TransferFunction(((0, 0, 1, 0), (3, 1, 0, 1)), ((0, 0.9), (3, 0.1)), 0.5)
 AT_BASE, ELSEWHERE = [0.0] * 4, [0.5, -1.0, 0.25, 1.0]
@@ -48,10 +48,9 @@ def numbers(gaussians: Gaussians) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("color_degree", [0, 1])
-@pytest.mark.parametrize("kind", ["values", "bilinear", "paper"])
-def test_at_the_base_setting_it_is_f_sim_bit_for_bit(kind: str, color_degree: int) -> None:
+def test_at_the_base_setting_it_is_f_sim_bit_for_bit(color_degree: int) -> None:
     fitted = base(color_degree)
-    visual = visualization(kind, fitted)
+    visual = of_functions(fitted)
     for p in (-1.0, 0.2, 1.3):
         expected = fitted.at(torch.tensor([p]))
         assert same(visual.gaussians_at(*fitted, torch.tensor([p, *AT_BASE])), expected)
@@ -62,10 +61,9 @@ def test_at_the_base_setting_it_is_f_sim_bit_for_bit(kind: str, color_degree: in
 
 
 @pytest.mark.parametrize("small", [False, True], ids=["float32", "encoded"])
-@pytest.mark.parametrize("kind", ["values", "bilinear", "paper"])
-def test_so_it_is_after_being_saved(kind: str, small: bool, tmp_path: Path) -> None:
+def test_so_it_is_after_being_saved(small: bool, tmp_path: Path) -> None:
     fitted = base()
-    model = surrogate(fitted, visualization(kind, fitted), of_isovalue(fitted))
+    model = surrogate(fitted, of_functions(fitted), of_isovalue(fitted))
     model = encoded(model) if small else model
     model.save(tmp_path)
     loaded = Surrogate.load(tmp_path)
@@ -117,8 +115,7 @@ def test_both_deformations_at_once_are_one_after_the_other_bit_for_bit(color_deg
 def test_a_wider_colour_shows_the_same_picture_at_the_base() -> None:
     fitted = base()
     camera = Normalization.of_box(BLOBS.bounds).camera(BLOBS.cameras()[3])
-    visual = visualization("bilinear", fitted, color_degree=1)
-    wide = visual.gaussians_at(*fitted, torch.tensor([0.3, *AT_BASE]))
+    wide = fitted.at(torch.tensor([0.3])).with_color_degree(1)
     assert wide.color_degree == 1
     drawn, expected = (Rasterizer().draw(g, camera) for g in (wide, fitted.at(torch.tensor([0.3]))))
     assert torch.equal(drawn.color, expected.color)
@@ -126,24 +123,17 @@ def test_a_wider_colour_shows_the_same_picture_at_the_base() -> None:
 
 def test_any_transfer_function_can_be_asked_of_values() -> None:
     fitted = base()
-    visual, place = visualization("values", fitted), torch.tensor([0.3])
+    visual, place = of_functions(fitted), torch.tensor([0.3])
     assert isinstance(visual.deformation, ValuesDeformation)
     found = visual.under(*fitted, place, OTHER)
     assert same(found, visual.deformation.under(fitted.at(place), OTHER))
     assert same(visual.under(*fitted, place, FUNCTION), fitted.at(place))
 
 
-@pytest.mark.parametrize("kind", ["bilinear", "paper"])
-def test_what_learnt_displacements_knows_no_other_function(kind: str) -> None:
-    fitted = base()
-    with pytest.raises(ValueError, match=rf"of kind '{kind}', which knows only .*c1_value.*train with"):
-        visualization(kind, fitted).under(*fitted, torch.tensor([0.3]), OTHER)
-
-
-@pytest.mark.parametrize("kind", ["values", "bilinear", "paper", "isovalue"])
+@pytest.mark.parametrize("kind", ["values", "isovalue"])
 def test_it_survives_its_record(kind: str) -> None:
     fitted = base()
-    visual = of_isovalue(fitted, 1) if kind == "isovalue" else visualization(kind, fitted)
+    visual = of_isovalue(fitted, 1) if kind == "isovalue" else of_functions(fitted)
     loaded = Visualization.load(visual.stored(), json.loads(json.dumps(visual.record())))
     place = torch.tensor([0.3, *ELSEWHERE[: len(visual.variation.space)]])
     assert same(loaded.gaussians_at(*fitted, place), visual.gaussians_at(*fitted, place))
@@ -152,20 +142,20 @@ def test_it_survives_its_record(kind: str) -> None:
     assert (loaded.simulation is None) == (visual.simulation is None)
 
 
-@pytest.mark.parametrize("kind", ["values", "bilinear", "isovalue"])
+@pytest.mark.parametrize("kind", ["values", "isovalue"])
 def test_some_of_its_gaussians_look_as_before(kind: str) -> None:
     fitted, rows = base(), torch.tensor([5, 0, 7])
-    visual = of_isovalue(fitted) if kind == "isovalue" else visualization(kind, fitted)
+    visual = of_isovalue(fitted) if kind == "isovalue" else of_functions(fitted)
     place = torch.tensor([0.3, *ELSEWHERE[: len(visual.variation.space)]])
     whole, some = visual.gaussians_at(*fitted, place), visual.of(rows).gaussians_at(*fitted.of(rows), place)
     for name in NAMES:
         torch.testing.assert_close(getattr(some, name), getattr(whole, name)[rows], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["values", "bilinear", "paper", "isovalue"])
+@pytest.mark.parametrize("kind", ["values", "isovalue"])
 def test_a_copy_has_tensors_of_its_own(kind: str) -> None:
     fitted = base()
-    visual = of_isovalue(fitted) if kind == "isovalue" else visualization(kind, fitted)
+    visual = of_isovalue(fitted) if kind == "isovalue" else of_functions(fitted)
     copied, kept = visual.copy(), {name: t.clone() for name, t in visual.stored().items()}
     for part in (copied.deformation, copied.simulation):
         for tensor in part.tensors().values() if part is not None else ():
@@ -176,14 +166,7 @@ def test_a_copy_has_tensors_of_its_own(kind: str) -> None:
 def test_hidden_isovalues_and_functions_stay_finite_on_extreme_gaussians() -> None:
     fitted = base()
     fitted.gaussians.opacity_logits[:4] = torch.tensor([-80.0, 80.0, -7.0, 14.0])
-    for kind in ("values", "bilinear", "paper"):
-        visual = visualization(kind, fitted)
-        for place in (AT_BASE, ELSEWHERE, [-1.0, 1.0, 1.0, -1.0]):
-            shown = visual.gaussians_at(*fitted, torch.tensor([1.0, *place]))
-            assert all(np.isfinite(array).all() for array in numbers(shown))
-
-
-def test_field_deformations_of_transfer_functions_keep_only_their_heads() -> None:
-    visual = visualization("paper", base())
-    assert isinstance(visual.deformation, FieldDeformation)
-    assert visual.deformation.architecture.heads == ("opacity_logits", "colors")
+    visual = of_functions(fitted)
+    for place in (AT_BASE, ELSEWHERE, [-1.0, 1.0, 1.0, -1.0]):
+        shown = visual.gaussians_at(*fitted, torch.tensor([1.0, *place]))
+        assert all(np.isfinite(array).all() for array in numbers(shown))

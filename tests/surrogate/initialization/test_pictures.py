@@ -5,8 +5,6 @@ import pytest
 
 from catalogs.files.images import premultiply
 from surrogate.initialization.pictures import foreground, representative_member, straight_colors
-from surrogate.settings import TrainingSettings
-from surrogate.training.source import Source
 from tests.support.balls import Ball, grey, store
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
@@ -41,7 +39,6 @@ def test_the_representative_shows_the_appearance_that_is_learnt(tmp_path: Path) 
     assert representative_member(catalog, "iso=2").name == "train-0"
     with pytest.raises(ValueError, match=r"holds no training member that shows iso=8"):
         representative_member(catalog, "iso=8")
-    assert Source(TrainingSettings(appearance="iso=2", initialization="hull"), catalog).points is not None
 
 
 def test_the_last_bits_of_alpha_are_no_foreground() -> None:

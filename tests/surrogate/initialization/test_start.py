@@ -45,13 +45,13 @@ def catalog_with_points(path: Path, shown: object) -> Catalog:
 
 
 def test_random_gaussians_fill_the_box_and_touch() -> None:
-    settings = TrainingSettings(gaussians=4000, initial_opacity=0.2, initial_scale=0.5)
+    settings = TrainingSettings(gaussians=4000)
     gaussians = initial_gaussians(settings, BOX, None, np.array([0.1, 0.2, 0.3]))
     means = gaussians.means.numpy()
     assert (means >= BOX[0]).all()
     assert (means <= BOX[1]).all()
     np.testing.assert_allclose(means.std(0), (BOX[1] - BOX[0]) / np.sqrt(12.0), rtol=0.05)
-    np.testing.assert_allclose(gaussians.scales().numpy(), 0.5 * (1.0 / 4000) ** (1 / 3), rtol=1e-5)
+    np.testing.assert_allclose(gaussians.scales().numpy(), 0.25 * (1.0 / 4000) ** (1 / 3), rtol=1e-5)
     np.testing.assert_allclose(gaussians.opacities().numpy(), 0.2, rtol=1e-5)
     np.testing.assert_allclose(gaussians.colors.numpy(), np.tile([0.1, 0.2, 0.3], (4000, 1)), rtol=1e-6)
 

@@ -17,7 +17,7 @@ from surrogate.rasterizer import Rasterizer
 from surrogate.splatting.threads import one_torch_thread
 from tests.support.field_blobs import BLOBS, FUNCTION
 from tests.support.surrogates import CENTER, EXTENT, some_surrogate
-from tests.support.visualizations import base, of_isovalue, surrogate, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue, surrogate
 
 CAMERAS = orbit(CENTER, EXTENT, width=12, height=9, frequency=1)[:6]
 ROWS = np.array([[1500.0, 0.0], [2500.0, 2.0], [1830.0, 0.4], [1500.0, 0.0], [2000.0, 1.0], [1600.0, 0.1]])
@@ -29,7 +29,7 @@ def fast(count: int = 30) -> Surrogate:
 
 def varied() -> Surrogate:
     fitted = base()
-    return surrogate(fitted, of_isovalue(fitted, 1), visualization("values", fitted))
+    return surrogate(fitted, of_isovalue(fitted, 1), of_functions(fitted))
 
 
 def singly(model: Surrogate, rows: Any, cameras: Any, **options: Any) -> np.ndarray:

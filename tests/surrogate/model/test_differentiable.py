@@ -15,12 +15,11 @@ from torch import Tensor
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import Parameter, ParameterSpace
 from surrogate import Surrogate, look_at
-from surrogate.deformation import FieldDeformation
 from surrogate.lighting import Lighting
 from surrogate.rasterizer import Rasterizer
 from tests.support.field_blobs import BLOBS
 from tests.support.surrogates import CENTER, EXTENT, some_surrogate
-from tests.support.visualizations import base, of_isovalue, shaken, surrogate, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue, surrogate
 
 F64 = torch.float64
 CAMERA = Camera.look_at(CENTER + np.array([90.0, 120.0, 60.0]), CENTER, vertical_fov_degrees=35, width=12, height=10)
@@ -38,16 +37,9 @@ def logarithmic() -> Surrogate:
     return replace(plain(), space=space)
 
 
-def paper() -> Surrogate:
-    from surrogate.settings import TrainingSettings
-
-    made = plain()
-    return replace(made, deformation=shaken(FieldDeformation.create(made.gaussians, 2, TrainingSettings())))
-
-
 def varied() -> Surrogate:
     fitted = base()
-    return surrogate(fitted, of_isovalue(fitted, 1), visualization("values", fitted))
+    return surrogate(fitted, of_isovalue(fitted, 1), of_functions(fitted))
 
 
 def loss_of(picture: Tensor) -> Tensor:
@@ -76,7 +68,7 @@ def gradient(f: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
 
 
 @pytest.mark.parametrize("camera", VIEWS)
-@pytest.mark.parametrize("make", [plain, logarithmic, pytest.param(paper, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("make", [plain, logarithmic])
 def test_gradients_by_parameters_are_finite_differences(make: Any, camera: Camera) -> None:
     model = make().differentiable(dtype=F64).requires_grad_(False)
     at = torch.tensor([1830.0, 0.9], dtype=F64)
@@ -171,7 +163,7 @@ def test_the_kernels_gradients_are_those_of_the_twin(make: Any, camera: Camera) 
 
 
 @pytest.mark.parametrize("background", [None, (1.0, 0.5, 0.0)])
-@pytest.mark.parametrize("make", [plain, paper, logarithmic])
+@pytest.mark.parametrize("make", [plain, logarithmic])
 def test_the_picture_is_that_of_the_surrogate_bit_for_bit(make: Any, background: Any) -> None:
     model = make()
     expected = model.at(Re=1830.0, time=0.4).render(CAMERA, background=background)

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from surrogate import Surrogate
-from tests.support.visualizations import base, of_isovalue, surrogate, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue, surrogate
 
 TENSORS, RECORD = "model.safetensors", "model.json"
 TRAINING = {
@@ -36,7 +36,7 @@ TRAINING = {
 @cache
 def contents() -> tuple[bytes, str]:
     fitted = base()
-    made = surrogate(fitted, of_isovalue(fitted, 1), visualization("values", fitted))
+    made = surrogate(fitted, of_isovalue(fitted, 1), of_functions(fitted))
     _, (tensors, record, _) = made.__reduce__()
     return tensors, record.decode()
 

@@ -17,7 +17,7 @@ from surrogate import Surrogate
 from surrogate.notebook import first_camera
 from tests.support.comparing import same
 from tests.support.surrogates import large_surrogate, some_surrogate
-from tests.support.visualizations import base, of_isovalue, surrogate, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue, surrogate
 
 FORKS = "fork" in multiprocessing.get_all_start_methods()
 
@@ -51,16 +51,15 @@ def test_forked_processes_draw_what_was_loaded_before(tmp_path: Path) -> None:
     assert done.stdout.split() == ["2"]  # the parent keeps its threads
 
 
-def varied(kind: str) -> Surrogate:
+def varied() -> Surrogate:
     fitted = base()
-    return surrogate(fitted, of_isovalue(fitted, 1), visualization(kind, fitted))
+    return surrogate(fitted, of_isovalue(fitted, 1), of_functions(fitted))
 
 
 MODELS = [
     pytest.param(some_surrogate, id="one colour"),
     pytest.param(partial(some_surrogate, 12), id="colours by direction"),
-    *(pytest.param(partial(varied, kind), id=kind) for kind in ("values", "bilinear")),
-    pytest.param(partial(varied, "paper"), id="paper", marks=pytest.mark.slow),
+    pytest.param(varied, id="varied"),
 ]
 
 

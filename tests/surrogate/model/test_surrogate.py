@@ -15,7 +15,7 @@ from surrogate.splatting import render
 from tests.support.comparing import same
 from tests.support.field_blobs import FUNCTION, FUNCTIONS, ISOVALUE
 from tests.support.surrogates import CENTER, EXTENT, some_surrogate
-from tests.support.visualizations import base, of_isovalue, surrogate, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue, surrogate
 
 CAMERA = Camera.look_at(CENTER + np.array([90.0, 120.0, 60.0]), CENTER, vertical_fov_degrees=35, width=24, height=20)
 
@@ -88,7 +88,7 @@ def test_printing_shows_what_it_is() -> None:
 def varied() -> Surrogate:
     """It follows p, an isovalue and transfer functions, which are applied."""
     fitted = base()
-    return surrogate(fitted, of_isovalue(fitted, 1), visualization("values", fitted))
+    return surrogate(fitted, of_isovalue(fitted, 1), of_functions(fitted))
 
 
 def test_visualization_parameters_are_those_of_its_variations() -> None:

@@ -56,7 +56,7 @@ def test_the_fingerprint_sees_every_setting_and_member_but_not_the_clock(make_ca
     mark = fingerprint(TrainingSettings(), catalog)
     assert fingerprint(TrainingSettings(checkpoint_seconds=1.0), catalog) == mark
     others = {
-        "setting": fingerprint(TrainingSettings(mean_rate=1e-5), catalog),
+        "setting": fingerprint(TrainingSettings(latent_rate=1e-5), catalog),
         "split": fingerprint(
             TrainingSettings(), make_catalog(members=(("train", 0.0), ("train", 0.5), ("test", 1.0)), name="a.cdb")
         ),

@@ -23,7 +23,7 @@ def catalog(tmp_path: Path) -> Path:
 
 def test_a_run_is_begun_and_found_again(catalog: Path, tmp_path: Path) -> None:
     folder = tmp_path / "mine"
-    asked = Asked(Budget(steps=40), settings={"seed": 3, "held_still": ("quats",), "mean_rate": 1e-3})
+    asked = Asked(Budget(steps=40), settings={"seed": 3, "carried": "colors", "latent_rate": 1e-3})
     run = begin(catalog, folder, asked)
     assert run.settings.seed == 3
     assert (run.settings.canonical_steps, run.settings.deformation_steps) == (2, 38)
@@ -105,7 +105,7 @@ def test_what_can_not_be_had_leaves_nothing(catalog: Path, tmp_path: Path, asked
 def test_settings_that_say_the_steps_need_no_budget(catalog: Path, tmp_path: Path) -> None:
     settings = {"canonical_steps": 5, "deformation_steps": 20}
     run = begin(catalog, tmp_path / "mine", Asked(settings=settings))
-    assert run.settings == TrainingSettings(**settings)
+    assert run.settings == TrainingSettings.from_table(settings)
     assert json.loads((tmp_path / "mine" / RECORD).read_text())["asked"]["minutes"] is None
     assert Asked().whole_budget == Budget(minutes=10.0)
 
@@ -136,13 +136,13 @@ def test_a_training_that_diverged_begins_anew_with_lower_rates_but_not_for_ever(
     run = begin(catalog, tmp_path / "mine", STEPS)
     (run.model).mkdir()
     (run.model / CHECKPOINT).write_text("of the first")
-    rates = run.settings.rates
+    before = run.settings
     for factor in (0.5, 0.25, 0.125):
         found = calmer(run)
         assert found is not None
         run = found
-        assert run.settings.latent_rate == factor * rates.latent
-        assert run.settings.embedding_rate == factor * rates.embedding
+        assert run.settings.latent_rate == factor * before.latent_rate
+        assert run.settings.embedding_rate == factor * before.embedding_rate
         assert not (run.model / CHECKPOINT).exists()
         assert begin(catalog, tmp_path / "mine", STEPS).settings == run.settings
     assert calmer(run) is None

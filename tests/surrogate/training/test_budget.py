@@ -72,7 +72,7 @@ def test_in_little_time_there_are_fewer_gaussians_and_no_choices(
     assert not settings.fit_to_need
     assert chosen["steps"] * 1e-5 * settings.gaussians < 30.0
     kept, _ = budgeted({"gaussians": 2_000, "fit_to_need": True}, make_catalog(tmp_path, "more"), Budget(minutes=0.5))
-    assert (kept.gaussians, kept.compression.enabled) == (2_000, True)
+    assert (kept.gaussians, kept.fit_to_need) == (2_000, True)
 
 
 @pytest.mark.parametrize(("rough", "given", "samples"), [(0.04, {}, 1), (0.06, {}, 2), (0.06, {"samples": 1}, 1)])
@@ -89,7 +89,7 @@ def test_rough_pictures_get_more_samples_in_a_pixel(
     monkeypatch.setattr(budget, "roughness", lambda *_: rough)
     catalog = make_catalog(tmp_path, "blobs")
     for asked in (Budget(minutes=10.0), Budget(steps=100)):
-        assert budgeted(given, catalog, asked)[0].splatting.samples == samples
+        assert budgeted(given, catalog, asked)[0].samples == samples
     assert set(tried) == {samples}
 
 
@@ -166,10 +166,10 @@ def test_a_budget_must_be_one(minutes: float | None, steps: int | None, said: st
 
 def test_long_trainings_move_f_sim_at_lower_rates_and_what_is_given_stays(tmp_path: Path) -> None:
     catalog = make_catalog(tmp_path, "blobs")
-    usual = TrainingSettings().rates
+    usual = TrainingSettings()
     for steps, factor in ((40, 1.0), (4_000, 1.0), (16_000, 0.5), (400_000, 0.1)):
         settings, _ = budgeted({}, catalog, Budget(steps=steps))
-        assert settings.latent_rate == pytest.approx(factor * usual.latent)
-        assert settings.embedding_rate == pytest.approx(factor * usual.embedding)
+        assert settings.latent_rate == pytest.approx(factor * usual.latent_rate)
+        assert settings.embedding_rate == pytest.approx(factor * usual.embedding_rate)
     given, _ = budgeted({"latent_rate": 0.03}, catalog, Budget(steps=16_000))
-    assert given.rates.latent == 0.03
+    assert given.latent_rate == 0.03

@@ -15,7 +15,7 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import field_variation, transfer_function_family
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
-from surrogate.deformation import BilinearDeformation, FieldDeformation
+from surrogate.deformation import BilinearDeformation
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.metrics import psnr
@@ -26,7 +26,7 @@ from surrogate.storage.checkpoints import fingerprint
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.state import Fitted
-from surrogate.training.visualizations import kind_of, new_visualization, visualization_stage
+from surrogate.training.visualizations import new_visualization, visualization_stage
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FieldBlobs, summary
 from tests.support.interruptions import interrupt, outcome
@@ -41,8 +41,6 @@ QUICK = TrainingSettings(
     visualization_steps=10,
     latent_size=3,
     hidden_width=4,
-    visualization_latent_size=2,
-    visualization_hidden_width=4,
     validation_interval=5,
     relocation_interval=5,
     checkpoint_seconds=1e6,
@@ -86,14 +84,12 @@ def test_a_field_is_learnt_from_all_training_members(catalog: Catalog) -> None:
     assert Source(QUICK.changed(appearance="speed-dvr"), catalog).variations == ()
 
 
-@pytest.mark.parametrize("kind", ["auto", "bilinear", "paper"])
-def test_f_vis_moves_everything_and_leaves_the_base_as_it_is_bit_for_bit(catalog: Catalog, kind: str) -> None:
-    settings = QUICK.changed(visualization_deformation=kind)
+def test_f_vis_moves_everything_and_leaves_the_base_as_it_is_bit_for_bit(catalog: Catalog) -> None:
+    settings = QUICK
     source, fitted = Source(settings, catalog), base()
     before = [t.detach().numpy().tobytes() for t in fitted.tensors().values()]
     visual = new_visualization(*fitted, FIELDS, source)
     assert [name for name in NAMES if visual.deformation.moves(name)] == list(NAMES)
-    assert isinstance(visual.deformation, FieldDeformation) == (kind == "paper")
     assert visual.simulation is not None
     stage = visualization_stage(*fitted, visual, settings)
     assert stage.name == "field"
@@ -103,8 +99,6 @@ def test_f_vis_moves_everything_and_leaves_the_base_as_it_is_bit_for_bit(catalog
     assert [t.detach().numpy().tobytes() for t in fitted.tensors().values()] == before
     place = torch.tensor([0.3, *FIELDS.normalize(None)], dtype=torch.float32)
     assert same(visual.gaussians_at(*fitted, place), fitted.at(place[:1]))
-    with pytest.raises(ValueError, match="this catalog varies the field of dvr"):
-        kind_of(FIELDS, settings.changed(visualization_deformation="values"))
 
 
 def test_a_surrogate_shows_each_appearance_by_its_name(run: Path) -> None:
@@ -269,7 +263,7 @@ def test_fields_and_transfer_functions_are_learnt_side_by_side(tmp_path: Path) -
         shown=["dvr", "speed-dvr", "surface", "dvr-train-01", "dvr-validation-01", "dvr-test-01"],
         variations=(family.variation, FIELDS),
     )
-    surrogate = train(QUICK.changed(value_bins=6), catalog, tmp_path / "surrogate")
+    surrogate = train(QUICK, catalog, tmp_path / "surrogate")
     assert surrogate.visualization_names == (*family.variation.space.names, "appearance")
     for asked in ({"appearance": "surface"}, {"c1_value": 0.1}, {}):
         assert np.isfinite(surrogate.at(p=0.3, **asked).render(BLOBS.cameras()[0])).all()

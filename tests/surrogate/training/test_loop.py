@@ -14,7 +14,7 @@ from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.loop import Diverged, LoopMemory, StageRun, as_drawn, first_huge, first_infinite, seen
 from surrogate.training.optimizer import Adam
 from surrogate.training.source import Source
-from surrogate.training.stages import canonical_stage
+from surrogate.training.stages import RATES, canonical_stage
 from tests.support.blobs import Blobs
 
 SMALL = Blobs(count=4, size=16)
@@ -39,9 +39,9 @@ def test_rates_fall_to_nothing_over_each_stage(make_catalog, tmp_path: Path, mon
         step(adam, factor, *rest)
 
     monkeypatch.setattr(Adam, "step", told)
-    settings = QUICK.changed(final_rate_factor=0.5, cooldown=0.4)
+    settings = QUICK
     train(settings, make_catalog(SMALL, view_splits=("train",) * 3), tmp_path / "surrogate")
-    falls = [0.5**done * min(1.0, (1.0 - done) / 0.4) for steps in (10, 20) for done in np.arange(steps) / steps]
+    falls = [0.2**done * min(1.0, (1.0 - done) / 0.3) for steps in (10, 20) for done in np.arange(steps) / steps]
     assert factors == pytest.approx([settings.batch**0.5 * fall for fall in falls])
 
 
@@ -80,33 +80,42 @@ def test_what_is_faint_or_far_away_is_not_seen() -> None:
     assert not seen(far, 0.004).any()
 
 
-def test_a_training_that_shows_nothing_any_more_has_diverged(make_catalog, tmp_path: Path) -> None:
+def test_a_training_that_shows_nothing_any_more_has_diverged(
+    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(RATES, "means", 90.0)
+    monkeypatch.setitem(RATES, "log_scales", 1e-9)
     catalog = make_catalog(SMALL, view_splits=("train",) * 3)
     with pytest.raises(
         Diverged, match=r"stage canonical at step \d+ of 10, where no Gaussian is seen in a picture of \S+: lower"
     ):
-        train(QUICK.changed(mean_rate=90.0, log_scale_rate=1e-9), catalog, tmp_path / "surrogate")
+        train(QUICK, catalog, tmp_path / "surrogate")
 
 
-def test_what_ran_away_but_is_finite_has_diverged(make_catalog, tmp_path: Path) -> None:
+def test_what_ran_away_but_is_finite_has_diverged(
+    make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(RATES, "log_scales", 6.0)
     catalog = make_catalog(SMALL, view_splits=("train",) * 3)
     with pytest.raises(
         Diverged, match=r"stage canonical at step \d+ of 10, where scales\[\d+, \d\] is \S+ boxes: lower"
     ):
-        train(QUICK.changed(log_scale_rate=6.0), catalog, tmp_path / "surrogate")
+        train(QUICK, catalog, tmp_path / "surrogate")
 
 
 @pytest.mark.parametrize(
-    ("changes", "stage", "steps", "what"),
+    ("rates", "changes", "stage", "steps", "what"),
     [
-        ({"log_scale_rate": 60.0}, "canonical", 10, r"scales\[\d+, \d\]"),
-        ({"canonical_steps": 0, "latent_rate": 1e38}, "deformation", 20, r"[\w.]+\[\d+(, \d+)?\]"),
-        ({"color_rate": 1e39}, "canonical", 10, r"colors\[\d+, \d\]"),
+        ({"log_scales": 60.0}, {}, "canonical", 10, r"scales\[\d+, \d\]"),
+        ({}, {"canonical_steps": 0, "latent_rate": 1e38}, "deformation", 20, r"[\w.]+\[\d+(, \d+)?\]"),
+        ({"colors": 1e39}, {}, "canonical", 10, r"colors\[\d+, \d\]"),
     ],
 )
 def test_it_says_where_and_what_helps(
-    make_catalog, tmp_path: Path, changes: dict, stage: str, steps: int, what: str
+    make_catalog, tmp_path: Path, rates: dict, changes: dict, stage: str, steps: int, what: str, monkeypatch
 ) -> None:
+    for name, rate in rates.items():
+        monkeypatch.setitem(RATES, name, rate)
     catalog, settings = make_catalog(SMALL, view_splits=("train",) * 3), QUICK.changed(**changes)
     for _ in range(2):  # from the last checkpoint too
         with pytest.raises(ValueError, match=complaint(stage, steps, what)):
@@ -160,18 +169,15 @@ def test_an_error_of_another_kind_is_told_as_it_is(make_catalog, tmp_path: Path)
         train(QUICK.changed(backend="nonsense"), catalog, tmp_path / "surrogate")
 
 
-def test_a_stage_that_an_earlier_version_began_goes_on_with_its_steps_counted_for_every_row(make_catalog) -> None:
+def test_a_stage_resumes_from_the_whole_memory_alone(make_catalog) -> None:
     source = Source(QUICK, make_catalog(SMALL, view_splits=("train",) * 3))
     data = source.data()
     begun = StageRun(canonical_stage(source.initial_gaussians(data), QUICK), QUICK, data)
     for _ in range(4):
         begun.advance()
     memory = begun.memory()
-    earlier = {name: tensor for name, tensor in memory.tensors.items() if not name.startswith("moments.steps.")}
-    assert len(earlier) < len(memory.tensors)
-    run = StageRun(begun.stage, QUICK, data, LoopMemory(4, earlier))
+    run = StageRun(begun.stage, QUICK, data, memory)
     for name, tensor in run.memory().tensors.items():
-        kept = torch.full_like(tensor, 4.0) if name.startswith("moments.steps.") else memory.tensors[name]
-        assert torch.equal(tensor, kept)
+        assert torch.equal(tensor, memory.tensors[name])
     with pytest.raises(KeyError):
         StageRun(begun.stage, QUICK, data, LoopMemory(4, {}))

@@ -8,13 +8,7 @@ import torch
 from skimage.metrics import structural_similarity as skimage_ssim
 
 from surrogate import kernels
-from surrogate.deformation import BilinearDeformation
-from surrogate.gaussians import NAMES, Gaussians
-from surrogate.settings import TrainingSettings
-from surrogate.training.loop import StageRun
-from surrogate.training.losses import deformation_size, image_loss, image_loss_reference, structural_similarity
-from surrogate.training.source import Source
-from surrogate.training.stages import canonical_stage, simulation_stage
+from surrogate.training.losses import image_loss, image_loss_reference, structural_similarity
 
 
 def pair(height: int, width: int, channels: int = 3, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
@@ -108,59 +102,3 @@ def test_channels_that_the_target_lacks_are_not_compared() -> None:
     assert three.grad is not None
     assert torch.equal(four.grad[..., :3], three.grad)
     assert not four.grad[..., 3].any()
-
-
-def some_gaussians(count: int, seed: int, color_columns: int = 3) -> Gaussians:
-    random = torch.Generator().manual_seed(seed)
-    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, color_columns))
-    return Gaussians(*(torch.randn(shape, generator=random, dtype=torch.float64) for shape in shapes))
-
-
-@pytest.mark.parametrize("color_columns", [3, 12])
-def test_the_size_of_a_deformation_is_the_mean_of_each_gaussians_squared_offsets(color_columns: int) -> None:
-    deformed, rest = (some_gaussians(7, seed, color_columns) for seed in (1, 2))
-    total = 0.0
-    for i in range(7):
-        for name in NAMES:
-            offset = (getattr(deformed, name)[i] - getattr(rest, name)[i]).numpy().reshape(-1)
-            total += float(sum(value**2 for value in offset))
-    assert float(deformation_size(deformed, rest)) == pytest.approx(total / 7, rel=1e-12)
-    assert float(deformation_size(rest, rest)) == 0.0
-
-
-def test_the_size_of_a_deformation_has_the_gradient_of_finite_differences() -> None:
-    deformed, rest = (some_gaussians(3, seed) for seed in (1, 2))
-
-    def size(*tensors: torch.Tensor) -> torch.Tensor:
-        return deformation_size(Gaussians(*tensors), rest)
-
-    assert torch.autograd.gradcheck(size, [t.requires_grad_() for t in deformed.tensors().values()])
-
-
-def test_a_penalty_keeps_deformations_small_and_is_part_of_the_loss(make_catalog) -> None:
-    catalog, sizes, losses = make_catalog(view_splits=("train",) * 3), [], []
-    for penalty in (0.0, 10.0):
-        settings = TrainingSettings(gaussians=30, deformation_steps=60, deformation_penalty=penalty)
-        source = Source(settings, catalog)
-        data = source.data()
-        gaussians = source.initial_gaussians(data)
-        deformation = BilinearDeformation.create(gaussians, 1, settings)
-        stage = simulation_stage(gaussians, deformation, settings)
-        run = StageRun(stage, settings, data)
-        losses.append([run.advance() for _ in range(60)])
-        with torch.no_grad():
-            sizes.append(float(deformation_size(stage.gaussians_at(torch.ones(1)), gaussians)))
-    assert losses[0][0] == losses[1][0]  # nothing has moved yet
-    assert losses[0][10] != losses[1][10]
-    assert sizes[1] < 0.2 * sizes[0]
-
-
-def test_a_stage_without_a_deformation_has_no_penalty(make_catalog) -> None:
-    catalog, losses = make_catalog(view_splits=("train",) * 3), []
-    for penalty in (0.0, 10.0):
-        settings = TrainingSettings(gaussians=30, canonical_steps=8, deformation_penalty=penalty)
-        source = Source(settings, catalog)
-        data = source.data()
-        run = StageRun(canonical_stage(source.initial_gaussians(data), settings), settings, data)
-        losses.append([run.advance() for _ in range(8)])
-    assert losses[0] == losses[1]

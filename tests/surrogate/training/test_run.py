@@ -131,7 +131,7 @@ def test_other_settings_or_data_are_refused_and_nothing_changes(make_catalog, tm
 @pytest.mark.parametrize("color_degree", [0, 1])
 def test_the_smallest_ensembles_train(make_catalog, tmp_path: Path, case: dict, color_degree: int) -> None:
     catalog = make_catalog(**case)
-    settings = TrainingSettings(**QUICK.to_json() | {"color_degree": color_degree})
+    settings = TrainingSettings.from_table(QUICK.to_json() | {"color_degree": color_degree})
     surrogate = train(settings, catalog, tmp_path / "surrogate")
     picture = surrogate.at(p=0.5).render(catalog.members[0].cameras[0])
     assert np.isfinite(picture).all()
@@ -139,7 +139,7 @@ def test_the_smallest_ensembles_train(make_catalog, tmp_path: Path, case: dict, 
 
 
 def test_an_ensemble_without_a_deformation_stage_is_static(make_catalog, tmp_path: Path) -> None:
-    settings = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 0})
+    settings = TrainingSettings.from_table(QUICK.to_json() | {"deformation_steps": 0})
     surrogate = train(settings, make_catalog(), tmp_path / "surrogate")
     camera = Blobs().cameras()[0]
     np.testing.assert_array_equal(surrogate.at(p=0.0).render(camera), surrogate.at(p=1.0).render(camera))
@@ -168,7 +168,7 @@ def test_a_world_far_from_the_origin_is_learnt_alike(make_catalog, tmp_path: Pat
 )
 def test_what_the_catalog_lacks_is_named(make_catalog, tmp_path: Path, settings: dict, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        train(TrainingSettings(**settings), make_catalog(), tmp_path / "surrogate")
+        train(TrainingSettings.from_table(settings), make_catalog(), tmp_path / "surrogate")
 
 
 def test_a_catalog_without_training_images_changes_nothing(make_catalog, tmp_path: Path) -> None:
@@ -181,7 +181,7 @@ def test_a_catalog_without_training_images_changes_nothing(make_catalog, tmp_pat
 @pytest.mark.slow
 def test_two_processes_never_train_in_one_folder(make_catalog, tmp_path: Path) -> None:
     catalog, folder = make_catalog(), tmp_path / "surrogate"
-    long = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 100_000})
+    long = TrainingSettings.from_table(QUICK.to_json() | {"deformation_steps": 100_000})
     process = start(long, catalog, folder)
     try:
         process.stdout.readline()
@@ -197,7 +197,7 @@ def test_two_processes_never_train_in_one_folder(make_catalog, tmp_path: Path) -
 )
 def test_an_interrupted_run_goes_on_where_it_stopped(make_catalog, tmp_path: Path, number: int, status: int) -> None:
     catalog, folder = make_catalog(), tmp_path / "surrogate"
-    settings = TrainingSettings(**QUICK.to_json() | {"deformation_steps": 300, "checkpoint_seconds": 1e6})
+    settings = TrainingSettings.from_table(QUICK.to_json() | {"deformation_steps": 300, "checkpoint_seconds": 1e6})
     process = start(settings, catalog, folder)
     try:
         process.stdout.readline()
@@ -252,13 +252,13 @@ def test_a_run_whose_colours_turn_out_to_depend_on_the_direction_goes_on_alike(
 
 def test_nothing_is_chosen_without_validation_images_or_where_it_is_not_wanted(make_catalog, tmp_path: Path) -> None:
     without = train(QUICK, make_catalog(view_splits=("train",) * 4), tmp_path / "without")
-    plain = TrainingSettings(**QUICK.to_json() | {"fit_to_need": False, "color_degree": 0})
+    plain = TrainingSettings.from_table(QUICK.to_json() | {"fit_to_need": False, "color_degree": 0})
     unwanted = train(plain, make_catalog(name="other.cdb"), tmp_path / "unwanted")
     for surrogate in (without, unwanted):
         assert surrogate.training["choices"] == []
         assert not surrogate.encodings
         assert len(surrogate.gaussians) == QUICK.gaussians
-        assert surrogate.deformation.latent_size == QUICK.simulation_size.latent
+        assert surrogate.deformation.latent_size == QUICK.latent_size
 
 
 def test_what_was_chosen_is_stored_and_read_again(make_catalog, tmp_path: Path) -> None:
@@ -275,7 +275,9 @@ def test_what_was_trained_by_the_gpus_backend_is_drawn_without_one(
     make_catalog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cuda, "render", cpu.render)
-    settings = TrainingSettings(**QUICK.to_json() | {"backend": "cuda", "fit_to_need": False, "color_degree": 0})
+    settings = TrainingSettings.from_table(
+        QUICK.to_json() | {"backend": "cuda", "fit_to_need": False, "color_degree": 0}
+    )
     train(settings, make_catalog(), tmp_path)
     monkeypatch.undo()
     picture = Surrogate.load(tmp_path).at(p=0.4).render(Blobs().cameras()[3])

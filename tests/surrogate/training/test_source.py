@@ -101,7 +101,6 @@ def test_parameters_over_decades_are_learnt_by_their_logarithms(catalog: Catalog
     assert Source(TrainingSettings(), catalog).space == catalog.plan.space  # from 0 on
     wide = ParameterSpace((Parameter("nu", 1e-4, 1e-2), Parameter("h", 0.5, 0.9), Parameter("q", -1.0, 1.0)))
     plan = replace(catalog.plan, space=wide)
-    for scales, expected in (("auto", ["log", "linear", "linear"]), ("given", ["linear"] * 3)):
-        source = Source(TrainingSettings(parameter_scales=scales), catalog)
-        object.__setattr__(source, "catalog", SimpleNamespace(plan=plan))
-        assert [p.scale for p in source.space.parameters] == expected
+    source = Source(TrainingSettings(), catalog)
+    object.__setattr__(source, "catalog", SimpleNamespace(plan=plan))
+    assert [p.scale for p in source.space.parameters] == ["log", "linear", "linear"]

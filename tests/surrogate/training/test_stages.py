@@ -11,7 +11,7 @@ from surrogate import TrainingSettings
 from surrogate.gaussians import Gaussians
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.stages import PREFIX, canonical_stage, new_deformation, simulation_stage
+from surrogate.training.stages import FINAL_FACTOR, PREFIX, canonical_stage, decay, new_deformation, simulation_stage
 from tests.support.blobs import Blobs
 
 
@@ -58,3 +58,18 @@ def test_the_first_step_moves_the_deformation_by_a_part_of_its_rate_and_the_gaus
         part = 0.1 if name in stage.warming else 1.0
         assert moved[False][name] > 0.0
         assert moved[True][name] == pytest.approx(part * moved[False][name], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("factor", "done", "expected"),
+    [
+        (FINAL_FACTOR, 0.0, 1.0),
+        (FINAL_FACTOR, 0.5, 0.2**0.5),
+        (FINAL_FACTOR, 0.7, 0.2**0.7),  # where the last 30 % begin
+        (FINAL_FACTOR, 0.85, 0.5 * 0.2**0.85),
+        (FINAL_FACTOR, 1.0, 0.0),
+        (0.05, 0.5, 0.05**0.5),
+    ],
+)
+def test_rates_fall_exponentially_and_to_zero_at_the_end(factor: float, done: float, expected: float) -> None:
+    assert decay(done, factor) == pytest.approx(expected, abs=1e-12)

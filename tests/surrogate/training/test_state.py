@@ -6,7 +6,7 @@ import torch
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.loop import LoopMemory
 from surrogate.training.state import TrainingState
-from tests.support.visualizations import base, of_isovalue, visualization
+from tests.support.visualizations import base, of_functions, of_isovalue
 
 
 def through_a_file(state: TrainingState, folder: Path) -> TrainingState:
@@ -23,12 +23,12 @@ def bits(tensors: dict[str, torch.Tensor]) -> dict[str, bytes]:
 
 def test_a_state_survives_a_checkpoint_bit_for_bit(tmp_path: Path) -> None:
     fitted = base()
-    shown = (visualization("values", fitted), of_isovalue(fitted, 1), visualization("paper", fitted))
+    shown = (of_functions(fitted), of_isovalue(fitted, 1))
     memory = LoopMemory(7, {"moments.first.colors": torch.randn(3, 3), "peaks": torch.tensor([0.0, -0.0, 1e-45])})
     choice, point = {"name": "colour degree", "kept": "1"}, {"stage": "canonical", "psnr": None, "loss": 0.1 + 0.2}
     # So many F_vis that names of one digit begin those of two.
     state = TrainingState(
-        fitted, 5, memory, tuple(v.copy() for v in shown * 4), (0.1, 1e-300), (point,), (choice,), 12.5
+        fitted, 5, memory, tuple(v.copy() for v in shown * 6), (0.1, 1e-300), (point,), (choice,), 12.5
     )
     found = through_a_file(state, tmp_path)
     assert bits(found.fitted.tensors()) == bits(fitted.tensors())

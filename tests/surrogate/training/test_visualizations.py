@@ -11,7 +11,9 @@ import torch
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import ImportedImages
 from catalogs.vocabulary.variations import Variation
-from surrogate.deformation import BilinearDeformation, FieldDeformation, ValuesDeformation
+from surrogate.deformation import BilinearDeformation, ValuesDeformation
+from surrogate.deformation import values as of_values
+from surrogate.deformation.values import VALUE_BINS
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import NAMES
 from surrogate.lighting import Lighting
@@ -22,7 +24,6 @@ from surrogate.training.source import Source
 from surrogate.training.state import Fitted
 from surrogate.training.visualizations import (
     in_common,
-    kind_of,
     new_visualization,
     shared_visualization,
     visualization_stage,
@@ -31,9 +32,7 @@ from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, appearance_of, field_catalog
 from tests.support.visualizations import base
 
-SETTINGS = TrainingSettings(
-    visualization_steps=30, visualization_latent_size=3, visualization_hidden_width=5, value_bins=9
-)
+SETTINGS = TrainingSettings(visualization_steps=30, latent_size=3, hidden_width=5)
 MEMBERS = (("train", 0.0), ("train", 1.0))
 
 
@@ -44,42 +43,19 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 
 def source(catalog: Catalog, **settings: object) -> Source:
-    return Source(TrainingSettings(**SETTINGS.to_json() | settings), catalog)
+    return Source(TrainingSettings.from_table(SETTINGS.to_json() | settings), catalog)
 
 
 def bits(fitted: Fitted) -> list[bytes]:
     return [tensor.detach().numpy().tobytes() for tensor in fitted.tensors().values()]
 
 
-@pytest.mark.parametrize(
-    ("variation", "asked", "kind"),
-    [
-        (FUNCTIONS, "auto", "values"),
-        (ISOVALUE, "auto", "bilinear"),
-        (FUNCTIONS, "bilinear", "bilinear"),
-        (ISOVALUE, "paper", "paper"),
-        (FUNCTIONS, "values", "values"),
-    ],
-)
-def test_the_kind_that_is_asked_for_or_fits(variation: Variation, asked: str, kind: str) -> None:
-    assert kind_of(variation, SETTINGS.changed(visualization_deformation=asked)) == kind
-
-
-def test_values_of_isovalues_are_refused() -> None:
-    with pytest.raises(ValueError, match="applies transfer functions, but this catalog varies the isovalue of dvr"):
-        kind_of(ISOVALUE, SETTINGS.changed(visualization_deformation="values"))
-
-
-@pytest.mark.parametrize("kind", ["auto", "bilinear", "paper"])
 @pytest.mark.parametrize("variation", [FUNCTIONS, ISOVALUE], ids=["functions", "isovalue"])
 @pytest.mark.parametrize("color_degree", [0, 1])
-def test_at_first_nothing_moves(catalog: Catalog, kind: str, variation: Variation, color_degree: int) -> None:
+def test_at_first_nothing_moves(catalog: Catalog, variation: Variation, color_degree: int) -> None:
     fitted = base()
-    visual = shared_visualization(
-        *fitted, variation, source(catalog, visualization_deformation=kind), color_degree=color_degree
-    )
-    settings = variation.settings if kind == "bilinear" or variation is ISOVALUE else ()
-    for setting in settings:
+    visual = shared_visualization(*fitted, variation, source(catalog), color_degree=color_degree)
+    for setting in variation.settings if variation is ISOVALUE else ():
         place = torch.tensor([0.3, *variation.normalize(setting.values)], dtype=torch.float32)
         shown = visual.gaussians_at(*fitted, place)
         assert same(shown, fitted.at(place[:1]).with_color_degree(color_degree))
@@ -91,15 +67,14 @@ def test_at_first_nothing_moves(catalog: Catalog, kind: str, variation: Variatio
     assert moving == (list(NAMES) if variation is ISOVALUE else ["opacity_logits", "colors"])
 
 
-@pytest.mark.parametrize("kind", ["bilinear", "paper"])
 def test_isovalues_have_lit_gaussians_of_their_own_that_leave_the_base_alone(
-    catalog: Catalog, kind: str, monkeypatch: pytest.MonkeyPatch
+    catalog: Catalog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert new_visualization(*base(), ISOVALUE, source(catalog)).gaussians is None, (
         "these blobs have colours of their own"
     )
     monkeypatch.setattr(Lighting, "explains", lambda *_: True)
-    given, fitted = source(catalog, visualization_deformation=kind, visualization_gaussians=70), base()
+    given, fitted = source(catalog, visualization_gaussians=70), base()
     data, before = given.data(ISOVALUE), bits(fitted)
     visual = new_visualization(*fitted, ISOVALUE, given)
     assert visual.gaussians is not None
@@ -114,7 +89,7 @@ def test_isovalues_have_lit_gaussians_of_their_own_that_leave_the_base_alone(
     assert stage.per_gaussian >= set(NAMES), "dead ones are relocated"
     run = StageRun(stage, given.settings, replace(data, validation=data.examples[::3]))
     psnr = run.validate()
-    for _ in range(5 if kind == "paper" else 30):
+    for _ in range(30):
         run.advance()
     assert run.validate() > psnr
     assert bits(fitted) == before
@@ -132,26 +107,15 @@ def test_values_follow_the_training_members_histogram(catalog: Catalog) -> None:
     visual = new_visualization(*base(), FUNCTIONS, source(catalog))
     assert isinstance(visual.deformation, ValuesDeformation)
     values = visual.deformation.values
-    assert len(values) == 9
+    assert len(values) == VALUE_BINS
     assert (values[0], values[-1]) == (0.0, 3.0)
     assert np.ptp(np.diff(values)) > 0.01
     assert visual.deformation.steps == (0.4, 0.25, 0.4, 0.3)
 
 
-def test_learnt_f_vis_has_its_own_sizes_and_all_parameters(catalog: Catalog) -> None:
-    visual = new_visualization(*base(), FUNCTIONS, source(catalog, visualization_deformation="bilinear"), 1)
-    assert isinstance(visual.deformation, BilinearDeformation)
-    assert visual.deformation.weights_in.shape == (5, 5)
-    assert visual.deformation.latents.shape == (BLOBS.count, 3)
-    assert visual.deformation.anchored == 4
-    assert len(visual.deformation.units) == 11 + 12
-
-
-@pytest.mark.parametrize("kind", ["bilinear", "paper"])
-@pytest.mark.parametrize("variation", [FUNCTIONS, ISOVALUE], ids=["functions", "isovalue"])
-def test_it_is_made_on_the_device_of_its_gaussians(catalog: Catalog, kind: str, variation: Variation) -> None:
+def test_it_is_made_on_the_device_of_its_gaussians(catalog: Catalog) -> None:
     meta, fitted = torch.device("meta"), base()  # a device that every torch has
-    visual = shared_visualization(*fitted.to(meta), variation, source(catalog, visualization_deformation=kind))
+    visual = shared_visualization(*fitted.to(meta), ISOVALUE, source(catalog))
     assert {tensor.device for tensor in visual.deformation.tensors().values()} == {meta}
 
 
@@ -163,21 +127,12 @@ def test_an_appearance_without_a_transfer_function_is_named(tmp_path: Path, make
         new_visualization(*base(), variation, plain)
 
 
-@pytest.mark.parametrize(
-    ("variation", "kind", "factor"),
-    [
-        (FUNCTIONS, "values", 0.1),
-        (FUNCTIONS, "bilinear", 0.1),
-        (FUNCTIONS, "paper", 0.1),
-        (ISOVALUE, "bilinear", 0.1),
-        (ISOVALUE, "paper", 0.1),
-        (ISOVALUE, "bilinear", 0.0),
-    ],
-)
+@pytest.mark.parametrize("variation", [FUNCTIONS, ISOVALUE], ids=["functions", "isovalue"])
 def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
-    catalog: Catalog, variation: Variation, kind: str, factor: float
+    catalog: Catalog, variation: Variation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = source(catalog, visualization_deformation=kind, simulation_rate_factor=factor, value_rate=0.05)
+    monkeypatch.setattr(of_values, "VALUE_RATE", 0.05)
+    given = source(catalog)
     fitted = base()
     before, visual = bits(fitted), shared_visualization(*fitted, variation, given)
     at_first = {name: t.clone() for name, t in visual.stored().items()}
@@ -185,14 +140,14 @@ def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
     data = given.data(variation)
     run = StageRun(stage, given.settings, replace(data, validation=data.examples[::3]))
     psnr = run.validate()
-    for _ in range(5 if kind == "paper" else 30):
+    for _ in range(30):
         run.advance()
     assert bits(fitted) == before
     assert all(tensor.grad is None and not tensor.requires_grad for tensor in fitted.tensors().values())
     assert run.validate() > psnr
     changed = {name for name, t in visual.stored().items() if not torch.equal(t, at_first[name])}
     assert any(name.startswith("deformation.") for name in changed)
-    assert any(name.startswith("simulation.") for name in changed) == (variation is ISOVALUE and factor > 0)
+    assert any(name.startswith("simulation.") for name in changed) == (variation is ISOVALUE)
     if variation is FUNCTIONS:
         for p in (-1.0, 0.4):
             assert same(visual.gaussians_at(*fitted, torch.tensor([p, 0, 0, 0, 0])), fitted.at(torch.tensor([p])))
@@ -201,26 +156,19 @@ def test_stage_3_leaves_the_base_as_it_is_bit_for_bit(
             assert all(torch.equal(getattr(moved, name), getattr(rest, name)) for name in NAMES[:3])
 
 
-@pytest.mark.parametrize("kind", ["bilinear", "paper"])
-def test_a_frozen_f_sim_is_the_bases_and_takes_no_space(catalog: Catalog, kind: str) -> None:
-    given = source(catalog, simulation_rate_factor=0.0, visualization_deformation=kind)
-    visual = shared_visualization(*base(), ISOVALUE, given)
-    assert visual.simulation is None
-    assert all(name.startswith("deformation.") for name in visual.stored())
-
-
 def test_f_sim_is_tuned_at_a_part_of_its_rates(catalog: Catalog) -> None:
-    given, fitted = source(catalog, latent_rate=0.04, embedding_rate=0.02, simulation_rate_factor=0.25), base()
+    given, fitted = source(catalog, latent_rate=0.04, embedding_rate=0.02), base()
     rates = visualization_stage(*fitted, shared_visualization(*fitted, ISOVALUE, given), given.settings).rates
-    assert rates["simulation.latents"] == pytest.approx(0.01)
-    assert rates["simulation.weights_in"] == pytest.approx(0.005)
+    assert rates["simulation.latents"] == pytest.approx(0.004)
+    assert rates["simulation.weights_in"] == pytest.approx(0.002)
     assert rates["visualization.latents"] == 0.04
     assert not set(rates) & set(NAMES)
 
 
-def test_values_that_are_wrong_at_first_are_learnt(catalog: Catalog) -> None:
+def test_values_that_are_wrong_at_first_are_learnt(catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blobs of one value each, shown exactly at the base: after a short training their looks under unseen functions fit."""
-    given = source(catalog, visualization_steps=150, value_bins=13, value_rate=0.03)
+    monkeypatch.setattr(of_values, "VALUE_RATE", 0.03)
+    given = source(catalog, visualization_steps=150)
     truth = BLOBS.shown(0.5, given.catalog.plan.appearances[0])
     fitted = Fitted(truth, BilinearDeformation.create(truth, 1, SETTINGS))
     visual = new_visualization(*fitted, FUNCTIONS, given)
@@ -255,35 +203,3 @@ def field_members(given: Source) -> TrainingData:
             pixels[..., :3] = np.minimum(pixels[..., :3], pixels[..., 3:])
             examples.append(Example(given.normalization.camera(camera), place, pixels))
     return TrainingData(examples, [], None)
-
-
-def test_the_stage_rests_on_what_f_vis_acts_on(catalog: Catalog) -> None:
-    given, fitted = source(catalog, visualization_deformation="bilinear"), base()
-    for variation in (ISOVALUE, FUNCTIONS):
-        visual = shared_visualization(*fitted, variation, given)
-        stage = visualization_stage(*fitted, visual, given.settings)
-        place = torch.tensor([0.3, *[0.0] * len(variation.space)])
-        assert stage.rest_at is not None
-        assert stage.name == variation.kind
-        with torch.no_grad():
-            assert same(stage.rest_at(place), fitted.at(place[:1]))
-            assert same(stage.gaussians_at(place), visual.gaussians_at(*fitted, place))
-
-
-def test_the_field_of_the_paper_has_no_backbone_here(catalog: Catalog) -> None:
-    visual = new_visualization(*base(), FUNCTIONS, source(catalog, visualization_deformation="paper"))
-    assert isinstance(visual.deformation, FieldDeformation)
-    assert visual.deformation.architecture.backbone_width == 0
-    assert visual.deformation.architecture.anchored == 4
-    assert visual.deformation.architecture.parameters == 5
-
-
-def test_transfer_functions_that_are_applied_are_not_kept_small(catalog: Catalog) -> None:
-    """A penalty of 0.001 was ten times the pictures' loss and cost 5 dB of an unseen function."""
-    losses = []
-    for penalty in (0.0, 1.0):
-        given, fitted = source(catalog, deformation_penalty=penalty), base()
-        stage = visualization_stage(*fitted, new_visualization(*fitted, FUNCTIONS, given), given.settings)
-        run = StageRun(stage, given.settings, given.data(FUNCTIONS))
-        losses.append([run.advance() for _ in range(3)])
-    assert losses[0] == losses[1]

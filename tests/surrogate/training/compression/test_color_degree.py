@@ -19,9 +19,6 @@ from tests.support.field_blobs import BLOBS, FUNCTIONS, ISOVALUE, field_catalog
 
 SETTINGS = TrainingSettings(
     visualization_steps=2000,
-    visualization_latent_size=4,
-    visualization_hidden_width=8,
-    color_offset=1.0,
     latent_rate=0.1,
 )
 
