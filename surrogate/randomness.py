@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+# A purpose's place is its key: those of former purposes stay, so that all others draw the same numbers.
 PURPOSES = ("initialization", "order", "relocation", "latents", "hull", "hard examples", "normals", "values")
 
 

@@ -1,4 +1,4 @@
-"""Where Gaussians may start that are not told by the field: on the visual hull of the pictures, or on points matched between them.
+"""Where the Gaussians start: on points that the hook sampled, on points matched between images, or anywhere in the box.
 
-Import the modules themselves: `hull` takes scipy, `structure_from_motion` takes pycolmap when it is called.
+Import the modules themselves: `structure_from_motion` takes pycolmap when it is called.
 """

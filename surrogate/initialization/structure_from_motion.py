@@ -70,7 +70,7 @@ def structure_from_motion_points(
         raise ValueError(
             f"structure from motion found {len(tracks)} points in {len(pictures)} training images of member {member.name}, at "
             f"least {FEWEST_POINTS} are needed: small, smooth and translucent images have few features that other views "
-            'repeat; set training.initialization = "hull" or "random"'
+            'repeat; set training.initialization = "random"'
         )
     shown = [foreground(picture.pixels, catalog.plan.background) for picture in pictures]  # V of [H, W, 4]
     sums = [np.sum([shown[view][row, column] / 255.0 for view, row, column in t.pixels], axis=0) for t in tracks]
