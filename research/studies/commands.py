@@ -245,8 +245,9 @@ def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
     """Fit the Gaussians of a SCENE or a RUN to one unseen member alone: what they could reach, beside what the surrogate does."""
     studied = StudiedRun.open(scene, runs, records)
     opened = studied.run
-    from research.studies.ceiling import FOLDER, line, measure_ceiling
+    from research.studies.ceiling import line, measure_ceiling
     from surrogate.model import Surrogate
+    from surrogate.report.ceilings import FOLDER
 
     surrogate = load_surrogate(opened.model) if Surrogate.exists(opened.model) else None
     with one_line_errors(), ProgressLine() as shown:

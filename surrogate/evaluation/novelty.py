@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from catalogs.store.catalog import Catalog
 from catalogs.store.summary import FieldSummary
 from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, field_of
-from surrogate.deformation.extinction import MOST_OPAQUE
+from surrogate.appearance.averages import MOST_OPAQUE
 from surrogate.model import Surrogate
 
 MAGNIFIED = 4.0  # times the trained extinction: what a function shows up to this often, training is taken to have shown

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.parameters import ParameterSpace
-from catalogs.vocabulary.variations import IsovalueVariation, Variation
+from catalogs.vocabulary.variations import Variation
+from catalogs.vocabulary.variations.isovalue import IsovalueVariation
 from surrogate.appearance.field_gaussians import AnyGaussians
 from surrogate.deformation import Deformation
 from surrogate.deformation.visualization import Visualization

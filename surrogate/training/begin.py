@@ -15,7 +15,8 @@ from surrogate.settings import TrainingSettings
 from surrogate.storage import models
 from surrogate.storage.checkpoints import CHECKPOINT, fingerprint, locked
 from surrogate.storage.runs import BESIDE, RunFolder, RunRecord, path_between, seen_by_run, with_chosen_splits
-from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, Clock, budgeted
+from surrogate.training.budget import MINUTES, STEP_KEYS, Budget, budgeted
+from surrogate.training.pace import Clock
 from surrogate.training.ranks import ALONE, Ranks
 from surrogate.training.source import Source
 
