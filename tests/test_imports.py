@@ -63,7 +63,7 @@ def test_the_packages_themselves_load_nothing_heavy() -> None:
 
 
 def imports_of(folder: str) -> Iterator[tuple[str, str]]:
-    """Where and what the modules below a folder import, by every name that may be a module."""
+    """Imports of the modules below a folder, with their places, by every name that may be a module."""
     for path in sorted((PROJECT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom):
