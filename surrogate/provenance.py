@@ -9,6 +9,7 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 @functools.cache
 def code(*also: str) -> str:
-    """16 hex digits that change with the code that trains and evaluates, but not with comments, docstrings or other code.
+    """16 hex digits that change with the code that trains and evaluates, but not with comments, docstrings or names of modules.
 
     A SHA-256 over the statements of `MEASURING`, of the modules `also`, and of all modules of this project that they import,
     directly or not, but for those that only show; and over the sources of the C++ kernels or, where these are not installed,
@@ -43,8 +44,8 @@ def code(*also: str) -> str:
     another mark.
     """
     mark = hashlib.sha256()
-    for name, text in sorted(_statements(*also).items()):
-        mark.update(f"{name}\n{text}\n".encode())
+    for text in sorted(_statements(*also).values()):
+        mark.update(f"{text}\n".encode())
     for path in sorted((_folder("surrogate") / "kernels").glob("src/*")):
         mark.update(path.name.encode() + path.read_bytes())
     if not (_folder("surrogate") / "kernels" / "src").is_dir():
@@ -86,16 +87,23 @@ def _processor() -> str:
 
 
 def _statements(*also: str) -> dict[str, str]:
-    """The code, without comments and docstrings, of `MEASURING`, `also` and of what they import of this project, by module."""
+    """The code of `MEASURING`, `also` and of what they import of this project, by module.
+
+    Comments, docstrings and imports of this project's modules are left out.
+    """
+    packages = {*PACKAGES, *(name.partition(".")[0] for name in also)}
+    ours = re.compile(rf"\s*(from|import) ({'|'.join(sorted(packages))})\b")
     found: dict[str, str] = {}
     left = [*MEASURING, *also]
     while left:
-        path = _file(name := left.pop())
+        name = left.pop()
+        path = _file(name) if name.partition(".")[0] in packages else None
         if name in found or path is None:
             continue
         tree = ast.parse(path.read_bytes())
         left += [name.rpartition(".")[0], *_imported(tree)]
-        found[name] = ast.unparse(_without_docstrings(tree))
+        lines = ast.unparse(_without_docstrings(tree)).splitlines()  # a statement in each
+        found[name] = "\n".join(line for line in lines if not ours.match(line))
     return found
 
 
@@ -116,9 +124,9 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
 
 
 def _file(name: str) -> Path | None:
-    """The source of a module of this project that does not only show; None for everything else."""
+    """The source of a module of this project that does not only show; None for everything else in it."""
     package, _, rest = name.partition(".")
-    if package not in PACKAGES or any(f"{name}.".startswith(f"{shown}.") for shown in SHOWING):
+    if any(f"{name}.".startswith(f"{shown}.") for shown in SHOWING):
         return None
     path = _folder(package).joinpath(*rest.split(".")) if rest else _folder(package)
     return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)

@@ -352,7 +352,7 @@ def test_pages_are_written_one_after_the_other_and_leftovers_go(
         [
             sys.executable,
             "-c",
-            "import pathlib, sys; from catalogs import durable; "
+            "import pathlib, sys; from catalogs.files import durable; "
             "path = durable.partial_name(pathlib.Path(sys.argv[1])); path.write_text('half'); print(path)",
             str(tmp_path / "default.seed0.json"),
         ],
