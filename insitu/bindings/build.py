@@ -20,9 +20,9 @@ for folder in {folders!r}:
     site.addsitedir(folder)
 from _insitu_library import ffi
 import numpy as np
-from insitu.bindings.calls import Calls
+from insitu.bindings.calls import LibraryCalls
 
-calls, text = Calls(), ffi.new("char[]", b"")
+calls, text = LibraryCalls(), ffi.new("char[]", b"")
 
 def string(pointer):
     return ffi.string(pointer).decode(errors="replace")

@@ -55,7 +55,7 @@ TIMED = HOOKED.replace("[members]", '[[parameters]]\nname = "time"\nlow = 0.0\nh
 )
 WITHOUT_SCRIPT = HOOKED.replace('script = "ball/simulation.py"\n', "")
 SCRIPT = """
-from tests.insitu.test_hooked import ball as simulate
+from tests.insitu.ensembles.test_function_source import ball as simulate
 """
 
 
