@@ -9,11 +9,14 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+EXTRAS = {"insitu": "insitu", "render": "insitu", "surrogate": "surrogate"}  # what brings their dependencies
+
 
 def public_names(package: str, path: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """`__all__`, `__getattr__` and `__dir__` of the package whose `__init__.py` lies at `path`.
 
     Each line `from MODULE import NAME as NAME` of its stub gives one name.  `__version__` is the distribution's.
+    Loading one raises ModuleNotFoundError naming the extra that brings a missing dependency.
     """
     with open(f"{path}i", encoding="utf-8") as stub:
         lines = [line.split() for line in stub if line.startswith("from ")]
@@ -24,6 +27,11 @@ def public_names(package: str, path: str) -> tuple[list[str], Callable[[str], An
             return import_module("catalogs.version").version()
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}; it has {', '.join(homes)}")
-        return getattr(import_module(homes[name]), name)
+        try:
+            return getattr(import_module(homes[name]), name)
+        except ModuleNotFoundError as error:
+            extra = "explore" if ".explore." in homes[name] else EXTRAS.get(package, "all")
+            remedy = f"{package}.{name} needs the package {error.name}: pip install 'gs-surrogate[{extra}]'"
+            raise ModuleNotFoundError(remedy, name=error.name) from error
 
     return list(homes), load, lambda: [*homes, "__version__"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -30,3 +32,20 @@ def test_an_unknown_name_is_refused_with_those_that_there_are(package: str) -> N
         _ = module.nothing
     with pytest.raises(ImportError, match="nothing"):
         exec(f"from {package} import nothing", {})
+
+
+@pytest.mark.parametrize(
+    ("name", "missing", "extra"),
+    [
+        ("insitu.Session", "numpy", "insitu"),
+        ("surrogate.Surrogate", "torch", "surrogate"),
+        ("surrogate.show", "aiohttp", "explore"),
+    ],
+)
+def test_a_missing_dependency_is_named_with_the_extra_that_brings_it(name: str, missing: str, extra: str) -> None:
+    package, _, public = name.partition(".")
+    program = f"import sys; sys.modules[{missing!r}] = None; import {package}; {package}.{public}"
+    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    expected = f"ModuleNotFoundError: {name} needs the package {missing}"
+    assert refused.stderr.splitlines()[-1].startswith(expected)
+    assert refused.stderr.splitlines()[-1].endswith(f": pip install 'gs-surrogate[{extra}]'")
