@@ -27,7 +27,7 @@ def test_each_command_says_its_version_and_commit(package: str, monkeypatch: pyt
     assert "--version" in CliRunner().invoke(main, ["--help"]).output
 
 
-@pytest.mark.parametrize("package", ["catalogs", "insitu", "render", "surrogate", "surrogate.kernels"])
+@pytest.mark.parametrize("package", ["catalogs", "insitu", "render", "surrogate"])
 def test_each_package_says_its_version(package: str) -> None:
     assert importlib.import_module(package).__version__ == EXPECTED
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation, Deformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization
-from surrogate.gaussians import Normalization
+from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
 from surrogate.training.state import Fitted
@@ -24,10 +26,16 @@ def shaken(deformation: Deformation, seed: int = 5) -> Deformation:
     return type(deformation).load(tensors, deformation.record())
 
 
+def bilinear(gaussians: Gaussians, parameters: int, color_columns: int = 3) -> BilinearDeformation:
+    """A deformation whose latents spread as widely as trained ones."""
+    made = BilinearDeformation.create(gaussians, parameters, SMALL, color_columns=color_columns)
+    return replace(made, latents=4.0 * made.latents)
+
+
 def base(color_degree: int = 0) -> Fitted:
     gaussians = BLOBS.gaussians(0.5).with_color_degree(color_degree)
     gaussians.colors[:, 3:] = 0.1
-    return Fitted(gaussians, shaken(BilinearDeformation.create(gaussians, 1, SMALL)))
+    return Fitted(gaussians, shaken(bilinear(gaussians, 1)))
 
 
 def of_functions(fitted: Fitted, color_degree: int = 0) -> Visualization:
@@ -37,7 +45,7 @@ def of_functions(fitted: Fitted, color_degree: int = 0) -> Visualization:
 
 def of_isovalue(fitted: Fitted, color_degree: int = 0) -> Visualization:
     wide = fitted.gaussians.with_color_degree(color_degree)
-    of_vis = shaken(BilinearDeformation.create(wide, 2, SMALL, color_columns=wide.colors.shape[1]))
+    of_vis = shaken(bilinear(wide, 2, wide.colors.shape[1]))
     return Visualization(ISOVALUE, of_vis, shaken(fitted.deformation, seed=6), color_degree)
 
 

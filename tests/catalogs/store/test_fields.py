@@ -132,7 +132,7 @@ def test_a_sidecar_of_other_fields_is_found(fields: Catalog, kept: dict[str, int
     assert check(fields.path) == []
     add(fields, "third", 150.0, ["dvr", "surface"], kept)
     (finding,) = check(fields.path)
-    assert str(finding) == (f"member third: field.npz is of the fields {list(kept)}, the pictures of ['q', 'speed']")
+    assert str(finding) == (f"member third: field.npz is of the fields {list(kept)}, the images of ['q', 'speed']")
 
 
 def test_a_member_without_a_sidecar_is_as_good_as_ever(fields: Catalog) -> None:

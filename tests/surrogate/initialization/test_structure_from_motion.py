@@ -75,7 +75,7 @@ def test_too_few_points_are_an_error_that_says_how_many(tmp_path: Path, blank: b
 
     catalog = store(tmp_path, BALL, grey, cameras=BALL.cameras()[:count], drawn=drawn)
     with pytest.raises(
-        ValueError, match=rf'found \d+ points in {count} .*translucent.*training\.initialization = "hull"'
+        ValueError, match=rf'found \d+ points in {count} .*translucent.*training\.initialization = "random"'
     ):
         structure(catalog)
 
