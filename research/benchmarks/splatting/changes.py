@@ -24,6 +24,7 @@ from research.benchmarks.splatting.setup import limited_to
 from research.benchmarks.timing import measured
 from surrogate import Surrogate
 from surrogate.deformation import BilinearDeformation, ValuesDeformation
+from surrogate.deformation.values import VALUE_BINS
 from surrogate.deformation.visualization import Visualization
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.rasterizer import Rasterizer
@@ -58,7 +59,7 @@ def made_up(count: int) -> Surrogate:
     functions = transfer_function_family(BASE, first_step=(0.3, 0.2), second_step=(0.3, 0.2)).variation
     steps = [parameter.high for parameter in functions.space.parameters]
     values = ValuesDeformation.create(
-        gaussians, BASE.transfer_function, np.linspace(0.0, 3.0, SETTINGS.designs.value_bins), steps
+        gaussians, BASE.transfer_function, np.linspace(0.0, 3.0, VALUE_BINS), steps
     )
     return Surrogate(
         gaussians,

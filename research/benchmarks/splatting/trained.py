@@ -158,7 +158,7 @@ def mean_decibels(surrogate: Surrogate, trained: Trained, rows: Sequence[ImageRo
 def planned(settings: TrainingSettings, seconds: float, times: StepTimes) -> TrainingSettings:
     """`settings` with as many steps as fit into `seconds`, and about `POINTS` points in the curve of their training."""
     found = scheduled(settings, seconds, times)
-    interval = max(1, (found.steps.canonical + found.steps.deformation) // POINTS)
+    interval = max(1, (found.canonical_steps + found.deformation_steps) // POINTS)
     return found.changed(validation_interval=interval)
 
 
