@@ -24,11 +24,3 @@ def test_the_wheel_holds_the_four_packages_alone(wheel: Path) -> None:
     assert "surrogate/kernels/_kernels.pyi" in names
     assert not [name for name in names if name.endswith((".cpp", ".hpp", ".inc")) or "test" in name.lower()]
     assert sorted(commands.split("\n")[1:]) == ["", "", *(f"{name} = {name}.cli:main" for name in COMMANDS)]
-
-
-@pytest.mark.slow
-def test_no_file_of_the_wheel_names_what_only_a_checkout_has(wheel: Path) -> None:
-    with zipfile.ZipFile(wheel) as archive:
-        texts = {name: archive.read(name).decode() for name in archive.namelist() if name.endswith(".py")}
-    words = ("docs/records", "../shared", "`make ")
-    assert [(name, word) for name, text in texts.items() for word in words if word in text] == []

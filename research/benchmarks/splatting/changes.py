@@ -58,9 +58,7 @@ def made_up(count: int) -> Surrogate:
     isovalues = isovalue_family(BASE.name, train=np.linspace(0.5, 2.5, 7).tolist()).variation
     functions = transfer_function_family(BASE, first_step=(0.3, 0.2), second_step=(0.3, 0.2)).variation
     steps = [parameter.high for parameter in functions.space.parameters]
-    values = ValuesDeformation.create(
-        gaussians, BASE.transfer_function, np.linspace(0.0, 3.0, VALUE_BINS), steps
-    )
+    values = ValuesDeformation.create(gaussians, BASE.transfer_function, np.linspace(0.0, 3.0, VALUE_BINS), steps)
     return Surrogate(
         gaussians,
         simulation,
