@@ -44,7 +44,7 @@ def study_section(study: StudyResults) -> list[str]:
     """A study in Markdown: a table by groups, the best of a group first, and what it says in sentences."""
     if study.published:
         lines = "\n".join(study.published["lines"])
-        of_paper = [EQUAL_TIME] if "| paper |" in lines else []
+        of_paper = [EQUAL_TIME] if "| paper" in lines else []
         return [lines, " ".join([*_limits(study.kind.variants, _named_on(lines, study.kind.variants)), *of_paper])]
     rows = [row for row in study.rows if row.results]
     groups = {name: [row for row in rows if group_of(row.variant) == name] for name in GROUPS}

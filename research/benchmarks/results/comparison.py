@@ -32,15 +32,16 @@ TERMS = """\
   eight validation images of the curves, and the frozen Gaussians that GS-Surrogate and 4DGS-HD start from. For published
   methods the measurement of a step's time, which decides how many are planned, is not counted either; for ours it is. If their
   training takes 15 % more or less than its time, it is repeated with as many steps as fit. Earlier ones were not: ViSNeRF took
-  longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds. GS-Surrogate, light, plans as ours
-  does. It took 215 to 350 s of its 300 on `tgv`, `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
+  longer on `euler`, `ocean` and, with one seed, `cloverleaf`; the tables have its seconds.
+  GS-Surrogate, light, of which only records are left, planned as ours does. It took 215 to 350 s of its 300 on `tgv`,
+  `cloverleaf` and `nyx`, and 1,142 s of its 1,800 on `cloverleaf`.
 - **Four processor hours** are those of two threads together. Only 4DGS-HD and ViSNeRF have them, on `cloverleaf`. This
   surrogate had half an hour there at most, so those tables have no row of it. ViSNeRF took 16,159 s of its 14,400. Its 16,381
   steps were set by hand, from a first training stopped after 6,450, and later ones took longer.
-- **Where isovalues or transfer functions vary**, this surrogate, and GS-Surrogate, light, first learn the base appearance in
-  the same time, which no cell shows: their curves begin after that. Published methods learn everything together; they
-  also get the base images where transfer functions vary. A curve is missing where an earlier version recorded it on the wall's
-  clock, which differed from the processor's.
+- **Where isovalues or transfer functions vary**, this surrogate first learns the base appearance in the same time, as did
+  GS-Surrogate, light. No cell shows that, and their curves begin after it. Published methods learn everything
+  together; they also get the base images where transfer functions vary. A curve is missing where an earlier version
+  recorded it on the wall's clock, which differed from the processor's.
 - **Starved** is a method that made a few per cent of its published steps (*of the published*). Its row shows what it reaches
   in that time on a processor, not what it can do on a GPU. Every schedule is stretched or compressed to the steps that fit.
 - **Sizes.** Images with more than 128 pixels a side are averaged down to that, for all methods; they are too small for
@@ -48,7 +49,7 @@ TERMS = """\
   as published. Networks of GS-Surrogate and InSituNet are trained in bfloat16 where the processor multiplies in it. Elsewhere
   they are trained in float32, with fewer steps in the same time. Each has its own row.
 - **Samples.** Images of isosurfaces are means over their pixels. This surrogate draws them, and those of `nyx`, which are as
-  fine as their pixels, with four samples a pixel, within its time. So does GS-Surrogate, light. Published methods draw one, as
+  fine as their pixels, with four samples a pixel, within its time. So did GS-Surrogate, light. Published methods draw one, as
   published.
 - **Machines** were of several kinds. If those of a scene differ, its last lines name the machine of each training.
 - **Images side by side** are of seed 0. Earlier versions did not store them with the records. Some are of a repeated training

@@ -13,7 +13,7 @@ from surrogate.settings import TrainingSettings
 from surrogate.storage.records import Provenance, Record
 
 KIND, VERSION = "ablation", 1
-KEY = ("variant", "seed", "budget", "budgets", "mark", "scene", "settings")
+KEY = ("variant", "seed", "budget", "mark", "scene", "settings")
 DECIDING = "research.studies.ablation.timing"  # beside training and evaluation: it decides how many steps are taken
 TIME_TOLERANCE = 0.15  # of the budget
 
@@ -28,7 +28,6 @@ class Result:
     mark : the fingerprint of the catalog and of the settings that all variants depart from.
     settings : the variant's, before steps were fitted to the budget, as JSON values.
     scene : the scene's settings.
-    budgets : how many budgets this fit was given.
     canonical_steps, deformation_steps, visualization_steps : that were taken.
     seconds : of training, from its first image to its last step, by `research.studies.ablation.timing.clock`.
     psnr, ssim : means over the `images` validation images; psnr in dB.
@@ -43,7 +42,6 @@ class Result:
     mark: str
     settings: Mapping[str, Any]
     scene: Mapping[str, Any] = field(default_factory=dict)
-    budgets: float = 1.0
     canonical_steps: int = 0
     deformation_steps: int = 0
     visualization_steps: int = 0
@@ -58,7 +56,7 @@ class Result:
 
     def __post_init__(self) -> None:
         figures = (self.seconds, self.psnr, self.ssim, self.steps, self.images, self.gaussians)
-        numbers = all(type(number) in (int, float) for number in (self.budget, self.budgets, *figures))
+        numbers = all(type(number) in (int, float) for number in (self.budget, *figures))
         if type(self.seed) is not int or not numbers:
             raise TypeError(f"seeds, figures and steps must be numbers, got {self!r}")
 
@@ -70,7 +68,7 @@ class Result:
     @property
     def is_timely(self) -> bool:
         """Whether training took about as long as planned; not where the machine was busier or idler than when steps were timed."""
-        return abs(self.seconds / (self.budgets * self.budget) - 1.0) <= TIME_TOLERANCE
+        return abs(self.seconds / self.budget - 1.0) <= TIME_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +90,7 @@ class Records:
         except ValueError:  # such settings can't be: `found` holds the error
             settings = {}
         scene = self.experiment.scene.to_json()
-        return Result(variant.name, seed, self.budget, self.experiment.mark, settings, scene, variant.budgets, **found)
+        return Result(variant.name, seed, self.budget, self.experiment.mark, settings, scene, **found)
 
     def save(self, result: Result) -> None:
         """Keep a result, at once and whole."""

@@ -238,10 +238,10 @@ class Study:
     def _fit(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> dict[str, Any]:
         settings = self.records.settings(variant, seed)
         default = self._experiment.variants[0]
-        same = settings == self.records.settings(default, seed) and variant.budgets == default.budgets
+        same = settings == self.records.settings(default, seed)
         if same and variant.name != default.name and not variant.steps_of:
             raise ValueError("the scene's settings say the same, so this is the default")
-        watch.tell("measuring the speed", (PROBE + variant.budgets) * self.records.budget)
+        watch.tell("measuring the speed", (PROBE + 1.0) * self.records.budget)
         times = self._experiment.step_times(settings, PROBE * self.records.budget)
         planned = self._planned(variant, seed, settings, times)
         now, over = clock(settings), time.perf_counter() + times.seconds(planned)
@@ -269,7 +269,7 @@ class Study:
 
     def _planned(self, variant: Variant, seed: int, settings: TrainingSettings, times: StepTimes) -> TrainingSettings:
         if not variant.steps_of:
-            return scheduled(settings, variant.budgets * self.records.budget, times)
+            return scheduled(settings, self.records.budget, times)
         like = self._like(variant, seed)
         if like is None:
             raise ValueError(f"{variant.steps_of} has no result of this seed whose steps could be taken")

@@ -22,7 +22,6 @@ class Variant:
     changes : values of `TrainingSettings`.
     factors : what numbers of `TrainingSettings` are multiplied by.
     steps_of : name of the variant whose number of steps it takes, whatever time that needs; "" for as many as fit into the budget.
-    budgets : how many budgets it is given.
     """
 
     name: str
@@ -30,7 +29,6 @@ class Variant:
     changes: Mapping[str, Any] = field(default_factory=dict)
     factors: Mapping[str, float] = field(default_factory=dict)
     steps_of: str = ""
-    budgets: float = 1.0
 
     def settings(self, base: TrainingSettings) -> TrainingSettings:
         """`base` with the changes; raises ValueError for values that can't be."""
@@ -45,7 +43,6 @@ class Variant:
         """The changes in a few words, for a table."""
         parts = [f"{name} = {_shown(value)}" for name, value in self.changes.items()]
         parts += [f"{name} × {factor:g}" for name, factor in self.factors.items()]
-        parts += [f"{self.budgets:g} times the time"] if self.budgets != 1.0 else []
         return ", ".join([*parts, *([f"steps of {self.steps_of}"] if self.steps_of else [])]) or "nothing"
 
 

@@ -81,7 +81,7 @@ def test_nothing_is_fitted_twice_but_a_new_surrogate_is_judged(
         assert entry | {"surrogate": None} == alone[name]
 
 
-@pytest.mark.parametrize("change", [{"gaussians": 41}, {"seed": 1}, {"mean_rate": 1e-3}, {"canonical_steps": 11}])
+@pytest.mark.parametrize("change", [{"gaussians": 41}, {"seed": 1}, {"samples": 2}, {"canonical_steps": 11}])
 def test_other_settings_are_fitted_anew(make_catalog, tmp_path: Path, change: dict) -> None:
     catalog = make_catalog(SMALL, members=(("train", 0.0), ("test", 0.7)), view_splits=VIEW_SPLITS)
     (before,) = measure_ceiling(SCENE, catalog, tmp_path)

@@ -16,12 +16,6 @@ from research.benchmarks.training.fidelity.variants import BASE, Variant
 from surrogate.provenance import in_words
 
 PAGE, FIGURE = "volume_fidelity.md", "volume_fidelity.png"
-NONE = 1e-3  # where a dilation of zero stands on a logarithmic axis
-LABELS: Mapping[str, Callable[[float], str]] = {
-    "dilation": lambda value: f"{value:g}",
-    "alpha_floor": lambda value: f"1/{1.0 / value:.0f}",
-    "gaussians": lambda value: thousands(int(value)),
-}
 Results = Mapping[str, Mapping[Variant, Mapping[str, Any]]]
 
 
@@ -81,13 +75,13 @@ def plot(path: Path, results: Results) -> None:
                 kept = [r for v, r in found.items() if v.group == group or (v.group == BASE and v.name == "seed 0")]
                 points = sorted({r["settings"][setting]: r["validation"] for r in kept}.items())
                 level = np.mean([r["validation"] for v, r in found.items() if v.group == BASE])
-                x = [value or NONE for value, _ in points]
+                x = [value for value, _ in points]
                 axis.plot(
                     x, [y - level for _, y in points], f"{marker}-", color=color, markersize=4, linewidth=1, label=scene
                 )
                 axis.set_xscale("log")
                 axis.xaxis.minorticks_off()
-                axis.set_xticks(x, [LABELS[setting](value) for value, _ in points], fontsize=7)
+                axis.set_xticks(x, [thousands(value) for value in x], fontsize=7)
             axis.set(xlabel=group, ylabel="change of validation PSNR, dB")
         axes[0].legend()
 

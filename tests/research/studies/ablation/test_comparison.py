@@ -25,12 +25,12 @@ def rows(**scores: Sequence[float]) -> dict[str, Row]:
 
 
 def test_statistics_agree_with_numpy() -> None:
-    default, paper = [30.1, 30.4, 29.9], [28.0, 28.7]
-    found = rows(default=default, paper=paper)["paper"]
-    error = math.hypot(np.std(default, ddof=1) / np.sqrt(3), np.std(paper, ddof=1) / np.sqrt(2))
-    assert found.psnr == pytest.approx(np.mean(paper))
-    assert found.spread == pytest.approx(np.std(paper, ddof=1))
-    assert found.difference == pytest.approx(np.mean(paper) - np.mean(default))
+    default, doubled = [30.1, 30.4, 29.9], [28.0, 28.7]
+    found = rows(default=default, samples_2=doubled)["samples-2"]
+    error = math.hypot(np.std(default, ddof=1) / np.sqrt(3), np.std(doubled, ddof=1) / np.sqrt(2))
+    assert found.psnr == pytest.approx(np.mean(doubled))
+    assert found.spread == pytest.approx(np.std(doubled, ddof=1))
+    assert found.difference == pytest.approx(np.mean(doubled) - np.mean(default))
     assert found.error == pytest.approx(error)
 
 
@@ -43,34 +43,34 @@ def test_the_standard_error_is_that_of_many_repeated_experiments() -> None:
 
 
 def test_one_seed_has_no_spread_and_no_error() -> None:
-    found = rows(default=[30.0, 30.2], paper=[28.0])["paper"]
+    found = rows(default=[30.0, 30.2], samples_2=[28.0])["samples-2"]
     assert (found.spread, found.error, found.is_sure) == (None, None, False)
     assert found.difference == pytest.approx(-2.1)
-    assert "takes two seeds" in verdict(list(rows(default=[30.0], paper=[28.0]).values()))
+    assert "takes two seeds" in verdict(list(rows(default=[30.0], samples_2=[28.0]).values()))
 
 
 def test_what_takes_another_ones_steps_is_compared_with_that() -> None:
-    found = rows(default=[30.0, 30.2], paper=[28.0, 28.2], default_in_paper_steps=[29.0, 29.4, 35.0])
-    row = found["default-in-paper-steps"]
-    assert row.reference == "paper"
+    found = rows(default=[30.0, 30.2], samples_2=[28.0, 28.2], default_in_samples_2_steps=[29.0, 29.4, 35.0])
+    row = found["default-in-samples-2-steps"]
+    assert row.reference == "samples-2"
     assert row.difference == pytest.approx(1.1)  # of the two seeds that both have
     assert row.error == pytest.approx(np.std([1.0, 1.2], ddof=1) / np.sqrt(2))
     assert equal_steps(list(found.values())) == [
-        "After equally many steps (40), default-in-paper-steps differs from paper by +1.10 ± 0.10 dB."
+        "After equally many steps (40), default-in-samples-2-steps differs from samples-2 by +1.10 ± 0.10 dB."
     ]
-    assert "default-in-paper-steps" not in verdict(list(found.values()))
+    assert "default-in-samples-2-steps" not in verdict(list(found.values()))
 
 
 def test_the_verdict_names_what_exceeds_two_standard_errors() -> None:
-    found = rows(default=[30.0, 30.2], paper=[28.0, 28.2], joint=[30.1, 30.4])
+    found = rows(default=[30.0, 30.2], samples_2=[28.0, 28.2], joint=[30.1, 30.4])
     assert verdict(list(found.values())) == (
-        "The difference from the default exceeds 2 of its standard errors for paper (-2.00 dB)."
+        "The difference from the default exceeds 2 of its standard errors for samples-2 (-2.00 dB)."
     )
     assert verdict([found["default"], found["joint"]]).startswith("No difference from the default exceeds")
 
 
 def test_what_took_another_time_is_named() -> None:
-    found = rows(default=[30.0, 30.2], default_in_paper_steps=[29.0])
+    found = rows(default=[30.0, 30.2], default_in_samples_2_steps=[29.0])
     assert unequal_times(list(found.values())) == []
     late = {name: replace(row, results=[replace(r, seconds=2.4) for r in row.results]) for name, row in found.items()}
     (sentence,) = unequal_times(list(late.values()))

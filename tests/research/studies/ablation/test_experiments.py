@@ -11,7 +11,7 @@ from research.studies.ablation.experiments import VisualizationExperiment, score
 from research.studies.ablation.records import Result
 from research.studies.ablation.study import ablate
 from research.studies.ablation.variants import DEFAULT, VISUALIZATION_VARIANTS
-from surrogate.deformation import FieldDeformation, ValuesDeformation
+from surrogate.deformation import BilinearDeformation, ValuesDeformation
 from surrogate.evaluation.scoring import mean
 from surrogate.model import Surrogate
 from surrogate.settings import TrainingSettings
@@ -55,17 +55,15 @@ def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
     experiment: VisualizationExperiment, surrogate: Surrogate, tmp_path: Path
 ) -> None:
     found: list[Result] = []
-    ablate("blobs", experiment, tmp_path, tell=found.append, seconds=0.4, seeds=1, only=["simulation-rate-0", "values"])
-    default, values, frozen = found
-    assert (default.variant, values.variant, frozen.variant) == ("default", "values", "simulation-rate-0")
-    for result in (default, frozen):
+    ablate("blobs", experiment, tmp_path, tell=found.append, seconds=0.4, seeds=1, only=["surface-samples-1"])
+    assert [result.variant for result in found] == ["default", "surface-samples-1"]
+    for result in found:
         assert result.error == ""
         assert result.steps == result.visualization_steps > 0
         assert (
             result.images == 2
         )  # the validation view of the validation member, under each variation's validation setting
         assert 5.0 < result.psnr < 60.0
-    assert "applies transfer functions" in values.error  # which isovalues are not
     page = (tmp_path / "ablation.md").read_text()
     assert "F_sim is that of the finished surrogate" in page
     assert "python -m research.studies ablate scenes/blobs.toml --visualization --seconds 0.4" in page
@@ -111,17 +109,12 @@ def test_what_diverges_in_its_last_step_is_said(
         experiment.trained(experiment.base.changed(visualization_steps=1), tmp_path, lambda _: None)
 
 
-def test_variants_are_what_they_are_called(experiment: VisualizationExperiment, tmp_path: Path) -> None:
+def test_surfaces_are_deformed_and_functions_applied_to_values(
+    experiment: VisualizationExperiment, tmp_path: Path
+) -> None:
     short = experiment.base.changed(visualization_steps=2)
-    paper = experiment.trained(short.changed(visualization_deformation="paper"), tmp_path, lambda _: None)
-    assert all(isinstance(v.deformation, FieldDeformation) for v in paper.visualizations)
-    assert all(
-        not v.deformation.architecture.backbone_width
-        for v in paper.visualizations
-        if isinstance(v.deformation, FieldDeformation)
-    )
     default = experiment.trained(short, tmp_path, lambda _: None)
-    assert [isinstance(v.deformation, ValuesDeformation) for v in default.visualizations] == [False, True]
+    assert [type(v.deformation) for v in default.visualizations] == [BilinearDeformation, ValuesDeformation]
 
 
 def test_what_a_study_needs_is_said(surrogate: Surrogate, catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:

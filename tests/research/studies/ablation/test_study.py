@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from research.studies.ablation.experiments import BaseExperiment, base_settings
 from research.studies.ablation.records import Result
 from research.studies.ablation.study import LOCK, Study, ablate
 from research.studies.ablation.timing import StepTimes, clock
-from research.studies.ablation.variants import VARIANTS, Variant
+from research.studies.ablation.variants import Variant
 from research.studies.progress import StudyProgress
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import locked
@@ -115,10 +114,10 @@ def test_scores_are_those_of_the_model_on_validation_images(conduct, catalog: Ca
 def test_a_finished_study_has_nothing_to_do_and_a_wider_one_only_what_is_missing(conduct, at_once) -> None:
     conduct(only=["joint"])
     assert conduct(only=["joint"]) == []
-    assert names(conduct(seeds=2, only=["joint", "no-decay"])) == [
-        ("no-decay", 0),
+    assert names(conduct(seeds=2, only=["joint", "no-relocation"])) == [
+        ("no-relocation", 0),
         ("default", 1),
-        ("no-decay", 1),
+        ("no-relocation", 1),
         ("joint", 1),
     ]
 
@@ -163,16 +162,16 @@ def test_what_took_another_time_is_repeated_only_when_that_is_asked_for(conduct,
 def test_what_took_the_steps_of_a_repeated_fit_is_repeated_in_the_same_run(
     conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    steps = {"default": 10, "paper": 1, "default-in-paper-steps": 1}
+    steps = {"default": 10, "samples-2": 1, "default-in-samples-2-steps": 1}
     monkeypatch.setattr(
         module.Study,
         "_fit",
         lambda _, variant, *__: {"deformation_steps": steps[variant.name], "psnr": 20.0, "seconds": BUDGET},
     )
-    conduct(only=["default-in-paper-steps"])
-    (tmp_path / "paper.seed0.json").unlink()
-    steps |= {"paper": 2, "default-in-paper-steps": 2}
-    assert names(conduct(only=["default-in-paper-steps"])) == [("paper", 0), ("default-in-paper-steps", 0)]
+    conduct(only=["default-in-samples-2-steps"])
+    (tmp_path / "samples-2.seed0.json").unlink()
+    steps |= {"samples-2": 2, "default-in-samples-2-steps": 2}
+    assert names(conduct(only=["default-in-samples-2-steps"])) == [("samples-2", 0), ("default-in-samples-2-steps", 0)]
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"variant": "default"}', "null"])
@@ -184,20 +183,20 @@ def test_a_damaged_result_is_made_again(conduct, at_once, tmp_path: Path, conten
 
 def test_what_is_not_asked_for_now_stays_in_the_table(conduct, at_once, tmp_path: Path) -> None:
     conduct(only=["joint"])
-    conduct(only=["no-decay"])
+    conduct(only=["no-relocation"])
     page = (tmp_path / "ablation.md").read_text()
-    assert all(f"| {name} |" in page for name in ("joint", "no-decay"))
+    assert all(f"| {name} |" in page for name in ("joint", "no-relocation"))
 
 
 def test_a_failing_variant_says_why_stops_no_other_and_is_tried_again(conduct, tmp_path: Path) -> None:
-    fitted = conduct(only=["start-in-situ", "start-random", "no-decay"])
+    fitted = conduct(only=["start-in-situ", "start-random", "no-relocation"])
     errors = {result.variant: result.error for result in fitted}
-    assert errors["default"] == errors["no-decay"] == ""
+    assert errors["default"] == errors["no-relocation"] == ""
     assert "no training member of this catalog has sampled points" in errors["start-in-situ"]
     assert errors["start-random"] == "the scene's settings say the same, so this is the default"
     page = (tmp_path / "ablation.md").read_text()
     assert "| start-in-situ | 0 | training.initialization is" in page
-    assert names(conduct(only=["start-in-situ", "no-decay"])) == [("start-in-situ", 0)]
+    assert names(conduct(only=["start-in-situ", "no-relocation"])) == [("start-in-situ", 0)]
 
 
 def test_any_exception_is_a_row(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,16 +214,18 @@ def test_a_model_that_shows_no_numbers_is_a_failure(conduct, monkeypatch: pytest
 
 @pytest.mark.slow
 def test_equally_many_steps_are_taken_or_refused(conduct, tmp_path: Path) -> None:
-    fitted = {r.variant: r for r in conduct(only=["default-in-paper-steps", "paper-in-default-steps"], longest=1e-3)}
-    assert fitted["default-in-paper-steps"].error.endswith("--longest allows more")
-    again = {r.variant: r for r in conduct(only=["default-in-paper-steps"], longest=60.0)}
-    assert again["default-in-paper-steps"].steps == fitted["paper"].steps
-    path = tmp_path / "paper.seed0.json"
+    fitted = {
+        r.variant: r for r in conduct(only=["default-in-samples-2-steps", "samples-2-in-default-steps"], longest=1e-3)
+    }
+    assert fitted["default-in-samples-2-steps"].error.endswith("--longest allows more")
+    again = {r.variant: r for r in conduct(only=["default-in-samples-2-steps"], longest=60.0)}
+    assert again["default-in-samples-2-steps"].steps == fitted["samples-2"].steps
+    path = tmp_path / "samples-2.seed0.json"
     record = json.loads(path.read_text())
     path.write_text(
-        json.dumps(record | {"values": record["values"] | {"deformation_steps": fitted["paper"].steps + 7}})
+        json.dumps(record | {"values": record["values"] | {"deformation_steps": fitted["samples-2"].steps + 7}})
     )
-    assert names(conduct(only=["default-in-paper-steps"], longest=60.0)) == [("default-in-paper-steps", 0)]
+    assert names(conduct(only=["default-in-samples-2-steps"], longest=60.0)) == [("default-in-samples-2-steps", 0)]
 
 
 @pytest.mark.slow
@@ -232,26 +233,26 @@ def test_an_interruption_in_a_fit_loses_that_fit_only(conduct, catalog: Catalog,
     pressed = []
 
     def press(progress: StudyProgress) -> None:
-        if progress.name == "no-decay, seed 0" and "speed" not in progress.work and not pressed:
+        if progress.name == "no-relocation, seed 0" and "speed" not in progress.work and not pressed:
             pressed.append(str(progress))
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        conduct(only=["joint", "no-decay"], progress=press)
-    assert pressed[0].startswith("no-decay, seed 0 (2 / 3)  ")
+        conduct(only=["joint", "no-relocation"], progress=press)
+    assert pressed[0].startswith("no-relocation, seed 0 (2 / 3)  ")
     assert " left  " in pressed[0]
     assert pressed[0].endswith(" in all")
     assert sorted(path.name for path in tmp_path.glob("*.json")) == ["default.seed0.json"]
     assert not list(tmp_path.glob("fits/*/surrogate"))
-    assert names(conduct(only=["joint", "no-decay"])) == [("no-decay", 0), ("joint", 0)]
+    assert names(conduct(only=["joint", "no-relocation"])) == [("no-relocation", 0), ("joint", 0)]
 
 
 def test_what_another_process_is_fitting_is_left_to_it(conduct, at_once, tmp_path: Path) -> None:
     taken = tmp_path / "fits" / "joint.seed0"
     taken.mkdir(parents=True)
     with locked(taken):
-        assert names(conduct(only=["joint", "no-decay"])) == [("default", 0), ("no-decay", 0)]
-    assert names(conduct(only=["joint", "no-decay"])) == [("joint", 0)]
+        assert names(conduct(only=["joint", "no-relocation"])) == [("default", 0), ("no-relocation", 0)]
+    assert names(conduct(only=["joint", "no-relocation"])) == [("joint", 0)]
 
 
 def test_what_another_process_finished_meanwhile_is_not_fitted_again(
@@ -279,13 +280,13 @@ def fitted_after(event: Callable[[str], None]) -> Callable[..., dict]:
 def test_what_a_killed_process_was_fitting_is_taken_over_in_the_end(
     conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    taken = tmp_path / "fits" / "no-decay.seed0"
+    taken = tmp_path / "fits" / "no-relocation.seed0"
     (taken / "surrogate").mkdir(parents=True)  # what it leaves
     with contextlib.ExitStack() as other:
         other.enter_context(locked(taken))
         killed = fitted_after(lambda name: other.close() if name == "joint" else None)
         monkeypatch.setattr(module.Study, "_fit", killed)
-        assert names(conduct(only=["joint", "no-decay"])) == [("default", 0), ("joint", 0), ("no-decay", 0)]
+        assert names(conduct(only=["joint", "no-relocation"])) == [("default", 0), ("joint", 0), ("no-relocation", 0)]
     assert not (taken / "surrogate").exists()
 
 
@@ -294,20 +295,20 @@ def test_what_takes_the_steps_of_a_fit_under_way_waits_for_it_or_is_left_too(
     conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finishes: bool
 ) -> None:
     monkeypatch.setattr(module.Study, "_fit", fitted_after(lambda _: None))
-    conduct(only=["paper"])
-    whole = (tmp_path / "paper.seed0.json").read_bytes()
-    (tmp_path / "paper.seed0.json").unlink()
+    conduct(only=["samples-2"])
+    whole = (tmp_path / "samples-2.seed0.json").read_bytes()
+    (tmp_path / "samples-2.seed0.json").unlink()
     with contextlib.ExitStack() as other:
-        other.enter_context(locked(tmp_path / "fits" / "paper.seed0"))
+        other.enter_context(locked(tmp_path / "fits" / "samples-2.seed0"))
 
         def event(name: str) -> None:
-            if finishes and name == "no-decay":
-                (tmp_path / "paper.seed0.json").write_bytes(whole)
+            if finishes and name == "no-relocation":
+                (tmp_path / "samples-2.seed0.json").write_bytes(whole)
                 other.close()
 
         monkeypatch.setattr(module.Study, "_fit", fitted_after(event))
-        now = [("no-decay", 0), ("default-in-paper-steps", 0)]
-        assert names(conduct(only=["no-decay", "default-in-paper-steps"])) == (now if finishes else now[:1])
+        now = [("no-relocation", 0), ("default-in-samples-2-steps", 0)]
+        assert names(conduct(only=["no-relocation", "default-in-samples-2-steps"])) == (now if finishes else now[:1])
     assert "no result" not in (tmp_path / "ablation.md").read_text()
 
 
@@ -318,16 +319,16 @@ def test_what_fails_is_tried_again_by_one_process_of_several_that_began_together
 
     def fails(name: str) -> None:
         tries.append(name)
-        if name == "no-decay" and tries.count("no-decay") == 2:
+        if name == "no-relocation" and tries.count("no-relocation") == 2:
             conduct(only=["joint"])  # another process, whose list has come to what follows
         if name == "joint":
             raise ValueError("it never works")
 
     monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
-    conduct(only=["no-decay", "joint"])
-    (tmp_path / "no-decay.seed0.json").unlink()
-    conduct(only=["no-decay", "joint"])
-    assert tries == ["default", "no-decay", "joint", "no-decay", "joint"]
+    conduct(only=["no-relocation", "joint"])
+    (tmp_path / "no-relocation.seed0.json").unlink()
+    conduct(only=["no-relocation", "joint"])
+    assert tries == ["default", "no-relocation", "joint", "no-relocation", "joint"]
 
 
 def test_a_late_result_stays_where_its_repetition_fails(
@@ -411,15 +412,3 @@ def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: 
     bare = make_catalog(members=(("train", 0.0), ("test", 1.0)), view_splits=("train", "test"))
     with pytest.raises(ValueError, match="has no validation images"):
         BaseExperiment(SCENE, bare)
-
-
-@pytest.mark.slow
-def test_a_variant_may_be_given_more_time(conduct, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("research.studies.ablation.table.plot", lambda _: None)
-    longer = Variant("longer", "time", budgets=3.0, changes={"ssim_weight": 0.1})
-    monkeypatch.setattr(module, "selected", lambda *_: [VARIANTS[0], longer])
-    default, more = conduct()
-    assert more.steps == pytest.approx(3.0 * default.steps, abs=1)
-    assert more.budgets == 3.0
-    assert replace(more, seconds=3.0 * BUDGET).is_timely
-    assert not replace(more, seconds=BUDGET).is_timely

@@ -31,10 +31,10 @@ SCENE = TrainingSettings(
 def test_steps_fill_the_time_and_are_shared_out_as_before() -> None:
     times = StepTimes(2.0, 0.01, 0.03)
     planned = scheduled(SCENE, 12.0, times)
-    assert (planned.steps.canonical, planned.steps.deformation) == (100, 300)
+    assert steps_of(planned) == (100, 300, 0)
     assert times.seconds(planned) == pytest.approx(12.0)
     twice = scheduled(SCENE, 22.0, times)
-    assert (twice.steps.canonical, twice.steps.deformation) == (200, 600)
+    assert steps_of(twice) == (200, 600, 0)
     assert twice.changed(canonical_steps=100, deformation_steps=300) == SCENE
 
 

@@ -3,7 +3,7 @@ import pytest
 from research.studies.ablation.variants import DEFAULT, VARIANTS, selected
 from surrogate.settings import TrainingSettings
 
-SCENE = TrainingSettings(gaussians=1001, canonical_steps=30, deformation_steps=70, canonical_rate_factor=0.5)
+SCENE = TrainingSettings(gaussians=1001, canonical_steps=30, deformation_steps=70)
 
 
 def variant(name: str):
@@ -33,11 +33,11 @@ def test_steps_are_taken_of_variants_that_stand_before() -> None:
 @pytest.mark.parametrize(
     ("name", "changed"),
     [
-        ("canonical-rate-0.01", {"canonical_rate_factor": 0.005}),
         ("gaussians-x0.5", {"gaussians": 500}),
         ("joint", {"canonical_steps": 0, "deformation_steps": 100}),
-        ("geometry-only", {"held_still": ("opacity_logits", "colors")}),
-        ("deformation-penalty-1e-3", {"deformation_penalty": 1e-3}),
+        ("start-in-situ", {"initialization": "in-situ"}),
+        ("samples-2-in-default-steps", {"samples": 2}),
+        ("pictures-alone", {"field_value_weight": 0.0}),
     ],
 )
 def test_a_variant_changes_what_its_name_says_and_nothing_else(name: str, changed: dict) -> None:
@@ -47,10 +47,10 @@ def test_a_variant_changes_what_its_name_says_and_nothing_else(name: str, change
 def test_a_selection_holds_what_it_is_compared_with() -> None:
     assert [v.name for v in selected([], VARIANTS)] == [v.name for v in VARIANTS]
     assert [v.name for v in selected(["joint"], VARIANTS)] == [DEFAULT, "joint"]
-    assert [v.name for v in selected(["default-in-paper-steps"], VARIANTS)] == [
+    assert [v.name for v in selected(["default-in-samples-2-steps"], VARIANTS)] == [
         DEFAULT,
-        "paper",
-        "default-in-paper-steps",
+        "samples-2",
+        "default-in-samples-2-steps",
     ]
-    with pytest.raises(ValueError, match=r"unknown variants \['nonsense'\]; known are \['default', 'paper'"):
+    with pytest.raises(ValueError, match=r"unknown variants \['nonsense'\]; known are \['default', 'no-relocation'"):
         selected(["nonsense"], VARIANTS)

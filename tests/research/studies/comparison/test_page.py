@@ -179,8 +179,8 @@ def test_the_best_rule_is_that_of_its_cell() -> None:
 def test_contestants_are_chosen_by_name() -> None:
     assert [c.name for c in chosen(["visnerf", OURS])] == [OURS, "visnerf"]
     usual = [c.name for c in chosen([])]
-    assert {OURS, LIGHT, "gs-surrogate", "4dgs-hd", "k-planes", "visnerf", "insitunet"} < set(usual) < set(CONTESTANTS)
-    assert set(CONTESTANTS) - set(usual) == {"k-planes-naive", "4dgs-hd-naive"}
+    assert {OURS, "gs-surrogate", "4dgs-hd", "k-planes", "visnerf", "insitunet"} < set(usual) < set(CONTESTANTS)
+    assert set(CONTESTANTS) - set(usual) == {LIGHT, "k-planes-naive", "4dgs-hd-naive"}
     before = [*usual[: usual.index("ours-in-steps-of-gs-surrogate")], ""]
     assert {contestant.steps_of for contestant in CONTESTANTS.values()} <= set(before)
     with pytest.raises(ValueError, match=r"unknown methods \['nerf'\]; known are"):
