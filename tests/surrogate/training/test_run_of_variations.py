@@ -110,7 +110,7 @@ def test_every_way_to_train_goes_on_after_interruptions(catalog: Catalog, tmp_pa
     assert outcome(tmp_path / "resumed") == outcome(tmp_path / "undisturbed")
     picture = resumed.at(p=0.3, isovalue=0.2).render(BLOBS.cameras()[0])
     assert np.isfinite(picture).all()
-    if not chosen.compression.enabled or not chosen.validation.images:
+    if not chosen.fit_to_need or not chosen.validation_images:
         assert resumed.training["choices"] == []
         assert not resumed.encodings
 
