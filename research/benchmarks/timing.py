@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 
-class Measured(NamedTuple):
+class MeasuredTime(NamedTuple):
     """Milliseconds (wall clock) of one call, over several: the median, the fastest, the slowest."""
 
     median: float
@@ -16,7 +16,7 @@ class Measured(NamedTuple):
     highest: float
 
     @classmethod
-    def of(cls, milliseconds: Sequence[float]) -> Measured:
+    def of(cls, milliseconds: Sequence[float]) -> MeasuredTime:
         """The summary of at least one measurement."""
         return cls(statistics.median(milliseconds), min(milliseconds), max(milliseconds))
 
@@ -45,17 +45,17 @@ def processor_seconds(call: Callable[[], object]) -> float:
     return time.process_time() - started
 
 
-def measured(call: Callable[[], object], seconds: float, *, least: int = 3, most: int = 100) -> Measured:
+def measured(call: Callable[[], object], seconds: float, *, least: int = 3, most: int = 100) -> MeasuredTime:
     """The times of `least` to `most` calls, as many as fit into `seconds`; an untimed one goes before."""
     call()
     ends = time.perf_counter() + seconds
     taken: list[float] = []
     while len(taken) < least or (len(taken) < most and time.perf_counter() < ends):
         taken.append(timed(call))
-    return Measured.of(taken)
+    return MeasuredTime.of(taken)
 
 
-def measured_in_turn(calls: Sequence[Callable[[], object]], seconds: float, *, least: int = 3) -> list[Measured]:
+def measured_in_turn(calls: Sequence[Callable[[], object]], seconds: float, *, least: int = 3) -> list[MeasuredTime]:
     """The times of several calls that always follow each other in this order, each sequence timed as a whole in the last entry."""
     rounds: list[list[float]] = []
     for call in calls:
@@ -64,4 +64,4 @@ def measured_in_turn(calls: Sequence[Callable[[], object]], seconds: float, *, l
     while len(rounds) < least or time.perf_counter() < ends:
         parts = [timed(call) for call in calls]
         rounds.append([*parts, sum(parts)])
-    return [Measured.of(column) for column in zip(*rounds, strict=True)]
+    return [MeasuredTime.of(column) for column in zip(*rounds, strict=True)]

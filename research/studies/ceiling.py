@@ -41,7 +41,7 @@ REPORT_STEPS = 50  # between two looks at the progress
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class UpperBoundSubject:
     """What is fitted alone: one member under one appearance, of `variation` unless it is the base."""
 
     member: Member
@@ -110,7 +110,7 @@ def _finished(records: Path, key: Mapping[str, Any], surrogate: Surrogate | None
     return None if found is None or found.provenance.code != code(__name__) else found
 
 
-def subjects(source: Source) -> list[Subject]:
+def subjects(source: Source) -> list[UpperBoundSubject]:
     """The middle test member under the base appearance, and one under the middle unseen setting of each variation that is shown.
 
     Where no test member has views to learn from, it is the training member with the most test views: what it reaches alone says
@@ -127,12 +127,12 @@ def subjects(source: Source) -> list[Subject]:
             f"catalog {source.catalog.path} has no member with views to learn from and views that test: there is none that "
             "could be fitted alone"
         )
-    found = [Subject(central_member(shown, source.catalog.plan.space), source.appearance)]
+    found = [UpperBoundSubject(central_member(shown, source.catalog.plan.space), source.appearance)]
     for variation in source.variations:
         appearance = _middle_setting(variation)
         shown = [m for m in members if m.split == "test" and appearance in m.appearances]
         if shown:
-            found.append(Subject(central_member(shown, source.catalog.plan.space), appearance, variation))
+            found.append(UpperBoundSubject(central_member(shown, source.catalog.plan.space), appearance, variation))
     return found
 
 
@@ -152,7 +152,7 @@ def _middle_setting(variation: Variation) -> str:
     return ordered[len(ordered) // 2].appearance if ordered else ""
 
 
-def _settings(source: Source, subject: Subject, surrogate: Surrogate | None) -> TrainingSettings:
+def _settings(source: Source, subject: UpperBoundSubject, surrogate: Surrogate | None) -> TrainingSettings:
     """Stage 1 alone, with the Gaussians, the steps and the colour degree that the surrogate has for such a picture."""
     settings, lit = source.settings, _lighting(source, subject) is not None
     steps = settings.visualization_steps if subject.variation is not None else 0
@@ -167,12 +167,12 @@ def _settings(source: Source, subject: Subject, surrogate: Surrogate | None) -> 
     )
 
 
-def _lighting(source: Source, subject: Subject) -> Lighting | None:
+def _lighting(source: Source, subject: UpperBoundSubject) -> Lighting | None:
     """The light on the surfaces that the subject is one of."""
     return None if subject.variation is None else lighting_of(subject.variation, source)
 
 
-def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surrogate | None) -> int:
+def _color_degree(settings: TrainingSettings, subject: UpperBoundSubject, surrogate: Surrogate | None) -> int:
     """What the surrogate's colours have; without one the settings', and 1 where it is left to be chosen: no less than it may be."""
     if surrogate is not None:
         mine = [v for v in surrogate.visualizations if subject.variation and v.variation.kind == subject.variation.kind]
@@ -181,7 +181,7 @@ def _color_degree(settings: TrainingSettings, subject: Subject, surrogate: Surro
     return max(1 if degree == "auto" else degree for degree in asked)
 
 
-def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
+def _key(mark: str, subject: UpperBoundSubject, form: TrainingSettings) -> dict[str, Any]:
     """What an entry must agree in to be taken for finished."""
     return {
         "mark": mark,
@@ -196,7 +196,9 @@ def _key(mark: str, subject: Subject, form: TrainingSettings) -> dict[str, Any]:
     }
 
 
-def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, watch: StudyWatch) -> dict[str, Any]:
+def _fitted_alone(
+    settings: TrainingSettings, source: Source, subject: UpperBoundSubject, watch: StudyWatch
+) -> dict[str, Any]:
     """Fit the subject, and judge it at its test views."""
     started, count = time.perf_counter(), watch.counter("steps")
     still = fitted_alone(settings, source, subject, lambda done, steps: count("fitting", done, steps))
@@ -209,7 +211,10 @@ def _fitted_alone(settings: TrainingSettings, source: Source, subject: Subject, 
 
 
 def fitted_alone(
-    settings: TrainingSettings, source: Source, subject: Subject, progress: Callable[[int, int], None] = lambda *_: None
+    settings: TrainingSettings,
+    source: Source,
+    subject: UpperBoundSubject,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> DeformedGaussians:
     """The subject by stage 1 alone; `progress` is told how many of how many steps are done."""
     catalog = source.catalog
@@ -229,7 +234,7 @@ def fitted_alone(
     return DeformedGaussians(gaussians.drawn().copy(), {}, source.normalization, Rasterizer.of(settings))
 
 
-def _reached(surrogate: Surrogate | None, source: Source, subject: Subject) -> dict[str, Any] | None:
+def _reached(surrogate: Surrogate | None, source: Source, subject: UpperBoundSubject) -> dict[str, Any] | None:
     """What the surrogate makes of the same images; None where it does not follow this appearance."""
     if surrogate is None or surrogate.training["appearance"] != source.appearance:
         return None

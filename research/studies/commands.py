@@ -118,13 +118,13 @@ def ablate(
     studied, line = StudiedRun.open(scene, runs, records), ProgressLine()
     opened = studied.run
     from research.studies.ablation.experiments import BaseExperiment, Experiment, VisualizationExperiment
-    from research.studies.ablation.records import Result
+    from research.studies.ablation.records import AblationResult
     from research.studies.ablation.study import ablate as run
     from research.studies.ablation.table import PAGE, verdict
 
     names = [name.strip() for given in only for name in given.split(",")]
 
-    def tell(result: Result) -> None:
+    def tell(result: AblationResult) -> None:
         line.close()
         done = f"{result.psnr:.2f} dB after {result.steps:,} steps in {result.seconds:.0f} s"
         click.echo(f"{result.variant}, seed {result.seed}: {result.error or done}")
@@ -207,9 +207,9 @@ def compare(
     opened = studied.run
     from research.studies.comparison import run as comparing
     from research.studies.comparison.fitting import OutOfTime
-    from research.studies.comparison.result import Result
+    from research.studies.comparison.result import ComparisonResult
 
-    def tell(result: Result) -> None:
+    def tell(result: ComparisonResult) -> None:
         line.close()
         click.echo(comparing.line(result))
 
@@ -220,7 +220,7 @@ def compare(
     kept = "what was done is kept, and the same command goes on"
     names = [name.strip() for given in methods for name in given.split(",")]
     with one_line_errors(RuntimeError, interrupted=kept), line, studied.engine_at(engine, line) as hands:
-        asked = comparing.Asked(names, comparing.times_of(minutes), seeds, **form)
+        asked = comparing.RunOptions(names, comparing.times_of(minutes), seeds, **form)
         study = comparing.study_of(opened.name, opened.catalog, opened.folder, studied.records, asked, line)
         if tune:
             comparing.tune_all(opened.name, study, line, tell_rate, hands)
@@ -267,7 +267,7 @@ def ceiling(scene: Path, runs: Path, records: Path | None) -> None:
 )
 def stress(backend: str, drift: bool, output: Path) -> None:
     """Hold the splatting engine to a table of hard cases; writes stress.md and stress.png, and fails where a row does."""
-    from research.studies.stress.check import Outcome, tables
+    from research.studies.stress.check import CaseOutcome, tables
     from research.studies.stress.drift import measure_drift
     from research.studies.stress.functions import FunctionOutcome, check_function, function_cases
     from research.studies.stress.report import PAGE, write
@@ -282,7 +282,7 @@ def stress(backend: str, drift: bool, output: Path) -> None:
         f"{backend} {name}".strip(): {"backend": backend} | ({"instruction_set": name} if name else {}) for name in sets
     }
 
-    def tell(name: str, outcome: Outcome | FunctionOutcome) -> None:
+    def tell(name: str, outcome: CaseOutcome | FunctionOutcome) -> None:
         said = "holds " if outcome.passed else "MISSED"
         click.echo(f"{said}  {name}  {outcome.case.name}  {'; '.join(outcome.complaints)}")
 

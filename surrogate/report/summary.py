@@ -13,7 +13,7 @@ from surrogate.evaluation.cases import PARAMETERS, VALIDATION, VIEWS, each_cell
 from surrogate.evaluation.evaluate import VERSION, Baseline, Evaluation, VariedEvaluation
 from surrogate.evaluation.scoring import METRICS, mean
 from surrogate.evaluation.tables import ALL_METRICS, cell_means, cell_tables, lead, means
-from surrogate.evaluation.trivial.settings import Trained
+from surrogate.evaluation.trivial.settings import TrainedSettings
 from surrogate.model import Surrogate
 from surrogate.provenance import commit, machine
 from surrogate.report.seeds import Scores, summarize_repeats
@@ -120,7 +120,7 @@ def _variation(evaluation: VariedEvaluation, middle: Mapping[str, float]) -> dic
         **_scores(evaluation, "covered"),
         "at_center": _at_center(evaluation, middle),
         "behind": {c: lead(psnr["seen_settings"][c], psnr["unseen_settings"][c]) for c in PARAMETERS},
-        "settings_trained": len(Trained.of(variation)),
+        "settings_trained": len(TrainedSettings.of(variation)),
         "trivial_predictors": [_setting_baseline(baseline, evaluation) for baseline in evaluation.baselines],
         "settings": [_setting(setting, evaluation) for setting in variation.settings],
     }

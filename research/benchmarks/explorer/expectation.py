@@ -33,7 +33,7 @@ TRIED = (1, 2, 3, 4, 5, 8, 15)
 
 
 @dataclass(frozen=True, eq=False)
-class Agreement:
+class ExpectationAgreement:
     """At T test members and appearances.
 
     Attributes
@@ -51,7 +51,7 @@ class Agreement:
     distances: NDArray[np.float64]
 
 
-def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Agreement]:
+def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, ExpectationAgreement]:
     """By family, at `views` test views of each test member and appearance."""
     rows: dict[str, list[tuple[float, ...]]] = {}
     surrogate, catalog = run.surrogate, run.catalog
@@ -70,7 +70,7 @@ def agreements(run: Run, expectation: Expectation, views: int) -> dict[str, Agre
             single = float(np.abs(np.array(found) - expected.psnr).mean())
             row = (expected.psnr, float(np.mean(found)), expected.error or np.nan, single, expected.training_distance)
             rows.setdefault(family, []).append(row)
-    return {family: Agreement(*np.array(values).T) for family, values in rows.items()}
+    return {family: ExpectationAgreement(*np.array(values).T) for family, values in rows.items()}
 
 
 def chosen_by(run: str, expectation: Expectation, surrogate: Surrogate) -> list[list[str]]:
@@ -90,7 +90,7 @@ def _left_out(measured: MeasuredFamily) -> str:
     return f"{np.nanmean(np.abs(differences)):.2f}" if np.isfinite(differences).any() else ""
 
 
-def reported(run: str, found: Mapping[str, Agreement]) -> list[list[str]]:
+def reported(run: str, found: Mapping[str, ExpectationAgreement]) -> list[list[str]]:
     """Rows of the second table."""
     return [
         [

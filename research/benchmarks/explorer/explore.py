@@ -44,7 +44,7 @@ WATCH = """() => {
 
 
 @dataclass(frozen=True)
-class Rate:
+class FrameRate:
     """Frames per second that were shown, and the longest time between two, in milliseconds."""
 
     frames: float
@@ -90,7 +90,7 @@ def around(page: Page, selector: str) -> Callable[[float], tuple[float, float]]:
     return lambda t: (x + width / 2 + radius * math.cos(2 * t), y + height / 2 + radius * math.sin(3 * t))
 
 
-def rate_of(page: Page, path: Callable[[float], tuple[float, float]], seconds: float) -> Rate:
+def rate_of(page: Page, path: Callable[[float], tuple[float, float]], seconds: float) -> FrameRate:
     """Frames shown while the mouse, pressed, follows the path."""
     page.mouse.move(*path(0.0))
     page.mouse.down()
@@ -102,7 +102,7 @@ def rate_of(page: Page, path: Callable[[float], tuple[float, float]], seconds: f
     times = [shown for shown, _ in page.evaluate("window.seen") if shown > start]
     page.mouse.up()
     gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
-    return Rate(len(times) / seconds, max(gaps, default=math.inf))
+    return FrameRate(len(times) / seconds, max(gaps, default=math.inf))
 
 
 def rest_times(page: Page, selector: str) -> list[float]:
@@ -154,7 +154,7 @@ def grown(page: Page, process: psutil.Process, count: int) -> tuple[float, float
     return early, process.memory_info().rss / 1e6
 
 
-def together(browser: Browser, address: str, seconds: float) -> list[Rate]:
+def together(browser: Browser, address: str, seconds: float) -> list[FrameRate]:
     """The rates of several tabs that are all moved at once, by keys of their own pages."""
     pages = [opened(browser, address) for _ in range(SESSIONS)]
     for page in pages:
@@ -173,7 +173,7 @@ def together(browser: Browser, address: str, seconds: float) -> list[Rate]:
     for page in pages:
         times = [t for t, _ in page.evaluate("(clearInterval(window.moving), window.seen)")]
         gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
-        found.append(Rate(len(times) / seconds, max(gaps, default=math.inf)))
+        found.append(FrameRate(len(times) / seconds, max(gaps, default=math.inf)))
         page.context.close()
     return found
 

@@ -53,7 +53,7 @@ def cameras(views: int, pixels: int) -> list[Camera]:
     return [every[int((i + 0.5) * len(every) / views)] for i in range(views)]
 
 
-class Counted:
+class CountedRanks:
     """Ranks that count the bytes which they send to others."""
 
     def __init__(self, ranks: Any) -> None:
@@ -75,7 +75,7 @@ class Counted:
         return found
 
 
-def in_blocks(ranks: Counted, size: int, appearance: Appearance, views: Sequence[Camera]) -> dict[str, Any]:
+def in_blocks(ranks: CountedRanks, size: int, appearance: Appearance, views: Sequence[Camera]) -> dict[str, Any]:
     """On rank 0 what drawing in blocks took and its pictures."""
     from insitu.fields.blocks import Blocks
     from insitu.fields.location import FieldLocation
@@ -103,7 +103,9 @@ def in_blocks(ranks: Counted, size: int, appearance: Appearance, views: Sequence
     return {**found, "sent": sent}
 
 
-def gathered(ranks: Counted, comm: Any, size: int, appearance: Appearance, views: Sequence[Camera]) -> dict[str, Any]:
+def gathered(
+    ranks: CountedRanks, comm: Any, size: int, appearance: Appearance, views: Sequence[Camera]
+) -> dict[str, Any]:
     """The same where rank 0 is sent the field."""
     from insitu.mpi.resampling import even_layout
     from render import render_views
@@ -141,7 +143,7 @@ def measure(sizes: Sequence[int], views: int, pixels: int, result: Path) -> None
     from insitu.mpi.ranks import Communicator
 
     comm = MPI.COMM_WORLD
-    ranks, rows = Counted(Communicator(comm)), []
+    ranks, rows = CountedRanks(Communicator(comm)), []
     for size in sizes:
         for name, appearance in SHOWN.items():
             shown = cameras(views, pixels)

@@ -31,7 +31,7 @@ LOOK = insitu.VolumeRendering(
 
 
 @dataclass(frozen=True)
-class State:
+class ProcessState:
     """A process after so many members: resident memory in MB, open file descriptors, threads."""
 
     members: int
@@ -40,14 +40,14 @@ class State:
     threads: int
 
     @classmethod
-    def now(cls, members: int) -> State:
+    def now(cls, members: int) -> ProcessState:
         """This process."""
         gc.collect()
         process = psutil.Process()
         return cls(members, process.memory_info().rss / 1e6, process.num_fds(), process.num_threads())
 
 
-def states(path: Path, members: int, marks: Iterable[int]) -> list[State]:
+def states(path: Path, members: int, marks: Iterable[int]) -> list[ProcessState]:
     """Render so many members into a new catalog; the process at each mark, and at the end."""
     wanted, found = {*marks, members}, []
     space = insitu.ParameterSpace((insitu.Parameter("width", 0.2, 0.8),))
@@ -60,7 +60,7 @@ def states(path: Path, members: int, marks: Iterable[int]) -> list[State]:
             field = np.exp(-distances / (2.0 * width**2)).astype(np.float32)
             session.render_member(field, {"width": width}, spacing=(2.0 / (SIZE - 1),) * 3)
             if number in wanted:
-                found.append(State.now(number))
+                found.append(ProcessState.now(number))
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from research.benchmarks.results.studies import StudyResults
-from research.studies.ablation.comparison import Row
+from research.studies.ablation.comparison import VariantRow
 from research.studies.ablation.table import decibels_cell, difference_cell, equal_steps, unequal_times, verdict
 from research.studies.ablation.variants import DEFAULT, Variant
 from surrogate.evaluation.tables import number, table_of
@@ -50,7 +50,7 @@ def study_section(study: StudyResults) -> list[str]:
     groups = {name: [row for row in rows if group_of(row.variant) == name] for name in GROUPS}
     places = {id(row): name for name, members in groups.items() for row in members[:1]}
 
-    def group(row: Row) -> str:
+    def group(row: VariantRow) -> str:
         return f"**{places[id(row)]}**" if id(row) in places else ""
 
     grouped = [row for members in groups.values() for row in members]
@@ -80,7 +80,7 @@ def _named_on(lines: str, variants: Sequence[Variant]) -> set[str]:
     return {v.name for v in variants if f"| {v.name} |" in lines or f" {v.name} (" in failed}
 
 
-def _sentences(rows: Sequence[Row]) -> list[str]:
+def _sentences(rows: Sequence[VariantRow]) -> list[str]:
     failed = [f"{row.variant.name} ({row.failures[0].error})" for row in rows if not row.results and row.failures]
     lost = [f"Without a result: {each}." for each in failed]
     return [verdict(rows), *equal_steps(rows), *unequal_times(rows), *lost]

@@ -18,7 +18,7 @@ from research.studies.comparison import tuning
 from research.studies.comparison.methods import CONTESTANTS, title
 from research.studies.comparison.page import SHORT_HEADER, in_short, tables
 from research.studies.comparison.plots import curves, sheet, without_pictures
-from research.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, Terms, load, terms
+from research.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, ComparisonResult, Terms, load, terms
 from research.wrapping import wrapped
 from surrogate.evaluation.tables import NOTHING, document, number, table
 from surrogate.provenance import in_words
@@ -133,7 +133,7 @@ def main() -> None:
     print(given.output / PAGE)
 
 
-def _in_short(results: Mapping[str, Sequence[Result]]) -> list[str]:
+def _in_short(results: Mapping[str, Sequence[ComparisonResult]]) -> list[str]:
     rows = [row for scene, of in results.items() for row in in_short(scene, of)]
     return ["## In short", IN_SHORT, table(SHORT_HEADER, rows)] if rows else []
 
@@ -146,7 +146,7 @@ def _who() -> list[list[str]]:
     return rows
 
 
-def _section(records: Path, results: Sequence[Result], drawn: set[str]) -> list[str]:
+def _section(records: Path, results: Sequence[ComparisonResult], drawn: set[str]) -> list[str]:
     scene = records.name
     plot = f"comparison_{scene}_curves.png"
     return [
@@ -158,7 +158,7 @@ def _section(records: Path, results: Sequence[Result], drawn: set[str]) -> list[
     ]
 
 
-def _sheet(records: Path, results: Sequence[Result], on: Terms, drawn: set[str]) -> list[str]:
+def _sheet(records: Path, results: Sequence[ComparisonResult], on: Terms, drawn: set[str]) -> list[str]:
     """A sheet, and whom it lacks."""
     name = f"comparison_{records.name}_{on.name}.png"
     if name not in drawn:
@@ -167,7 +167,7 @@ def _sheet(records: Path, results: Sequence[Result], on: Terms, drawn: set[str])
     return [f"![Test images after {on}]({name})", f"<sub>{on}. {NO_PICTURES.format(absent)}</sub>" if absent else ""]
 
 
-def _published(results: Sequence[Result]) -> list[str]:
+def _published(results: Sequence[ComparisonResult]) -> list[str]:
     """How to train at published sizes and steps, with an empty table before anybody did."""
     told = ["## Sizes and steps as published", PUBLISHED.replace("\n", " ")]
     if any(each.minutes == AS_PUBLISHED for each in terms(results)):
@@ -178,7 +178,7 @@ def _published(results: Sequence[Result]) -> list[str]:
     return [*told, NOT_RUN, table(("method", "steps", "novel views", "unseen parameters", "both"), rows)]
 
 
-def _made(results: Sequence[Result]) -> str:
+def _made(results: Sequence[ComparisonResult]) -> str:
     """Machines and commits; where there are several machines, also who was trained on which."""
     methods: dict[str, dict[str, None]] = {}
     for result in (r for r in results if r.method != TRIVIAL):

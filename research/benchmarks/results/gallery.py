@@ -28,7 +28,7 @@ PIXELS = 256
 UNSEEN = "unseen_views", "unseen_parameters"
 
 
-class Case(NamedTuple):
+class GalleryCase(NamedTuple):
     """A scene of the gallery: what it is, in Markdown, and which view is shown."""
 
     scene: str
@@ -37,11 +37,11 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case("tgv", "Taylor-Green vortex, bundled solver: Reynolds number, time", 25),
-    Case("cloverleaf", "CloverLeaf3D, its own files: six parameters", 23),
-    Case("nyx", "Nyx cosmology, images rendered by others: three parameters", 1),
-    Case("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 23),
-    Case("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 11),
+    GalleryCase("tgv", "Taylor-Green vortex, bundled solver: Reynolds number, time", 25),
+    GalleryCase("cloverleaf", "CloverLeaf3D, its own files: six parameters", 23),
+    GalleryCase("nyx", "Nyx cosmology, images rendered by others: three parameters", 1),
+    GalleryCase("euler", "PyClaw, [hooked](docs/examples.md): six parameters", 23),
+    GalleryCase("ocean", "Veros, [hooked](docs/examples.md): wind, eddies, viscosity, time", 11),
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from research.benchmarks.results.parts import BASE, Part, parts_of
+from research.benchmarks.results.parts import BASE, ReportPart, parts_of
 from research.benchmarks.results.scenes import SceneResults
 from research.benchmarks.results.studies import kinds_of
 from surrogate.evaluation.cases import PARAMETERS
@@ -53,7 +53,7 @@ def _missing(scene: SceneResults) -> Iterator[tuple[str, str]]:
             yield f"the ablation of {kind.title}", kind.command(scene.name)
 
 
-def _can_have_ceiling(part: Part) -> bool:
+def _can_have_ceiling(part: ReportPart) -> bool:
     """Whether a member has views that train and others that test, under a setting that tests where it is about one."""
     if part.kind == BASE:
         return any(part.images("unseen_views", column) for column in PARAMETERS)

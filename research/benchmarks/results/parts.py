@@ -17,7 +17,7 @@ NEARLY_CUT = MOST_DECIBELS - 5.0  # dB; some of the images of such a mean are cu
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ReportPart:
     """What is known of one part.
 
     Attributes
@@ -100,24 +100,24 @@ class Part:
         return f"{number(self.ceiling['psnr'])} ({number(self.ceiling['surrogate']['psnr'])})"
 
 
-def parts_of(scenes: Iterable[SceneResults]) -> list[Part]:
+def parts_of(scenes: Iterable[SceneResults]) -> list[ReportPart]:
     """All parts of all reports, scene by scene, the base first."""
     return [part for scene in scenes for part in _parts(scene)]
 
 
-def _parts(scene: SceneResults) -> list[Part]:
+def _parts(scene: SceneResults) -> list[ReportPart]:
     report, repeats = scene.report, scene.repeats
     if report is None:
         return []
     varied: Sequence[Mapping[str, Any]] = report["variations"]
     names = {name for one in varied for name in _ceiling_names(one)}
     base = next((entry for entry in scene.ceilings if not names & set(entry["parameters"])), None)
-    parts = [Part(scene.name, BASE, scene.base, report, repeats, base)]
+    parts = [ReportPart(scene.name, BASE, scene.base, report, repeats, base)]
     for number_of, one in enumerate(varied):
         own = _ceiling_names(one)
         ceiling = next((entry for entry in scene.ceilings if own & set(entry["parameters"])), None)
         spreads = None if repeats is None else {"seeds": repeats["seeds"], **repeats["variations"][number_of]}
-        parts.append(Part(scene.name, one["kind"], KINDS[one["kind"]].plural, one, spreads, ceiling))
+        parts.append(ReportPart(scene.name, one["kind"], KINDS[one["kind"]].plural, one, spreads, ceiling))
     return parts
 
 

@@ -9,7 +9,7 @@ from research.benchmarks.results.gaps import Gap
 from research.studies.baselines import hexplane_gaussians, visnerf
 from research.studies.baselines.method import PRECISIONS
 from research.studies.comparison.methods import CONTESTANTS, USUAL
-from research.studies.comparison.result import Result, Row
+from research.studies.comparison.result import ComparisonResult, MethodRow
 
 
 class Trainings(NamedTuple):
@@ -33,12 +33,12 @@ PROTOCOL = (
 )
 
 
-def gaps(results: Mapping[str, Sequence[Result]], protocol: Sequence[Trainings] = PROTOCOL) -> list[Gap]:
+def gaps(results: Mapping[str, Sequence[ComparisonResult]], protocol: Sequence[Trainings] = PROTOCOL) -> list[Gap]:
     """What none of the results by scene is of; a training that failed is none."""
     return [gap for trainings in protocol for scene in trainings.scenes for gap in _gaps(scene, trainings, results)]
 
 
-def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Result]]) -> Iterator[Gap]:
+def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[ComparisonResult]]) -> Iterator[Gap]:
     made = {(r.row, r.seed) for r in results.get(scene, ()) if r.minutes == trainings.minutes and not r.error}
     missing = {
         method: seeds for method in trainings.methods if (seeds := _missing_seeds(method, trainings.seeds, made))
@@ -54,9 +54,9 @@ def _gaps(scene: str, trainings: Trainings, results: Mapping[str, Sequence[Resul
         )
 
 
-def _missing_seeds(method: str, seeds: int, made: Set[tuple[Row, int]]) -> list[int]:
+def _missing_seeds(method: str, seeds: int, made: Set[tuple[MethodRow, int]]) -> list[int]:
     """Those that nobody trained, in the precision in which most are trained."""
-    rows = [Row(method, precision) for precision in PRECISIONS]
+    rows = [MethodRow(method, precision) for precision in PRECISIONS]
     return min(([seed for seed in range(seeds) if (row, seed) not in made] for row in rows), key=len)
 
 

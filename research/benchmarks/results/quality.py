@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from catalogs.vocabulary.variations import KINDS
-from research.benchmarks.results.parts import BASE, Part
+from research.benchmarks.results.parts import BASE, ReportPart
 from surrogate.evaluation.scoring import PERCEPTUAL_METRICS
 from surrogate.evaluation.tables import HEADINGS, NOTHING, table_of
 
@@ -23,7 +23,7 @@ class QualityTable(NamedTuple):
     table: str
 
 
-def quality_tables(parts: Sequence[Part]) -> list[QualityTable]:
+def quality_tables(parts: Sequence[ReportPart]) -> list[QualityTable]:
     """Novel views, unseen simulation parameters, unseen settings of each kind, and all of them at once."""
     seen = "seen_views", "seen_parameters"
     return [
@@ -61,7 +61,7 @@ def quality_tables(parts: Sequence[Part]) -> list[QualityTable]:
 
 
 def _seen_and_unseen(
-    title: str, text: str, parts: Sequence[Part], of: tuple[str, str], cells: tuple[Cell, Cell], without: str = ""
+    title: str, text: str, parts: Sequence[ReportPart], of: tuple[str, str], cells: tuple[Cell, Cell], without: str = ""
 ) -> QualityTable:
     """Parts of a kind that have images of the second of two cells, whose names are of what is seen in the first alone."""
     (kind, names), (seen, unseen) = of, cells
@@ -76,7 +76,7 @@ def _seen_and_unseen(
     )
 
 
-def _everything_unseen(parts: Sequence[Part]) -> QualityTable:
+def _everything_unseen(parts: Sequence[ReportPart]) -> QualityTable:
     """Unseen views and parameters at once, and unseen settings where there are any."""
     shown = [part for part in parts if part.images(*_joint(part))]
     perceptual = [m for m in PERCEPTUAL_METRICS if any(part.figure(m, *_joint(part)) != NOTHING for part in shown)]
@@ -95,15 +95,15 @@ def _everything_unseen(parts: Sequence[Part]) -> QualityTable:
 def _made(
     title: str,
     text: str,
-    parts: Sequence[Part],
-    at: Callable[[Part], Cell],
-    *first: tuple[str, Callable[[Part], str]],
+    parts: Sequence[ReportPart],
+    at: Callable[[ReportPart], Cell],
+    *first: tuple[str, Callable[[ReportPart], str]],
     perceptual: Sequence[str] = (),
     without: str = "",
 ) -> QualityTable:
     """A table with a row for each part, about the cell `at` which it is looked at."""
 
-    def figure(metric: str) -> Callable[[Part], str]:
+    def figure(metric: str) -> Callable[[ReportPart], str]:
         return lambda part: part.figure(metric, *at(part))
 
     columns = (
@@ -111,9 +111,9 @@ def _made(
         *first,
         *((HEADINGS[metric], figure(metric)) for metric in ("psnr_foreground", "ssim", *perceptual)),
         (CENTER, lambda part: part.at_center(*at(part))),
-        (CEILING, Part.beside_ceiling),
+        (CEILING, ReportPart.beside_ceiling),
         (TRIVIAL, lambda part: part.best_trivial(*at(part))),
-        ("seeds", Part.seeds),
+        ("seeds", ReportPart.seeds),
         ("images", lambda part: str(part.images(*at(part)))),
     )
     shown = table_of(parts, *(column for column in columns if column[0] != without))
@@ -121,7 +121,7 @@ def _made(
     return QualityTable(title, text, shown if parts else nothing)
 
 
-def _joint(part: Part) -> Cell:
+def _joint(part: ReportPart) -> Cell:
     """The cell of a part in which most is unseen."""
     if part.kind == BASE:
         return "unseen_views", "unseen_parameters"

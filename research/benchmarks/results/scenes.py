@@ -14,7 +14,7 @@ from research.benchmarks.results.studies import StudyResults, published_study, r
 from research.benchmarks.splatting.instruction_sets import load as load_instruction_sets
 from research.benchmarks.training.curves.measured import Point
 from research.benchmarks.training.curves.measured import load as load_curve
-from research.benchmarks.training.functions.measured import Shown, load
+from research.benchmarks.training.functions.measured import FunctionScores, load
 from surrogate.provenance import code
 from surrogate.report.ceilings import load_ceilings
 from surrogate.report.records import load_report
@@ -55,7 +55,7 @@ class SceneResults:
     ceilings: Sequence[Mapping[str, Any]] = ()
     repeats: Mapping[str, Any] | None = None
     studies: Sequence[StudyResults] = ()
-    functions: Sequence[tuple[Record, Sequence[Shown]]] = ()
+    functions: Sequence[tuple[Record, Sequence[FunctionScores]]] = ()
     curve: Sequence[Point] = ()
     instruction_sets: Mapping[str, Sequence[Scores]] = field(default_factory=dict)
     seeds: Sequence[Scores] = ()

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from research.studies.ablation.comparison import Row, compared
+from research.studies.ablation.comparison import VariantRow, compared
 from research.studies.ablation.experiments import BASE_FOLDER, VISUALIZATION_FOLDER
-from research.studies.ablation.records import DECIDING, Result, load_results
+from research.studies.ablation.records import DECIDING, AblationResult, load_results
 from research.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS, Variant
 from surrogate.provenance import code
 
@@ -47,11 +47,11 @@ class StudyResults:
 
     kind: StudyKind
     budget: float = 0.0
-    rows: Sequence[Row] = ()
+    rows: Sequence[VariantRow] = ()
     published: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> list[AblationResult]:
         """All fits that have a result."""
         return [result for row in self.rows for result in row.results]
 

@@ -25,14 +25,14 @@ from research.benchmarks.splatting.scaling import scaling
 from research.benchmarks.splatting.setup import Setup
 from research.benchmarks.splatting.simd.compare import compare
 from research.benchmarks.splatting.step import step
-from research.benchmarks.splatting.trained import Trained, training_time
+from research.benchmarks.splatting.trained import TrainedModels, training_time
 from surrogate.provenance import in_words, machine
 from surrogate.splatting.threads import one_torch_thread
 
 PAGE = "splatting.md"
 QUICK = "bench"  # within the folder of runs
 
-Part = Callable[[Setup, Trained], str]
+Part = Callable[[Setup, TrainedModels], str]
 PARTS: Mapping[str, Part] = {
     "fixed": lambda setup, _: fixed(setup),
     "others": lambda setup, _: others(setup),
@@ -61,7 +61,7 @@ def main() -> None:
     output = arguments.output or (arguments.runs / QUICK if arguments.quick else DOCS)
     setup = Setup(arguments.quick, output, arguments.runs, stopwatch())
     page = output / PAGE if output.joinpath(PAGE).exists() and not setup.quick else page_in(output, PAGE)
-    trained = Trained(setup)
+    trained = TrainedModels(setup)
     parts = {name: partial(PARTS[name], setup, trained) for name in arguments.only}
     with one_torch_thread():
         failed = write_parts(page, parts, provenance(setup.quick), setup.say)

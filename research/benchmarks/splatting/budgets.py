@@ -12,9 +12,9 @@ from torch import Tensor
 from research.benchmarks.page import table
 from research.benchmarks.splatting.figures import panels, with_labels
 from research.benchmarks.splatting.setup import Setup, limited_to
-from research.benchmarks.splatting.trained import Trained, pictures
+from research.benchmarks.splatting.trained import TrainedModels, pictures
 from research.benchmarks.splatting.twin import decibels
-from research.benchmarks.timing import Measured, timed
+from research.benchmarks.timing import MeasuredTime, timed
 from surrogate.evaluation.metrics import composite, psnr
 from surrogate.training.compression.choices import importance
 from surrogate.training.data import ImageRow, load_examples, training_rows
@@ -25,7 +25,7 @@ WEIGHED, JUDGED = 200, 60  # training images that importance is taken from, vali
 REPEATS = 3
 
 
-def budgets(setup: Setup, trained: Trained) -> str:
+def budgets(setup: Setup, trained: TrainedModels) -> str:
     """Time and error by the part of the Gaussians that is drawn, and the plot."""
     few = 20 if setup.quick else 1
     learned = training_rows(trained.catalog, [str(trained.model.training["appearance"])])
@@ -57,7 +57,7 @@ def budgets(setup: Setup, trained: Trained) -> str:
     return note + table([*header, "PSNR against the stored images, dB"], cells)
 
 
-def _importance(trained: Trained, rows: Sequence[ImageRow]) -> Tensor:
+def _importance(trained: TrainedModels, rows: Sequence[ImageRow]) -> Tensor:
     """What each Gaussian of the model contributes to the images of `rows`, (N,)."""
     model = trained.model
     examples = load_examples(trained.catalog, rows, model.normalization)
@@ -70,7 +70,9 @@ def _kept(weights: Tensor, part: float) -> Tensor:
     return torch.argsort(weights, descending=True, stable=True)[:count].sort().values
 
 
-def _drawn(trained: Trained, rows: Sequence[ImageRow], weights: Tensor, part: float) -> tuple[Measured, float, float]:
+def _drawn(
+    trained: TrainedModels, rows: Sequence[ImageRow], weights: Tensor, part: float
+) -> tuple[MeasuredTime, float, float]:
     """Time per picture, mean PSNR against the stored images, and against the whole model (inf where nothing differs)."""
     kept = _kept(weights, part)
     taken, to_truth, to_whole = [], [], []
@@ -82,4 +84,4 @@ def _drawn(trained: Trained, rows: Sequence[ImageRow], weights: Tensor, part: fl
             difference = picture.astype(np.float64) - composite(whole.render(camera), trained.background)
             to_truth.append(psnr(trained.truth(row), picture))
             to_whole.append(float(np.mean(np.square(difference))))
-    return Measured.of(taken), float(np.mean(to_truth)), decibels(float(np.mean(to_whole)))
+    return MeasuredTime.of(taken), float(np.mean(to_truth)), decibels(float(np.mean(to_whole)))

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from research.benchmarks.page import table
 from research.benchmarks.splatting.setup import Setup
-from research.benchmarks.splatting.trained import Trained
+from research.benchmarks.splatting.trained import TrainedModels
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, View
 from surrogate.evaluation.metrics import decibels
 from surrogate.splatting import Constants, Primitives, reference
@@ -20,7 +20,7 @@ AT_ONCE = 64
 OURS = "ours"
 
 
-def constants(setup: Setup, trained: Trained) -> str:
+def constants(setup: Setup, trained: TrainedModels) -> str:
     """PSNR against the picture by our rules, and the largest difference, in float64, by scene and rule."""
     opaque = next(workload for workload in OTHERS if workload.shells)
     cases = {FIXED.title: FIXED.view(), opaque.title: opaque.view(), f"model of {trained.name}": trained.view()}

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from research.benchmarks.page import table
-from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
+from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, DrawingMeasurement, measure
 from research.benchmarks.splatting.figures import panels, with_labels
 from research.benchmarks.splatting.setup import Setup
-from research.benchmarks.splatting.trained import Trained
+from research.benchmarks.splatting.trained import TrainedModels
 from research.benchmarks.splatting.twin import ask
 from research.benchmarks.splatting.workloads import FIXED, View
 from research.benchmarks.timing import digits
@@ -18,7 +18,7 @@ ALL = 1e-9  # a floor so low that nothing is left out: 20,000 such contributions
 FIGURE = "splatting_cutoffs.png"
 
 
-def cutoffs(setup: Setup, trained: Trained) -> str:
+def cutoffs(setup: Setup, trained: TrainedModels) -> str:
     """Alpha floors on the fixed scene and on a trained model, against a twin that leaves nothing out."""
     cases = {FIXED.title: FIXED.view(), f"model of {trained.name}": trained.view()}
     found = {name: _measured(name, view, setup) for name, view in cases.items()}
@@ -38,7 +38,7 @@ def cutoffs(setup: Setup, trained: Trained) -> str:
     return table(["scene", "alpha floor", "pairs, M", *TIMES, *ERROR_HEADER], rows)
 
 
-def _measured(name: str, view: View, setup: Setup) -> dict[str, tuple[Drawn, float]]:
+def _measured(name: str, view: View, setup: Setup) -> dict[str, tuple[DrawingMeasurement, float]]:
     """By floor: the drawing, and millions of pairs."""
     everything = ask(_with_floor(view, ALL), setup.patches)
     found = {}

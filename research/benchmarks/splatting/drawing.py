@@ -7,19 +7,19 @@ from typing import Any
 
 import torch
 
-from research.benchmarks.splatting.twin import Errors, Twin, gradient_error, image_errors, picture_at
+from research.benchmarks.splatting.twin import Errors, ReferenceDrawing, gradient_error, image_errors, picture_at
 from research.benchmarks.splatting.workloads import View
-from research.benchmarks.timing import Measured, measured_in_turn
+from research.benchmarks.timing import MeasuredTime, measured_in_turn
 from surrogate.splatting import Primitives, Rendering, draw
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawingMeasurement:
     """Milliseconds of the forward pass, the backward pass and both; errors of the picture and of the gradients."""
 
-    forward: Measured
-    backward: Measured
-    both: Measured
+    forward: MeasuredTime
+    backward: MeasuredTime
+    both: MeasuredTime
     image: Errors
     gradient: float
 
@@ -36,7 +36,7 @@ TIMES = ("forward, ms", "backward, ms", "sum, ms")
 ERROR_HEADER = ("PSNR against float64, dB", "largest image error", "largest gradient error")
 
 
-def measure(view: View, twin: Twin, seconds: float, **options: Any) -> Drawn:
+def measure(view: View, twin: ReferenceDrawing, seconds: float, **options: Any) -> DrawingMeasurement:
     """Draw and differentiate for `seconds`, then compare with the twin."""
     leaves = Primitives(*(tensor.clone().requires_grad_() for tensor in view.scene))
     view, camera = view._replace(scene=leaves), view.camera
@@ -58,10 +58,10 @@ def measure(view: View, twin: Twin, seconds: float, **options: Any) -> Drawn:
 
     forward_ms, backward_ms, both = measured_in_turn([forward, backward], seconds)
     image, gradient = errors(view, twin, **options)
-    return Drawn(forward_ms, backward_ms, both, image, gradient)
+    return DrawingMeasurement(forward_ms, backward_ms, both, image, gradient)
 
 
-def errors(view: View, twin: Twin, **options: Any) -> tuple[Errors, float]:
+def errors(view: View, twin: ReferenceDrawing, **options: Any) -> tuple[Errors, float]:
     """Errors of the picture, and of the gradients of the twin's functional (nan where the twin has none)."""
     drawn = draw(*view, **options)
     picture = picture_at(Rendering(drawn.color.cpu(), drawn.alpha.cpu()), twin.pixels)  # [P, 4]

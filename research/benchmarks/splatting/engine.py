@@ -7,9 +7,9 @@ import torch
 
 from research.benchmarks.page import table
 from research.benchmarks.splatting.counting import Peak, Work, backward_work, forward_work
-from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
+from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, DrawingMeasurement, measure
 from research.benchmarks.splatting.setup import Setup, said
-from research.benchmarks.splatting.twin import Counted, ask
+from research.benchmarks.splatting.twin import InteractionCounts, ask
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload
 from research.benchmarks.timing import digits, measured
 from surrogate import kernels
@@ -44,7 +44,7 @@ def fixed(setup: Setup) -> str:
     return "\n".join([_described(whole), table(header, rows), "The physical limit:\n", table(limit_header, limits)])
 
 
-def _described(whole: Counted) -> str:
+def _described(whole: InteractionCounts) -> str:
     work = {"forward": forward_work(*_size(whole)), "backward": backward_work(*_size(whole))}
     needs = "; ".join(f"{name} {_billions(w)}" for name, w in work.items())
     return (
@@ -54,7 +54,7 @@ def _described(whole: Counted) -> str:
     )
 
 
-def _size(whole: Counted) -> tuple[int, int, int]:
+def _size(whole: InteractionCounts) -> tuple[int, int, int]:
     return whole.interactions, FIXED.count, whole.pixels
 
 
@@ -62,7 +62,7 @@ def _billions(work: Work) -> str:
     return f"{work.flops / 1e9:.2f} Gflop in {work.instructions / 1e9:.2f} G instructions, {work.bytes / 1e6:.1f} MB"
 
 
-def _limit_cells(drawn: Drawn, whole: Counted, peak: Peak) -> list[str]:
+def _limit_cells(drawn: DrawingMeasurement, whole: InteractionCounts, peak: Peak) -> list[str]:
     cells = []
     for taken, work in ((drawn.forward, forward_work(*_size(whole))), (drawn.backward, backward_work(*_size(whole)))):
         floor = peak.floor_ms(work)

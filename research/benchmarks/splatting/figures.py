@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.files import durable
-from research.benchmarks.timing import Measured
+from research.benchmarks.timing import MeasuredTime
 
 COLORS = ("#0b5fa5", "#e07b00", "#2a9d57", "#a0346e", "#555555")
 MARKERS = ("o", "s", "D", "^", "v")
@@ -63,7 +63,7 @@ def with_labels(axes: Any, points: Iterable[tuple[float, float, str]], style: in
         axes.annotate(*place, xytext=(5, -9), textcoords="offset points", fontsize=7)
 
 
-def with_spread(axes: Any, x: Any, taken: list[Measured], style: int, *, line: str = "-", **options: Any) -> None:
+def with_spread(axes: Any, x: Any, taken: list[MeasuredTime], style: int, *, line: str = "-", **options: Any) -> None:
     """Medians as points, the fastest and slowest as bars; `style` chooses colour and marker."""
     medians = [m.median for m in taken]
     spread = [[m.median - m.lowest for m in taken], [m.highest - m.median for m in taken]]

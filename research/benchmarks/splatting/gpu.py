@@ -20,7 +20,7 @@ from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_
 from research.benchmarks.splatting.drawing import ERROR_HEADER, measure
 from research.benchmarks.splatting.twin import ask
 from research.benchmarks.splatting.workloads import FIXED, OTHERS, Workload
-from research.benchmarks.timing import Measured, digits, measured
+from research.benchmarks.timing import MeasuredTime, digits, measured
 from surrogate.deformation.bilinear import BilinearDeformation
 from surrogate.gaussians import Gaussians
 from surrogate.provenance import machine
@@ -112,7 +112,7 @@ def training(device: torch.device, quick: bool, seconds: float, say: Callable[[s
         example = Example(workload.camera(), torch.tensor([0.3]), pixels)
         stage = simulation_stage(gaussians, deformation, SETTINGS)
         run = StageRun(stage, SETTINGS, TrainingData([example], [], (1.0, 1.0, 1.0)))
-        taken: Measured = measured(run.advance, seconds, most=1000)
+        taken: MeasuredTime = measured(run.advance, seconds, most=1000)
         rows.append([workload.title, str(taken), digits(1e3 / taken.median)])
     return table(["scene", "a step, ms", "steps/s"], rows)
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from research.benchmarks.page import table
 from research.benchmarks.splatting.setup import Setup
-from research.benchmarks.splatting.trained import Trained, mean_decibels, pictures
+from research.benchmarks.splatting.trained import TrainedModels, mean_decibels, pictures
 from research.benchmarks.splatting.twin import decibels
 from surrogate.deformation import load_deformation
 from surrogate.evaluation.metrics import composite
@@ -41,7 +41,7 @@ def stored(surrogate: Surrogate, keep: Callable[[Tensor], Tensor]) -> Surrogate:
     )
 
 
-def precisions(setup: Setup, trained: Trained) -> str:
+def precisions(setup: Setup, trained: TrainedModels) -> str:
     """Size and error by precision: of all tensors, Gaussians and deformation."""
     whole, rows = trained.model, trained.validation(JUDGED // (20 if setup.quick else 1))
     cells = []

@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from research.benchmarks.page import table
-from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, Drawn, measure
+from research.benchmarks.splatting.drawing import ERROR_HEADER, TIMES, DrawingMeasurement, measure
 from research.benchmarks.splatting.figures import panels, plain_ticks, with_spread
 from research.benchmarks.splatting.setup import Setup, said
-from research.benchmarks.splatting.twin import Counted, ask
+from research.benchmarks.splatting.twin import InteractionCounts, ask
 from research.benchmarks.splatting.workloads import FIXED, Workload, thousands
 
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 SIZES = (128, 256, 512, 1024)
 FIGURE = "splatting_scaling.png"
 
-Series = dict[tuple[int, int], tuple[Drawn, Counted]]  # by (Gaussians or size, threads)
+Series = dict[tuple[int, int], tuple[DrawingMeasurement, InteractionCounts]]  # by (Gaussians or size, threads)
 
 
 def scaling(setup: Setup) -> str:

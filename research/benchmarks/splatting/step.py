@@ -15,7 +15,7 @@ from research.benchmarks.page import table
 from research.benchmarks.splatting.figures import COLORS, panels
 from research.benchmarks.splatting.setup import Setup, limited_to, said
 from research.benchmarks.splatting.workloads import FIXED, Workload
-from research.benchmarks.timing import Measured, digits, measured, measured_in_turn
+from research.benchmarks.timing import MeasuredTime, digits, measured, measured_in_turn
 from surrogate.deformation.bilinear import BilinearDeformation
 from surrogate.evaluation.metrics import WHITE
 from surrogate.rasterizer import Rasterizer
@@ -28,20 +28,20 @@ from surrogate.training.stages import Stage, simulation_stage
 
 FIGURE = "splatting_step.png"
 VARIABLE = "GS_SURROGATE_INSTRUCTION_SET"
-Steps = tuple[Measured, list[Measured]]  # whole steps, and their parts
+Steps = tuple[MeasuredTime, list[MeasuredTime]]  # whole steps, and their parts
 PARTS = ("deform", "draw", "loss and its gradient", "backward", "Adam")
 SETTINGS = TrainingSettings(relocation_interval=0)
 
 
 @dataclass(frozen=True, eq=False)
-class Training:
+class StepSetup:
     """What steps are taken on: a stage whose rates move nothing, so that the workload stays what it is, and one image."""
 
     stage: Stage
     example: Example
 
 
-def training(workload: Workload) -> Training:
+def training(workload: Workload) -> StepSetup:
     """Stage 2 of one parameter on the workload's Gaussians; the image is their own picture in 8 bits."""
     gaussians, camera = workload.gaussians(), workload.camera()
     rendering = Rasterizer.of(SETTINGS).draw(gaussians, camera)
@@ -50,15 +50,15 @@ def training(workload: Workload) -> Training:
     deformation = BilinearDeformation.create(gaussians, 1, SETTINGS)
     stage = simulation_stage(gaussians, deformation, SETTINGS)
     stage = replace(stage, rates=dict.fromkeys(stage.rates, 1e-12))
-    return Training(stage, Example(camera, torch.tensor([0.3]), np.ascontiguousarray(pixels)))
+    return StepSetup(stage, Example(camera, torch.tensor([0.3]), np.ascontiguousarray(pixels)))
 
 
-def whole_step(kept: Training, seconds: float) -> Measured:
+def whole_step(kept: StepSetup, seconds: float) -> MeasuredTime:
     """One step as training takes it."""
     return measured(StageRun(kept.stage, SETTINGS, TrainingData([kept.example], [], None)).advance, seconds, most=1000)
 
 
-def step_parts(kept: Training, seconds: float) -> list[Measured]:
+def step_parts(kept: StepSetup, seconds: float) -> list[MeasuredTime]:
     """The same calls one by one: a measurement per entry of `PARTS`, and the sum."""
     stage, example = kept.stage, kept.example
     adam, rasterizer = Adam(stage.tensors, stage.rates, shared=stage.shared), Rasterizer.of(SETTINGS)

@@ -42,7 +42,7 @@ JUDGED = 96  # validation images for the final number; the curve looks at those 
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BudgetedFit:
     """A model trained for about `budget` seconds of `research.studies.ablation.timing.clock`: on a CPU, of all cores together."""
 
     budget: float
@@ -56,11 +56,11 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Trained:
+class TrainedModels:
     """One scene, and models of it; each is trained when first asked for."""
 
     setup: Setup
-    fits: dict[float, Fit] = field(default_factory=dict)
+    fits: dict[float, BudgetedFit] = field(default_factory=dict)
 
     @property
     def budgets(self) -> tuple[float, ...]:
@@ -101,14 +101,14 @@ class Trained:
         self.setup.say(f"{self.name}: how fast a step is")
         return measure_step_times(self.settings, self.catalog, PROBE * max(self.budgets))
 
-    def fit(self, budget: float) -> Fit:
+    def fit(self, budget: float) -> BudgetedFit:
         """The model of one budget, in seconds."""
         if budget not in self.fits:
             settings = planned(self.settings, budget, self.step_times)
             self.setup.say(f"{self.name}: training for {budget:.0f} s")
             with tempfile.TemporaryDirectory() as folder, ProgressLine() as line:
                 surrogate = train(settings, self.catalog, Path(folder) / "surrogate", progress=line)
-            self.fits[budget] = Fit(budget, surrogate)
+            self.fits[budget] = BudgetedFit(budget, surrogate)
         return self.fits[budget]
 
     @property
@@ -146,7 +146,7 @@ def pictures(surrogate: Surrogate, rows: Sequence[ImageRow]) -> Iterator[tuple[I
         yield row, deformed[row.member.name], row.member.cameras[row.view]
 
 
-def mean_decibels(surrogate: Surrogate, trained: Trained, rows: Sequence[ImageRow]) -> float:
+def mean_decibels(surrogate: Surrogate, trained: TrainedModels, rows: Sequence[ImageRow]) -> float:
     """Mean PSNR of `surrogate` on stored images."""
     found = [
         psnr(trained.truth(row), composite(deformed.render(camera), trained.background))
@@ -162,7 +162,7 @@ def planned(settings: TrainingSettings, seconds: float, times: StepTimes) -> Tra
     return found.changed(validation_interval=interval)
 
 
-def training_time(setup: Setup, trained: Trained) -> str:
+def training_time(setup: Setup, trained: TrainedModels) -> str:
     """A row per budget, and the plot of all curves."""
     rows, judged, fits = [], trained.validation(JUDGED), [trained.fit(budget) for budget in trained.budgets]
     for fit in fits:

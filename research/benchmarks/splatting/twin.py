@@ -29,7 +29,7 @@ DOUBTFUL = 1e-5  # relative distance to the alpha floor
 SAME = 2e-6  # what may change in an image where nothing is in doubt
 
 
-class Counted(NamedTuple):
+class InteractionCounts(NamedTuple):
     """What there is to do in the patches: pixels, those that anything covers, (pixel, Gaussian) pairs, and blocks of pixels that
     a Gaussian draws in."""
 
@@ -50,7 +50,7 @@ class Counted(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Twin:
+class ReferenceDrawing:
     """The twin's answer.
 
     Attributes
@@ -67,7 +67,7 @@ class Twin:
     undecided: Tensor
     weights: Tensor
     gradients: tuple[Tensor, ...]
-    counted: Counted
+    counted: InteractionCounts
 
 
 class Errors(NamedTuple):
@@ -94,7 +94,7 @@ def patches(width: int, height: int, count: int | None = None) -> list[NDArray[n
     return found
 
 
-def ask(view: View, count: int | None = None, *, gradients: bool = True) -> Twin:
+def ask(view: View, count: int | None = None, *, gradients: bool = True) -> ReferenceDrawing:
     """Draw all patches of pixels in float64, or `count` of them."""
     scene, camera, constants = view
     wanted = patches(camera.width, camera.height, count)
@@ -126,7 +126,9 @@ def ask(view: View, count: int | None = None, *, gradients: bool = True) -> Twin
         by_splats = [tensor.grad if tensor.grad is not None else torch.zeros_like(tensor) for tensor in seen]
         found = torch.autograd.grad(splats[:4], leaves, by_splats)
     flat = torch.from_numpy(np.concatenate(wanted))
-    return Twin(flat, torch.cat(pictures), torch.cat(doubts), torch.cat(weights), found, Counted(*map(int, counts)))
+    return ReferenceDrawing(
+        flat, torch.cat(pictures), torch.cat(doubts), torch.cat(weights), found, InteractionCounts(*map(int, counts))
+    )
 
 
 def picture_at(rendering: Rendering, pixels: Tensor) -> Tensor:
@@ -134,7 +136,7 @@ def picture_at(rendering: Rendering, pixels: Tensor) -> Tensor:
     return torch.cat([rendering.color, rendering.alpha.unsqueeze(-1)], dim=2).flatten(0, 1)[pixels]
 
 
-def image_errors(picture: Tensor, twin: Twin) -> Errors:
+def image_errors(picture: Tensor, twin: ReferenceDrawing) -> Errors:
     """How far `picture` (P, 4) is from the twin's, at the pixels that are decided."""
     difference = (picture.detach().double() - twin.picture)[~twin.undecided]  # [P, 4]
     return Errors(decibels(float(difference.square().mean())), float(difference.abs().max()))
@@ -145,7 +147,7 @@ def decibels(squared_error: float) -> float:
     return -10.0 * math.log10(squared_error) if squared_error > 0 else math.inf
 
 
-def gradient_error(found: Sequence[Tensor], twin: Twin) -> float:
+def gradient_error(found: Sequence[Tensor], twin: ReferenceDrawing) -> float:
     """The largest error of any gradient, relative to the largest gradient of its kind."""
     pairs = zip(found, twin.gradients, strict=True)
     return max(float((got.double() - wanted).abs().max() / wanted.abs().max()) for got, wanted in pairs)
@@ -171,7 +173,7 @@ def _undecided(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
 
 
 def _count(drawn: Tensor, indices: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-    """`Counted` of one patch, where `drawn` (P, M) says which Gaussian draws in which pixel."""
+    """`InteractionCounts` of one patch, where `drawn` (P, M) says which Gaussian draws in which pixel."""
     rows, columns = np.divmod(indices, width)
     block = torch.from_numpy(rows // BLOCK * width + columns // BLOCK)  # [P]
     _, position = block.unique(return_inverse=True)

@@ -22,7 +22,7 @@ import numpy as np
 from catalogs.browse import CatalogServer, page_of
 from catalogs.store.catalog import Catalog
 from research.benchmarks.page import command_line
-from research.benchmarks.timing import Measured
+from research.benchmarks.timing import MeasuredTime
 from tests.support.synthetic import synthetic_catalog
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def measure(browser: Browser, catalog: Catalog, repeats: int = 5) -> dict[str, s
             for name, times in taken.items():
                 found.setdefault(name, []).extend(times)
             tab.context.close()
-    return said | {name: str(Measured.of(times)) for name, times in found.items()}
+    return said | {name: str(MeasuredTime.of(times)) for name, times in found.items()}
 
 
 def main() -> None:

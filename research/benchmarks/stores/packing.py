@@ -19,7 +19,7 @@ import click
 from catalogs.store.catalog import Catalog
 from catalogs.tools.packing import pack, unpack
 from catalogs.version import commit
-from research.benchmarks.timing import Measured, digits, timed
+from research.benchmarks.timing import MeasuredTime, digits, timed
 from surrogate import TrainingSettings, train
 from surrogate.gaussians import Normalization
 from surrogate.storage.checkpoints import fingerprint
@@ -32,7 +32,7 @@ def load(catalog: Catalog) -> None:
     load_examples(catalog, rows, Normalization.of_box(catalog.plan.bounds))
 
 
-def in_turns(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, Measured]:
+def in_turns(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, MeasuredTime]:
     """The times of several calls that take turns."""
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for number in range(rounds + 1):
@@ -40,7 +40,7 @@ def in_turns(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, M
             milliseconds = timed(call)
             if number:
                 taken[name].append(milliseconds)
-    return {name: Measured.of(times) for name, times in taken.items()}
+    return {name: MeasuredTime.of(times) for name, times in taken.items()}
 
 
 def megabytes(path: Path) -> tuple[int, float]:

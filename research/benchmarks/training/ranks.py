@@ -27,7 +27,7 @@ import torch
 
 from catalogs.store.catalog import Catalog
 from research.benchmarks.page import DOCS, PROJECT, command_line, made_by, page_in, stopwatch, table, write_parts
-from research.benchmarks.timing import Measured, digits, timed
+from research.benchmarks.timing import MeasuredTime, digits, timed
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.evaluation.cases import base_cells
 from surrogate.evaluation.predictor import SurrogatePredictor
@@ -150,7 +150,7 @@ def measure(catalog: Catalog, count: int, batch: int, ranks: Ranks, steps: int) 
         run.advance()
     processor, wall = time.process_time() - worked, time.perf_counter() - began
     numbers = torch.zeros(sum(tensor.numel() for tensor in stage.tensors.values()))
-    reduced = Measured.of([timed(lambda: ranks.add(numbers)) for _ in range(steps)])
+    reduced = MeasuredTime.of([timed(lambda: ranks.add(numbers)) for _ in range(steps)])
     return {
         "processor": 1e3 * statistics.fmean(ranks.gathered(processor)) / steps,
         "wall": 1e3 * wall / steps,

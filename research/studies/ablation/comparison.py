@@ -7,14 +7,14 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from research.studies.ablation.records import Result
+from research.studies.ablation.records import AblationResult
 from research.studies.ablation.variants import DEFAULT, Variant
 
 SURE = 2.0  # standard errors
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class VariantRow:
     """One variant.
 
     Attributes
@@ -30,8 +30,8 @@ class Row:
     """
 
     variant: Variant
-    results: Sequence[Result]
-    failures: Sequence[Result]
+    results: Sequence[AblationResult]
+    failures: Sequence[AblationResult]
     psnr: float | None = None
     spread: float | None = None
     reference: str = DEFAULT
@@ -44,18 +44,18 @@ class Row:
         return self.difference is not None and self.error is not None and abs(self.difference) > SURE * self.error
 
     def mean(self, name: str) -> float:
-        """Mean over the seeds of a number in `Result`."""
+        """Mean over the seeds of a number in `AblationResult`."""
         return statistics.fmean(getattr(result, name) for result in self.results)
 
 
-def compared(results: Sequence[Result], variants: Sequence[Variant]) -> list[Row]:
+def compared(results: Sequence[AblationResult], variants: Sequence[Variant]) -> list[VariantRow]:
     """A row for each of `variants` that the results are of, the best first; failures stand last."""
     known = {variant: [one for one in results if one.variant == variant.name] for variant in variants}
     rows = rows_of({variant: found for variant, found in known.items() if found})
     return sorted(rows, key=lambda row: -math.inf if row.psnr is None else row.psnr, reverse=True)
 
 
-def rows_of(known: Mapping[Variant, Sequence[Result]]) -> list[Row]:
+def rows_of(known: Mapping[Variant, Sequence[AblationResult]]) -> list[VariantRow]:
     """The rows in the order of `known`."""
     scores = {variant.name: {r.seed: r.psnr for r in results if not r.error} for variant, results in known.items()}
     rows = []
@@ -64,7 +64,7 @@ def rows_of(known: Mapping[Variant, Sequence[Result]]) -> list[Row]:
         own, others = scores[variant.name], {} if variant.name == reference else scores.get(reference, {})
         difference, error = (_paired if variant.steps_of else _unpaired)(own, others)
         rows.append(
-            Row(
+            VariantRow(
                 variant,
                 [r for r in results if not r.error],
                 [r for r in results if r.error],

@@ -19,7 +19,7 @@ TIME_TOLERANCE = 0.15  # of the budget
 
 
 @dataclass(frozen=True)
-class Result:
+class AblationResult:
     """What came of one variant and seed.
 
     Attributes
@@ -83,27 +83,27 @@ class Records:
         """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""
         return variant.settings(self.experiment.base).changed(seed=self.experiment.base.seed + seed)
 
-    def result(self, variant: Variant, seed: int, **found: Any) -> Result:
+    def result(self, variant: Variant, seed: int, **found: Any) -> AblationResult:
         """A result of this study."""
         try:
             settings = self.settings(variant, seed).to_json()
         except ValueError:  # such settings can't be: `found` holds the error
             settings = {}
         scene = self.experiment.scene.to_json()
-        return Result(variant.name, seed, self.budget, self.experiment.mark, settings, scene, **found)
+        return AblationResult(variant.name, seed, self.budget, self.experiment.mark, settings, scene, **found)
 
-    def save(self, result: Result) -> None:
+    def save(self, result: AblationResult) -> None:
         """Keep a result, at once and whole."""
         Record.of(KIND, VERSION, result, KEY).save(self._path(result.variant, result.seed))
 
-    def find(self, variant: Variant, seed: int) -> Result | None:
+    def find(self, variant: Variant, seed: int) -> AblationResult | None:
         """What this study knows of a variant and seed, a failure included; None for nothing, or for what is out of date."""
         wanted = asdict(self.result(variant, seed))
         key = {name: wanted[name] for name in KEY}
         record = Record.load(self._path(variant.name, seed), KIND, VERSION, key)
-        return None if record is None else record.to(Result)
+        return None if record is None else record.to(AblationResult)
 
-    def all(self) -> list[Result]:
+    def all(self) -> list[AblationResult]:
         """All that this study knows, by seed."""
         named = {variant.name: variant for variant in self.experiment.variants}
         there = load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
@@ -114,7 +114,7 @@ class Records:
         return self.folder / f"{name}.seed{seed}.json"
 
 
-def load_results(folder: Path, **key: Any) -> list[Result]:
+def load_results(folder: Path, **key: Any) -> list[AblationResult]:
     """All results in a folder that agree with `key`, by seed."""
-    found = [record.to(Result) for record in Record.load_all(folder, KIND, VERSION, key).values()]
+    found = [record.to(AblationResult) for record in Record.load_all(folder, KIND, VERSION, key).values()]
     return sorted((result for result in found if result is not None), key=lambda result: result.seed)

@@ -15,9 +15,9 @@ from typing import Any
 from catalogs.engines.engine import Engine
 from catalogs.files import durable
 from research.studies.ablation import table
-from research.studies.ablation.comparison import Row, compared
+from research.studies.ablation.comparison import VariantRow, compared
 from research.studies.ablation.experiments import Experiment, score
-from research.studies.ablation.records import DECIDING, Records, Result
+from research.studies.ablation.records import DECIDING, AblationResult, Records
 from research.studies.ablation.timing import STAGES, StepTimes, clock, scheduled, steps_of, with_steps
 from research.studies.ablation.variants import Variant, selected
 from research.studies.progress import StudyProgress, StudyWatch
@@ -45,24 +45,24 @@ def ablate(
     *,
     engine: Engine | None = None,
     progress: Callable[[StudyProgress], None] = lambda _: None,
-    tell: Callable[[Result], None] = lambda _: None,
+    tell: Callable[[AblationResult], None] = lambda _: None,
     **options: Any,
-) -> list[Row]:
+) -> list[VariantRow]:
     """Fit what is missing, writing ablation.md and ablation.png into `folder` after every fit; returns the rows of the table.
 
-    `options` and errors are those of `Study`, `engine` and its errors those of `Study.run`.
+    `options` and errors are those of `AblationStudy`, `engine` and its errors those of `AblationStudy.run`.
     """
-    study = Study(experiment, folder, **options)
+    study = AblationStudy(experiment, folder, **options)
     durable.make_folder(folder)
     durable.remove_abandoned(folder)
 
-    def write_page() -> list[Row]:
+    def write_page() -> list[VariantRow]:
         with durable.locked(folder / LOCK):  # or the last process to write might not know the last result
             rows = compared(study.records.all(), experiment.variants)
             table.write(scene, folder, study.records.budget, rows)
         return rows
 
-    def keep(result: Result) -> None:
+    def keep(result: AblationResult) -> None:
         write_page()
         tell(result)
 
@@ -70,7 +70,7 @@ def ablate(
     return write_page()
 
 
-class Study:
+class AblationStudy:
     """The variants of `experiment`, each trained in `folder` for `seconds` with each of so many `seeds`.
 
     Results are kept in `records`, by default `folder`; one of the same settings and code is not made again, unless it is a failure.
@@ -99,14 +99,14 @@ class Study:
         self.longest, self._again = longest, again
         self.records = Records(folder if records is None else records, experiment, seconds)
         self._experiment, self._work = experiment, folder / WORK
-        self._rejected: dict[_One, Result | None] = {}
+        self._rejected: dict[_One, AblationResult | None] = {}
 
     def run(
         self,
         *,
         engine: Engine | None = None,
         progress: Callable[[StudyProgress], None] = lambda _: None,
-        tell: Callable[[Result], None] = lambda _: None,
+        tell: Callable[[AblationResult], None] = lambda _: None,
     ) -> None:
         """Fit what is missing; `tell` is given each result once it is kept, failures included.
 
@@ -129,7 +129,7 @@ class Study:
         engine: Engine,
         all_of: Sequence[_One],
         progress: Callable[[StudyProgress], None],
-        tell: Callable[[Result], None],
+        tell: Callable[[AblationResult], None],
     ) -> None:
         """Let workers fit what is missing; those that take the steps of others come after all others."""
         for following in (False, True):
@@ -139,7 +139,7 @@ class Study:
 
     def _fitted(
         self, variant: Variant, seed: int, watch: StudyWatch | None = None, following: int = 0
-    ) -> Result | None:
+    ) -> AblationResult | None:
         """The result of a fit, kept; None where another process is at it, or has just made it.  So many fits follow it."""
         watch = watch or StudyWatch(lambda _: None)
         with self._claimed(variant, seed) as work:
@@ -152,7 +152,7 @@ class Study:
         return result
 
     def _passed_over(
-        self, left: Sequence[_One], watch: StudyWatch, tell: Callable[[Result], None]
+        self, left: Sequence[_One], watch: StudyWatch, tell: Callable[[AblationResult], None]
     ) -> tuple[list[_One], bool]:
         """Fit what is missing; what was left to other processes, and whether anything was fitted."""
         passed, fitted = [], False
@@ -167,7 +167,7 @@ class Study:
             tell(result)
         return passed, fitted
 
-    def _keep(self, variant: Variant, result: Result) -> None:
+    def _keep(self, variant: Variant, result: AblationResult) -> None:
         """Save a result, but no failure in the place of one that can still be used."""
         before = self.records.find(variant, result.seed)
         usable = before is not None and not before.error and not variant.steps_of
@@ -218,12 +218,12 @@ class Study:
         except RuntimeError:
             return True
 
-    def _like(self, variant: Variant, seed: int) -> Result | None:
+    def _like(self, variant: Variant, seed: int) -> AblationResult | None:
         """The result whose steps a variant takes, if there is one."""
         found = self.records.find(next(v for v in self._experiment.variants if v.name == variant.steps_of), seed)
         return None if found is None or found.error else found
 
-    def _attempted(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> Result:
+    def _attempted(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> AblationResult:
         begun, found = time.process_time(), {}
         try:
             shutil.rmtree(work, ignore_errors=True)  # of a process that was killed

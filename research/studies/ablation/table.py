@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 
 from catalogs.files import durable
-from research.studies.ablation.comparison import SURE, Row
+from research.studies.ablation.comparison import SURE, VariantRow
 from research.studies.ablation.records import TIME_TOLERANCE
 from research.studies.ablation.variants import DEFAULT, VARIANTS, VISUALIZATION_VARIANTS
 from surrogate.evaluation.tables import NOTHING, document, number, table, table_of
@@ -19,7 +19,7 @@ RESOLUTION = 130
 SURE_COLOR, OTHER_COLOR, DEFAULT_COLOR = "tab:red", "0.45", "tab:blue"
 
 
-def write(scene: str, folder: Path, budget: float, rows: Sequence[Row]) -> None:
+def write(scene: str, folder: Path, budget: float, rows: Sequence[VariantRow]) -> None:
     """Write the page and its plot into `folder`, where there are any rows."""
     if not rows:
         return
@@ -29,7 +29,7 @@ def write(scene: str, folder: Path, budget: float, rows: Sequence[Row]) -> None:
     durable.replace(folder / PAGE, page(scene, budget, rows, drawn is not None).encode())
 
 
-def plot(rows: Sequence[Row]) -> bytes | None:
+def plot(rows: Sequence[VariantRow]) -> bytes | None:
     """A PNG file: PSNR over variants, the best on top, a bar at each mean; None where nothing has a result."""
     from matplotlib.figure import Figure
 
@@ -54,7 +54,7 @@ def plot(rows: Sequence[Row]) -> bytes | None:
     return content.getvalue()
 
 
-def page(scene: str, budget: float, rows: Sequence[Row], pictured: bool) -> str:
+def page(scene: str, budget: float, rows: Sequence[VariantRow], pictured: bool) -> str:
     """The page in Markdown."""
     done = [row for row in rows if row.results]
     return document(
@@ -72,7 +72,7 @@ def page(scene: str, budget: float, rows: Sequence[Row], pictured: bool) -> str:
     )
 
 
-def verdict(rows: Sequence[Row]) -> str:
+def verdict(rows: Sequence[VariantRow]) -> str:
     """Which differences are more than chance, in a sentence."""
     compared = [row for row in rows if row.reference == DEFAULT and not row.variant.steps_of]
     sure = [f"{row.variant.name} ({row.difference:+.2f} dB)" for row in compared if row.is_sure]
@@ -83,7 +83,7 @@ def verdict(rows: Sequence[Row]) -> str:
     return f"The difference from the default exceeds {SURE:g} of its standard errors for {', '.join(sure)}."
 
 
-def equal_steps(rows: Sequence[Row]) -> list[str]:
+def equal_steps(rows: Sequence[VariantRow]) -> list[str]:
     """A sentence for each variant that took as many steps as another."""
     return [
         f"After equally many steps ({row.mean('steps'):,.0f}), {row.variant.name} differs from {row.reference} by "
@@ -93,7 +93,7 @@ def equal_steps(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def unequal_times(rows: Sequence[Row]) -> list[str]:
+def unequal_times(rows: Sequence[VariantRow]) -> list[str]:
     """A sentence naming the fits whose time was so far from the budget that a difference may be due to that."""
     timed = [result for row in rows for result in row.results if not row.variant.steps_of]
     off = [f"{r.variant} seed {r.seed} ({r.seconds:,.1f} s)" for r in timed if not r.is_timely]
@@ -105,7 +105,7 @@ def unequal_times(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _introduction(budget: float, done: Sequence[Row]) -> str:
+def _introduction(budget: float, done: Sequence[VariantRow]) -> str:
     chosen = "Nothing was fitted to need" + (
         "; F_sim is that of the finished surrogate" if _is_of_visualization(done) else ""
     )
@@ -120,16 +120,16 @@ def _introduction(budget: float, done: Sequence[Row]) -> str:
     )
 
 
-def _is_of_visualization(rows: Sequence[Row]) -> bool:
+def _is_of_visualization(rows: Sequence[VariantRow]) -> bool:
     return any(row.variant in VISUALIZATION_VARIANTS for row in rows)
 
 
-def decibels_cell(row: Row) -> str:
+def decibels_cell(row: VariantRow) -> str:
     """PSNR and its standard deviation over seeds."""
     return number(row.psnr) + _plus_minus(row.spread)
 
 
-def difference_cell(row: Row) -> str:
+def difference_cell(row: VariantRow) -> str:
     """The difference in dB from the row's reference, its standard error, and from what if not from the default."""
     if row.difference is None:
         return NOTHING
@@ -141,7 +141,7 @@ def _plus_minus(value: float | None) -> str:
     return "" if value is None else f" ± {value:.2f}"
 
 
-def _failures(rows: Sequence[Row]) -> str:
+def _failures(rows: Sequence[VariantRow]) -> str:
     lines = []
     for row in rows:
         for error in dict.fromkeys(result.error for result in row.failures):
@@ -150,7 +150,7 @@ def _failures(rows: Sequence[Row]) -> str:
     return table(("no result", "seeds", "because"), lines) if lines else ""
 
 
-def _made_by(scene: str, budget: float, rows: Sequence[Row]) -> str:
+def _made_by(scene: str, budget: float, rows: Sequence[VariantRow]) -> str:
     results = [result for row in rows for result in row.results]
     machines = dict.fromkeys(", ".join(map(str, result.provenance.machine.values())) for result in results)
     commits = dict.fromkeys(result.provenance.commit for result in results)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
-from research.studies.baselines.method import Pictures
+from research.studies.baselines.method import TrainingImages
 from research.studies.baselines.spherical_harmonics import C0, harmonics
 from research.studies.baselines.spherical_harmonics import COUNT as BASIS
 from surrogate.initialization.pictures import Points
@@ -107,7 +107,7 @@ class HarmonicGaussians:
         return torch.minimum(picture.clamp(min=0.0), picture[..., 3:]).cpu().numpy()
 
 
-def prepare(pictures: Pictures, seed: int, *, count: int = COUNT, steps: int = STEPS) -> dict[str, Tensor]:
+def prepare(pictures: TrainingImages, seed: int, *, count: int = COUNT, steps: int = STEPS) -> dict[str, Tensor]:
     """Tensors of the `count` Gaussians that show the pictures of all members best without moving, learnt in so many steps."""
     leaves = leaves_of(initial(pictures, seed, count))
     adam = optimizer(leaves, extent_of(pictures.cameras))
@@ -123,7 +123,7 @@ def prepare(pictures: Pictures, seed: int, *, count: int = COUNT, steps: int = S
     return {name: tensor.detach() for name, tensor in of_leaves(leaves).tensors().items()}
 
 
-def initial(pictures: Pictures, seed: int, count: int) -> HarmonicGaussians:
+def initial(pictures: TrainingImages, seed: int, count: int) -> HarmonicGaussians:
     """Gaussians on the pictures' points, else anywhere in their box, that look alike from everywhere."""
     points = None
     if pictures.points is not None and len(pictures.points):
@@ -177,13 +177,13 @@ def degree_at(fraction: float) -> int:
     return min(DEGREE, int(DEGREES_PER_TRAINING * fraction))
 
 
-def example(pictures: Pictures, picture: int) -> Example:
+def example(pictures: TrainingImages, picture: int) -> Example:
     """A picture as the surrogate's own training compares it: opaque ones have no alpha."""
     pixels = pictures.pixels[picture][..., : 4 if pictures.background is None else 3]  # [H, W, 3 or 4]
     return Example(pictures.camera(picture), pictures.parameters[picture], np.ascontiguousarray(pixels))
 
 
-def compared(pictures: Pictures, picture: int) -> Tensor:
+def compared(pictures: TrainingImages, picture: int) -> Tensor:
     """Colours over `pictures.behind`, and alpha where pictures have any, of one of them: (H, W, 3 or 4) uint8."""
     return torch.from_numpy(np.ascontiguousarray(example(pictures, picture).compared()))
 

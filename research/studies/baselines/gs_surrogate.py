@@ -36,7 +36,7 @@ from torch.nn.functional import layer_norm, linear
 
 from research.studies.baselines import canonical
 from research.studies.baselines.canonical import HarmonicGaussians
-from research.studies.baselines.method import Method, Pictures, Plan, Prepared, Renderer
+from research.studies.baselines.method import Method, Plan, Prepared, Renderer, TrainingImages
 from research.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from surrogate.deformation.positional import encode
 from surrogate.randomness import generator
@@ -54,7 +54,7 @@ Networks: TypeAlias = Mapping[str, Tensor]
 
 
 @dataclass(frozen=True)
-class Architecture:
+class GSSurrogateArchitecture:
     """How many parameters the ensemble has, how wide the layers are, and the frequencies of the positional encodings."""
 
     parameters: int
@@ -147,7 +147,9 @@ def _normalized(inputs: Tensor, gains: Tensor, shifts: Tensor) -> Tensor:
     return torch.addcmul(shifts.to(whitened), whitened, gains.to(whitened))
 
 
-def offsets(networks: Networks, architecture: Architecture, places: Tensor, parameters: Tensor) -> dict[str, Tensor]:
+def offsets(
+    networks: Networks, architecture: GSSurrogateArchitecture, places: Tensor, parameters: Tensor
+) -> dict[str, Tensor]:
     """The heads' outputs (N, columns) by name, float32, from `places` (N, 3) in units of the extent and parameters (P,) in [-1, 1].
 
     The opacity's has passed a tanh: its logit changes by less than 1.
@@ -165,15 +167,15 @@ class GSSurrogate:
 
     def __init__(
         self,
-        pictures: Pictures,
+        pictures: TrainingImages,
         plan: Plan,
         prepared: Prepared,
-        architecture: Architecture | None = None,
+        architecture: GSSurrogateArchitecture | None = None,
         recipe: Recipe | None = None,
     ) -> None:
         """Begin with the `prepared` tensors of `HarmonicGaussians`, on their device; raises KeyError where one is missing."""
         self._pictures, self._plan, self._recipe = pictures, plan, recipe or Recipe()
-        self._architecture = architecture or Architecture(pictures.parameters.shape[1])
+        self._architecture = architecture or GSSurrogateArchitecture(pictures.parameters.shape[1])
         self._extent = canonical.extent_of(pictures.cameras)
         self._leaves = canonical.leaves_of(HarmonicGaussians.of_tensors(prepared))
         device = self._leaves["means"].device

@@ -31,7 +31,7 @@ GEOMETRY = ("means", "log_scales", "quats")
 SPACE_WEIGHT, PARAMETER_WEIGHT, ONE_WEIGHT = 1e-4, 1e-2, 1e-4  # of the planes' penalties
 
 
-class Level(NamedTuple):
+class PlaneLevel(NamedTuple):
     """All planes of one resolution R along space and r along each of P parameters, of which Q are pairs; C channels."""
 
     space: Tensor  # [3, R, R, C], over yx, zx, zy
@@ -51,7 +51,7 @@ class HexPlaneDeformation:
     precision : of the networks.
     """
 
-    levels: Sequence[Level]
+    levels: Sequence[PlaneLevel]
     networks: Mapping[str, Tensor]
     box: Tensor  # [2, 3]
     precision: Precision = "float32"
@@ -67,7 +67,7 @@ class HexPlaneDeformation:
         """
         levels = [initial_level(size, parameters, random, naive=naive) for size in RESOLUTIONS]
         networks = initial_networks(moved, random)
-        levels = [Level(*(t.to(box.device) for t in level)) for level in levels]
+        levels = [PlaneLevel(*(t.to(box.device) for t in level)) for level in levels]
         return cls(levels, {name: t.to(box.device) for name, t in networks.items()}, box)
 
     def features(self, means: Tensor, parameters: Tensor) -> Tensor:
@@ -101,14 +101,14 @@ class HexPlaneDeformation:
         return linear(inputs, self.networks[f"{name}.weights"], self.networks[f"{name}.biases"])
 
 
-def initial_level(size: int, parameters: int, random: Generator, *, naive: bool = False) -> Level:
+def initial_level(size: int, parameters: int, random: Generator, *, naive: bool = False) -> PlaneLevel:
     """The planes of resolution `size`, before the first step."""
     few, pairs = PARAMETER_RESOLUTION, parameters * (parameters - 1) // 2
 
     def with_parameter(*shape: int) -> Tensor:
         return _uniform(random, 0.1, 0.5, shape) if naive else torch.ones(shape)
 
-    return Level(
+    return PlaneLevel(
         _uniform(random, 0.1, 0.5, (3, size, size, CHANNELS)),
         with_parameter(3, few, size, parameters, CHANNELS),
         with_parameter(pairs, few, few, CHANNELS),
@@ -128,7 +128,7 @@ def initial_networks(moved: Sequence[str], random: Generator) -> dict[str, Tenso
     return networks
 
 
-def level_features(level: Level, places: Tensor, parameters: Tensor) -> Tensor:
+def level_features(level: PlaneLevel, places: Tensor, parameters: Tensor) -> Tensor:
     """Products (N, C) of a level's planes, each bilinear, at `places` (N, 3) and `parameters` (P,) in [-1, 1].
 
     All Gaussians have the same parameters: a plane over one of them is a line there, and one over two a constant.  Beyond the box
@@ -187,7 +187,7 @@ def _gathered(table: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
     return sums.unflatten(0, rows.shape[:2])
 
 
-def penalty(levels: Sequence[Level]) -> Tensor:
+def penalty(levels: Sequence[PlaneLevel]) -> Tensor:
     """What keeps planes smooth and those with a parameter near 1, each plane's mean added up (official code).
 
     Second differences of planes of space are along their rows only, those of others along each parameter.

@@ -20,7 +20,7 @@ from torch import Tensor
 from research.studies.baselines import canonical
 from research.studies.baselines.canonical import HarmonicGaussians
 from research.studies.baselines.hexplane_field import GEOMETRY, OUTPUTS, HexPlaneDeformation, box_of, penalty
-from research.studies.baselines.method import Method, Pictures, Plan, Prepared, Renderer
+from research.studies.baselines.method import Method, Plan, Prepared, Renderer, TrainingImages
 from research.studies.baselines.state import State, of_optimizer, restore_optimizer
 from surrogate.randomness import generator
 from surrogate.training.optimizer import EPSILON, without_subnormals
@@ -34,7 +34,7 @@ class HexPlaneFit:
 
     def __init__(
         self,
-        pictures: Pictures,
+        pictures: TrainingImages,
         plan: Plan,
         prepared: Prepared,
         *,

@@ -28,8 +28,8 @@ from torch import Tensor, nn
 from torch.nn.functional import mse_loss, softplus
 
 from catalogs.vocabulary.cameras import Camera, spherical_angles
-from research.studies.baselines.insitunet_networks import Architecture, Discriminator, Generator, start
-from research.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
+from research.studies.baselines.insitunet_networks import Discriminator, Generator, InSituNetArchitecture, start
+from research.studies.baselines.method import Fit, Method, Plan, Prepared, Renderer, Size, TrainingImages
 from research.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from surrogate.training.sampling import ShuffledEpochs
 
@@ -39,14 +39,14 @@ MOMENTA = (0.0, 0.999)  # Adam's betas, the paper's; the code's own are 0.9 and 
 OFFICIAL_STEPS = 125_000  # of batches of 50
 
 
-class Extent(NamedTuple):
+class NetworkSize(NamedTuple):
     """The unit of the networks' channels, and pictures a step."""
 
     channels: int
     batch: int
 
 
-EXTENTS: dict[Size, Extent] = {"official": Extent(64, 50), "small": Extent(16, 8)}
+EXTENTS: dict[Size, NetworkSize] = {"official": NetworkSize(64, 50), "small": NetworkSize(16, 8)}
 
 
 def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
@@ -66,10 +66,10 @@ def encoded_view(camera: Camera, box: Tensor) -> Tensor:
     return torch.tensor([np.cos(turn), np.sin(turn), 1.0 - polar / 90.0], dtype=torch.float32)
 
 
-class Training:
+class InSituNetTraining:
     """A generator and a discriminator that learn from pictures by turns, on the device of the pictures' parameters."""
 
-    def __init__(self, pictures: Pictures, plan: Plan) -> None:
+    def __init__(self, pictures: TrainingImages, plan: Plan) -> None:
         extent = EXTENTS[plan.size]
         height, width = pictures.pixels.shape[1:3]
         if height != width:
@@ -78,7 +78,7 @@ class Training:
         self._batch, self._step = min(extent.batch, len(pictures)), 0
         self._order = ShuffledEpochs(len(pictures), plan.seed)
         self._device = pictures.parameters.device
-        self.architecture = Architecture(height, pictures.parameters.shape[1], channels=extent.channels)
+        self.architecture = InSituNetArchitecture(height, pictures.parameters.shape[1], channels=extent.channels)
         views = torch.stack([encoded_view(camera, pictures.box) for camera in pictures.cameras])  # [V, 3]
         seen = views[pictures.views.cpu()].to(self._device)  # [M, 3]
         self._conditions = torch.cat([pictures.parameters, seen], dim=1)  # [M, P + 3]
@@ -168,9 +168,9 @@ def _adam(network: nn.Module, plan: Plan) -> torch.optim.Adam:
     return torch.optim.Adam(network.parameters(), lr=RATE * plan.rate, betas=MOMENTA)
 
 
-def begin(pictures: Pictures, plan: Plan, prepared: Prepared) -> Fit:
+def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared) -> Fit:
     """Both networks at their start.  Raises ValueError for pictures that are not square or of none of `RESOLUTIONS`."""
-    return Training(pictures, plan)
+    return InSituNetTraining(pictures, plan)
 
 
 METHOD = Method("insitunet", "InSituNet", "He et al. 2019", OFFICIAL_STEPS, begin)

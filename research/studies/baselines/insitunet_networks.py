@@ -17,12 +17,12 @@ from torch.nn.functional import avg_pool2d, interpolate, relu
 
 VIEW = 3  # numbers that a viewpoint is encoded by
 FIRST_RESOLUTION = 4  # of the generator's first maps
-MAPS = (16, 16, 8, 8, 4, 2, 1, 1)  # channels at 4, 8, 16, ... 512 pixels, in units of `Architecture.channels`
+MAPS = (16, 16, 8, 8, 4, 2, 1, 1)  # channels at 4, 8, 16, ... 512 pixels, in units of `InSituNetArchitecture.channels`
 RESOLUTIONS = tuple(FIRST_RESOLUTION << doublings for doublings in range(2, len(MAPS)))
 
 
 @dataclass(frozen=True)
-class Architecture:
+class InSituNetArchitecture:
     """How large both networks are.
 
     Attributes
@@ -65,7 +65,7 @@ class Architecture:
 class Subnets(nn.Module):
     """Features of what a picture depends on: each kind's from its own two layers, side by side."""
 
-    def __init__(self, architecture: Architecture) -> None:
+    def __init__(self, architecture: InSituNetArchitecture) -> None:
         super().__init__()
         self.kinds, width = architecture.kinds, architecture.width
         self.columns = len(self.kinds) * width
@@ -101,7 +101,7 @@ class GeneratorBlock(nn.Module):
 class Generator(nn.Module):
     """Draws pictures."""
 
-    def __init__(self, architecture: Architecture) -> None:
+    def __init__(self, architecture: InSituNetArchitecture) -> None:
         super().__init__()
         maps = architecture.maps
         self.subnets = Subnets(architecture)
@@ -145,7 +145,7 @@ class Discriminator(nn.Module):
     Miyato & Koyama 2018, "cGANs with Projection Discriminator".
     """
 
-    def __init__(self, architecture: Architecture) -> None:
+    def __init__(self, architecture: InSituNetArchitecture) -> None:
         super().__init__()
         maps = architecture.maps[::-1]
         self.subnets = Subnets(architecture)

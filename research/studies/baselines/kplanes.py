@@ -37,15 +37,15 @@ from research.studies.baselines.kplanes_field import (
     SMALL,
     SMOOTHNESS,
     SMOOTHNESS_OF_PROPOSALS,
-    Architecture,
+    KPlanesArchitecture,
     Planes,
-    Points,
     ProposalField,
     RadianceField,
+    SamplePoints,
 )
 from research.studies.baselines.kplanes_proposals import (
     STEPS,
-    Samples,
+    WeightedSamples,
     interlevel_loss,
     middles,
     proposals_learn,
@@ -53,7 +53,7 @@ from research.studies.baselines.kplanes_proposals import (
     sampled,
     sharpness_at,
 )
-from research.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
+from research.studies.baselines.method import Fit, Method, Plan, Prepared, Renderer, TrainingImages
 from research.studies.baselines.radiance import composite
 from research.studies.baselines.rays import PixelSampler, Rays, all_rays, crossings
 from research.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
@@ -69,13 +69,13 @@ class Traced(NamedTuple):
     """What R rays see, premultiplied RGBA `pixels` (R, 4), and where each proposal and at last the radiance field found it."""
 
     pixels: Tensor  # [R, 4]
-    samples: Sequence[Samples]
+    samples: Sequence[WeightedSamples]
 
 
 class KPlanes(nn.Module):
     """The radiance field and its proposals."""
 
-    def __init__(self, parameters: int, architecture: Architecture) -> None:
+    def __init__(self, parameters: int, architecture: KPlanesArchitecture) -> None:
         super().__init__()
         self.counts = architecture.samples
         self.proposals = nn.ModuleList(ProposalField(parameters, r, architecture) for r in architecture.proposals)
@@ -105,8 +105,8 @@ class KPlanes(nn.Module):
         origins = ((rays.origins - low) * scale - 1.0).T[:, :, None]  # [3, R, 1]
         directions = (rays.directions * scale).T[:, :, None]  # [3, R, 1]
 
-        def points(distances: Tensor) -> Points:
-            return Points(origins + directions * distances, parameters.T)
+        def points(distances: Tensor) -> SamplePoints:
+            return SamplePoints(origins + directions * distances, parameters.T)
 
         def densities(proposal: nn.Module) -> Callable[[Tensor], Tensor]:
             return lambda distances: cast(Tensor, proposal(points(distances), bfloat16))
@@ -133,10 +133,10 @@ def rate_at(fraction: float) -> float:
     return 0.5 * (1.0 + math.cos(math.pi * CYCLES * (place - WARM_UP) / (STEPS - WARM_UP)))
 
 
-class Training:
+class KPlanesTraining:
     """K-Planes that learn from pictures, on the device of their parameters."""
 
-    def __init__(self, pictures: Pictures, plan: Plan, parameters_at_one: bool = True) -> None:
+    def __init__(self, pictures: TrainingImages, plan: Plan, parameters_at_one: bool = True) -> None:
         device = pictures.parameters.device
         self.architecture = OFFICIAL if plan.size == "official" else SMALL
         self._plan, self._step, self._waited = plan, 0, 0
@@ -219,9 +219,9 @@ class Training:
         return Traced(pixels, traced.samples)
 
 
-def begin(pictures: Pictures, plan: Plan, prepared: Prepared, *, parameters_at_one: bool = True) -> Fit:
+def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared, *, parameters_at_one: bool = True) -> Fit:
     """Planes and networks at their start."""
-    return Training(pictures, plan, parameters_at_one)
+    return KPlanesTraining(pictures, plan, parameters_at_one)
 
 
 METHOD = Method("k-planes", "K-Planes (hybrid)", "Fridovich-Keil et al. 2023", STEPS, begin)

@@ -26,7 +26,7 @@ SMOOTHNESS, SMOOTHNESS_OF_PROPOSALS = 1e-2, 1e-3  # and second differences along
 
 
 @dataclass(frozen=True)
-class Architecture:
+class KPlanesArchitecture:
     """How large everything is.
 
     Attributes
@@ -49,12 +49,12 @@ class Architecture:
     proposal_parameter_resolution: int = 50
 
 
-OFFICIAL = Architecture()
+OFFICIAL = KPlanesArchitecture()
 # Not published: trains on one processor core in minutes.
-SMALL = Architecture(16, resolutions=(32, 64, 128), proposals=(64,), samples=(64, 32), rays=256)
+SMALL = KPlanesArchitecture(16, resolutions=(32, 64, 128), proposals=(64,), samples=(64, 32), rays=256)
 
 
-class Points(NamedTuple):
+class SamplePoints(NamedTuple):
     """S points along each of R rays: `places` (3, R, S) in [-1, 1] over the box, and `parameters` (P, R) of the rays."""
 
     places: Tensor  # [3, R, S]
@@ -83,7 +83,7 @@ class Planes(nn.Module):
             else:
                 nn.init.uniform_(planes, LOWEST, highest, generator=random)
 
-    def forward(self, points: Points) -> Tensor:
+    def forward(self, points: SamplePoints) -> Tensor:
         """The product of all planes at R S points, (C, R S): bilinear, with the first and the last value at -1 and 1."""
         places, parameters = points
         everywhere = parameters[:, :, None].expand(-1, -1, places.shape[2])  # [P, R, S]
@@ -155,13 +155,13 @@ def density_of(outputs: Tensor) -> Tensor:
 class ProposalField(nn.Module):
     """A density field of one resolution.  Its network has a ReLU, as in the official hybrid model; the explicit one's has none."""
 
-    def __init__(self, parameters: int, resolution: int, architecture: Architecture) -> None:
+    def __init__(self, parameters: int, resolution: int, architecture: KPlanesArchitecture) -> None:
         super().__init__()
         channels = architecture.proposal_channels
         self.planes = Planes(parameters, channels, resolution, architecture.proposal_parameter_resolution)
         self.network = perceptron(channels, WIDTH, 1)
 
-    def forward(self, points: Points, bfloat16: bool) -> Tensor:
+    def forward(self, points: SamplePoints, bfloat16: bool) -> Tensor:
         """Densities (R, S)."""
         features = self.planes(points).T  # [R S, C]
         with _cast(features, bfloat16):
@@ -172,14 +172,14 @@ class ProposalField(nn.Module):
 class RadianceField(nn.Module):
     """Densities and colours from planes of several resolutions."""
 
-    def __init__(self, parameters: int, architecture: Architecture) -> None:
+    def __init__(self, parameters: int, architecture: KPlanesArchitecture) -> None:
         super().__init__()
         channels, along = architecture.channels, architecture.parameter_resolution
         self.levels = nn.ModuleList(Planes(parameters, channels, r, along) for r in architecture.resolutions)
         self.geometry = perceptron(channels * len(self.levels), WIDTH, GEOMETRY + 1)
         self.color = perceptron(COUNT + GEOMETRY, WIDTH, WIDTH, 3)
 
-    def forward(self, points: Points, directions: Tensor, bfloat16: bool) -> tuple[Tensor, Tensor]:
+    def forward(self, points: SamplePoints, directions: Tensor, bfloat16: bool) -> tuple[Tensor, Tensor]:
         """Densities (R, S) and colours (R, S, 3) seen along unit `directions` (R, 3)."""
         count, samples = points.places.shape[1:]
         features = torch.cat([level(points) for level in self.levels]).T  # [R S, C L]

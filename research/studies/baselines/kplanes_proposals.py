@@ -26,7 +26,7 @@ TINY = 1e-7  # weight of a sample, where errors are divided by it
 Densities = Callable[[Tensor], Tensor]  # of the distances (R, S) along R rays, (R, S)
 
 
-class Samples(NamedTuple):
+class WeightedSamples(NamedTuple):
     """Intervals along R rays between `borders` (R, S + 1), distances, and how much each contributes: `weights` (R, S)."""
 
     borders: Tensor  # [R, S + 1]
@@ -38,9 +38,9 @@ def middles(borders: Tensor) -> Tensor:
     return (borders[:, 1:] + borders[:, :-1]) / 2.0
 
 
-def sampled(borders: Tensor, densities: Tensor) -> Samples:
+def sampled(borders: Tensor, densities: Tensor) -> WeightedSamples:
     """The samples between `borders` (R, S + 1) that have these densities (R, S)."""
-    return Samples(borders, weights_of(densities, borders.diff(dim=1)))
+    return WeightedSamples(borders, weights_of(densities, borders.diff(dim=1)))
 
 
 def proposed(
@@ -50,13 +50,13 @@ def proposed(
     counts: Sequence[int],
     sharpness: float = 1.0,
     random: torch.Generator | None = None,
-) -> tuple[list[Samples], Tensor]:
+) -> tuple[list[WeightedSamples], Tensor]:
     """What every proposal found between `near` and `far` (R,), and the borders (R, counts[-1] + 1) that follow from it.
 
     The first proposal is asked at counts[0] equal intervals, each further one where the weights of the one before, to the power of
     `sharpness`, are large.  Borders are moved at random with `random`.
     """
-    found: list[Samples] = []
+    found: list[WeightedSamples] = []
     borders = spaced(near, far, counts[0], random)
     for proposal, count in zip(proposals, counts[1:], strict=True):
         found.append(sampled(borders, proposal(middles(borders))))
@@ -64,7 +64,7 @@ def proposed(
     return found, borders
 
 
-def interlevel_loss(proposal: Samples, final: Samples) -> Tensor:
+def interlevel_loss(proposal: WeightedSamples, final: WeightedSamples) -> Tensor:
     """How far weights of a proposal (R, S) fall short of the final ones (R, T) in the same place: the losses (R, T) of those.
 
     Equation 13 of Mip-NeRF 360: max(0, w - bound)^2 / w, where the bound of an interval is the sum of the proposal's weights in all

@@ -21,7 +21,7 @@ PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class TrainingImages:
     """All pictures that a method learns from, in normalized coordinates.
 
     Attributes
@@ -143,5 +143,5 @@ class Method:
     title: str
     source: str
     official_steps: int
-    begin: Callable[[Pictures, Plan, Prepared], Fit]
-    prepare: Callable[[Pictures, int], Prepared] | None = None
+    begin: Callable[[TrainingImages, Plan, Prepared], Fit]
+    prepare: Callable[[TrainingImages, int], Prepared] | None = None

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
-from research.studies.baselines.method import Pictures
+from research.studies.baselines.method import TrainingImages
 
 
 class Rays(NamedTuple):
@@ -31,7 +31,7 @@ class Batch(NamedTuple):
 class PixelSampler:
     """Draws pixels uniformly from all pictures; the rays of every camera are the exact ones through the pixels' centres."""
 
-    def __init__(self, pictures: Pictures) -> None:
+    def __init__(self, pictures: TrainingImages) -> None:
         self._pictures = pictures
         cameras = pictures.cameras
         self._rotations = _float32([c.rotation for c in cameras])  # [V, 3, 3]

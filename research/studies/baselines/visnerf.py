@@ -25,15 +25,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
-from research.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer, Size
+from research.studies.baselines.method import Fit, Method, Plan, Prepared, Renderer, Size, TrainingImages
 from research.studies.baselines.radiance import composite, weights_of
 from research.studies.baselines.rays import Batch, PixelSampler, Rays, all_rays, crossings
 from research.studies.baselines.state import State, inner, of_optimizer, outer, restore_optimizer
 from research.studies.baselines.visnerf_field import (
     AXES,
     QUANTITIES,
-    Architecture,
-    Field,
+    ViSNeRFArchitecture,
+    ViSNeRFField,
     grid_of,
     line_name,
     plane_name,
@@ -98,22 +98,24 @@ def sample_count(step: int, steps: int, sizes: Sizes) -> int:
     return math.ceil(sizes.first_samples + (sizes.last_samples - sizes.first_samples) * part)
 
 
-class Samples(NamedTuple):
+class RaySamples(NamedTuple):
     """S samples along each of R rays, in scene coordinates, and the `lengths` (R, S) that they stand for."""
 
     points: Tensor  # [R, S, 3]
     lengths: Tensor  # [R, S]
 
 
-def marched(rays: Rays, near: Tensor, distance: Tensor | float, count: int, shift: Tensor | float = 0.0) -> Samples:
+def marched(rays: Rays, near: Tensor, distance: Tensor | float, count: int, shift: Tensor | float = 0.0) -> RaySamples:
     """`count` samples from `near` (R,) on, `distance` apart, all moved by `shift` (R, 1) of it; the last stands for no length."""
     numbers = torch.arange(count, device=near.device) + torch.as_tensor(shift, device=near.device)  # [R or none, S]
     at = near[:, None] + distance * numbers  # [R, S]
     lengths = torch.cat([at.diff(dim=1), torch.zeros_like(at[:, :1])], dim=1)
-    return Samples(rays.origins[:, None] + rays.directions[:, None] * at[..., None], lengths)
+    return RaySamples(rays.origins[:, None] + rays.directions[:, None] * at[..., None], lengths)
 
 
-def rendered(field: Field, box: Tensor, rays: Rays, parameters: Tensor, samples: Samples, skipped: Tensor) -> Tensor:
+def rendered(
+    field: ViSNeRFField, box: Tensor, rays: Rays, parameters: Tensor, samples: RaySamples, skipped: Tensor
+) -> Tensor:
     """Premultiplied RGBA (R, 4) of rays at parameters (R, P); `skipped` (3,) colours samples with too little weight to be asked."""
     rows, count = samples.lengths.shape
     inside = ((samples.points >= box[0]) & (samples.points <= box[1])).all(dim=2)  # [R, S]
@@ -143,15 +145,15 @@ def skipped_color(behind: tuple[float, float, float]) -> tuple[float, ...]:
     return tuple(0.0 if channel >= 0.5 else 1.0 for channel in behind)
 
 
-class Training:
+class ViSNeRFTraining:
     """A field that is being trained; `Fit`."""
 
-    def __init__(self, pictures: Pictures, plan: Plan, sizes: Sizes) -> None:
+    def __init__(self, pictures: TrainingImages, plan: Plan, sizes: Sizes) -> None:
         self._plan, self._sizes, self._box = plan, sizes, pictures.box
-        architecture = Architecture(grid_of(pictures.box, sizes.voxels), vector_lengths(pictures.parameters))
+        architecture = ViSNeRFArchitecture(grid_of(pictures.box, sizes.voxels), vector_lengths(pictures.parameters))
         initial = architecture.initial(generator(plan.seed, "initialization"))
         tensors = {name: tensor.to(pictures.box.device).requires_grad_() for name, tensor in initial.items()}
-        self.field = Field(tensors, architecture, plan.precision == "bfloat16")
+        self.field = ViSNeRFField(tensors, architecture, plan.precision == "bfloat16")
         self._sampler = PixelSampler(pictures)
         self._random = torch.Generator().manual_seed(int(generator(plan.seed, "order").integers(2**63)))
         self._behind = self._box.new_tensor(pictures.behind)  # [3]
@@ -261,7 +263,7 @@ def _chosen(batch: Batch, rows: Tensor) -> Batch:
     return Batch(rays, batch.pixels[rows], batch.parameters[rows])
 
 
-def regularization(field: Field, weight: float) -> Tensor:
+def regularization(field: ViSNeRFField, weight: float) -> Tensor:
     """Sparsity of the density's grids, vectors about 1, and total variation of the colour's with a `weight` (official code)."""
     tensors, parameters = field.tensors, range(len(field.architecture.vectors))
     density = [tensors[name("density", axes)].abs().mean() for axes in AXES for name in (plane_name, line_name)]
@@ -271,9 +273,9 @@ def regularization(field: Field, weight: float) -> Tensor:
     return SPARSITY * torch.stack(density).sum() + weight * torch.stack(color).sum()
 
 
-def begin(pictures: Pictures, plan: Plan, prepared: Prepared) -> Fit:
+def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared) -> Fit:
     """A training of `Plan.size`; small is with a quarter of the rays and half the samples, in training and in pictures."""
-    return Training(pictures, plan, SIZES[plan.size])
+    return ViSNeRFTraining(pictures, plan, SIZES[plan.size])
 
 
 METHOD = Method("visnerf", "ViSNeRF", "Yao et al. 2025, IEEE PacificVis", OFFICIAL_STEPS, begin)

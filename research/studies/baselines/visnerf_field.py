@@ -69,7 +69,7 @@ def vector_name(quantity: Quantity, parameter: int) -> str:
 
 
 @dataclass(frozen=True)
-class Architecture:
+class ViSNeRFArchitecture:
     """How large the field is.
 
     Attributes
@@ -116,7 +116,7 @@ class Architecture:
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class ViSNeRFField:
     """The field of `tensors` by name; with `bfloat16` its networks are evaluated in that.
 
     Points (N, 3) are in [-1, 1] along each side of the box, parameters in [-1, 1] over their bounds; what lies beyond counts as the
@@ -124,7 +124,7 @@ class Field:
     """
 
     tensors: Mapping[str, Tensor]
-    architecture: Architecture
+    architecture: ViSNeRFArchitecture
     bfloat16: bool = False
 
     def vectors_at(self, quantity: Quantity, parameters: Tensor) -> Tensor:

@@ -17,9 +17,9 @@ from torch import Tensor
 from catalogs.files import durable
 from catalogs.vocabulary.variations import KINDS
 from research.studies.baselines.method import Fit, Method, Plan, Precision
-from research.studies.comparison.fitting import Clock, Fitted, Place, Point, fit_in_time
+from research.studies.comparison.fitting import CheckpointPath, Clock, FinishedFit, Point, fit_in_time
 from research.studies.comparison.predictor import FitPredictor, measure
-from research.studies.comparison.task import WATCHED, Task
+from research.studies.comparison.task import WATCHED, ComparisonTask
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Predictor, SurrogatePredictor
 from surrogate.evaluation.scoring import mean, score_cases
@@ -39,7 +39,7 @@ Report = Callable[[str, int, int], None]  # what, done, of how many
 
 
 @dataclass(frozen=True)
-class Session:
+class TrainingContext:
     """What is around a training.
 
     Attributes
@@ -69,7 +69,7 @@ def _after_the_device() -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Trained:
+class TrainedContestant:
     """A contestant after its training.
 
     Attributes
@@ -121,7 +121,9 @@ class Contestant(Protocol):
     def steps_of(self) -> str:
         """The contestant whose number of steps it takes, whatever time that needs; "" for as many as fit."""
 
-    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+    def trained(
+        self, task: ComparisonTask, plan: Plan, seconds: float | None, session: TrainingContext
+    ) -> TrainedContestant:
         """Train for about `seconds`, with as many steps as fit; without them with those of `plan`."""
 
 
@@ -150,7 +152,9 @@ class OurSurrogate:
     is_tuned: bool = False
     steps_of: str = ""
 
-    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+    def trained(
+        self, task: ComparisonTask, plan: Plan, seconds: float | None, session: TrainingContext
+    ) -> TrainedContestant:
         """See `Contestant`."""
         clock = session.clock
         begun = clock()
@@ -170,7 +174,7 @@ class OurSurrogate:
             run.settings, run.catalog, run.model, progress=lambda now: session.report(now.stage, now.step, now.steps)
         ).to(session.device)
         taken = elapsed()
-        return Trained(
+        return TrainedContestant(
             SurrogatePredictor(surrogate.at, task.catalog.plan.background),
             lambda: measure(at, task.cases),
             replace(plan, steps=surrogate.training["steps"]),
@@ -192,12 +196,14 @@ class Recorded:
     is_tuned: bool = False
     steps_of: str = ""
 
-    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+    def trained(
+        self, task: ComparisonTask, plan: Plan, seconds: float | None, session: TrainingContext
+    ) -> TrainedContestant:
         """Raises ValueError: its code was removed."""
         raise ValueError(f"{self.name} can't be trained any more: only its records are left")
 
 
-def curve_of(surrogate: Surrogate, task: Task, planned: float, device: str) -> list[tuple[float, float]]:
+def curve_of(surrogate: Surrogate, task: ComparisonTask, planned: float, device: str) -> list[tuple[float, float]]:
     """Seconds on the comparison's clock, of which planning took the first, and dB at images of what is compared."""
     clock = "processor_seconds" if device == "cpu" else "seconds"
     compared = None if task.variation is None else task.variation.kind
@@ -238,14 +244,16 @@ class Published:
 
     is_tuned, steps_of = True, ""
 
-    def trained(self, task: Task, plan: Plan, seconds: float | None, session: Session) -> Trained:
+    def trained(
+        self, task: ComparisonTask, plan: Plan, seconds: float | None, session: TrainingContext
+    ) -> TrainedContestant:
         """See `Contestant`."""
         prepared, identity = self._prepared(task, plan.seed, session), f"{task.mark}, {self.name}, {plan}, {seconds}"
 
         def look(fit: Fit) -> float:
             return validation(task, FitPredictor(fit, task))
 
-        def fitted(plan: Plan, seconds: float | None) -> Fitted:
+        def fitted(plan: Plan, seconds: float | None) -> FinishedFit:
             return fit_in_time(
                 self.method,
                 lambda: task.pictures(session.device),
@@ -255,7 +263,7 @@ class Published:
                 look,
                 clock=self.clock or session.clock,
                 report=lambda step, steps: session.report(self.title, step, steps),
-                place=Place(session.work, identity, session.until),
+                place=CheckpointPath(session.work, identity, session.until),
             )
 
         with torch_threads(plan.threads):
@@ -266,7 +274,7 @@ class Published:
                 found = fitted(replace(plan, steps=steps), None)
         predictor = FitPredictor(found.fit, task, (self.title,))
         megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6
-        return Trained(
+        return TrainedContestant(
             predictor,
             lambda: measure(predictor.at, task.cases),
             found.plan,
@@ -275,7 +283,7 @@ class Published:
             list(found.curve),
         )
 
-    def _prepared(self, task: Task, seed: int, session: Session) -> Mapping[str, Tensor]:
+    def _prepared(self, task: ComparisonTask, seed: int, session: TrainingContext) -> Mapping[str, Tensor]:
         """What the method starts from: made once for a seed, and kept."""
         if self.method.prepare is None:
             return {}
@@ -293,7 +301,7 @@ class Published:
 
 
 @one_torch_thread()
-def validation(task: Task, predictor: Predictor) -> float:
+def validation(task: ComparisonTask, predictor: Predictor) -> float:
     """Mean PSNR (dB) of the validation images that all look at; nan without any."""
     [found] = score_cases(predictor, task.catalog, task.watched)
     psnr = mean(found.values(), "psnr")

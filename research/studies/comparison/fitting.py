@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.engines.stopping import stop_requested
-from research.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared
+from research.studies.baselines.method import Fit, Method, Plan, Prepared, TrainingImages
 from surrogate.storage.checkpoints import Checkpoint
 from surrogate.training.loop import Diverged
 
@@ -50,7 +50,7 @@ class Watch:
 
 
 @dataclass(eq=False)
-class Place:
+class CheckpointPath:
     """Where a training keeps checkpoints, and when it stops to go on another day.
 
     Attributes
@@ -84,7 +84,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FinishedFit:
     """A method after its last step: its plan, the seconds that it took from the first picture on, and what looks found."""
 
     fit: Fit
@@ -93,7 +93,9 @@ class Fitted:
     curve: Sequence[Point]
 
 
-def steps_in(method: Method, pictures: Pictures, plan: Plan, prepared: Prepared, seconds: float, clock: Clock) -> int:
+def steps_in(
+    method: Method, pictures: TrainingImages, plan: Plan, prepared: Prepared, seconds: float, clock: Clock
+) -> int:
     """How many steps fit into `seconds`, at least one.
 
     Measured in trainings that go through all of the schedule in a few steps, since early and late ones may take unlike times; what
@@ -109,7 +111,7 @@ def steps_in(method: Method, pictures: Pictures, plan: Plan, prepared: Prepared,
 
 def fit_in_time(
     method: Method,
-    pictures: Callable[[], Pictures],
+    pictures: Callable[[], TrainingImages],
     plan: Plan,
     prepared: Prepared,
     seconds: float | None,
@@ -117,13 +119,13 @@ def fit_in_time(
     *,
     clock: Clock = time.process_time,
     report: Callable[[int, int], None] = lambda *_: None,
-    place: Place | None = None,
-) -> Fitted:
+    place: CheckpointPath | None = None,
+) -> FinishedFit:
     """Train a method for about `seconds`, on the clock from the loading of `pictures` to the last step.
 
     The steps of `plan` are replaced by as many as fit; without `seconds` they stay.  `look` judges the method by images that it
     does not learn from, in dB, after the fractions `LOOKS` of them.  With a `place` checkpoints are kept there, and an interrupted
-    training goes on from the last one.  Raises `Diverged` where a loss is not finite, and `OutOfTime` as `Place` says.
+    training goes on from the last one.  Raises `Diverged` where a loss is not finite, and `OutOfTime` as `CheckpointPath` says.
     """
     watch = Watch(clock)
     watch.start()
@@ -154,7 +156,7 @@ def fit_in_time(
             told = time.perf_counter()
             now.watch.start()
     now.watch.stop()
-    return Fitted(now.fit, now.plan, now.watch.seconds, now.curve)
+    return FinishedFit(now.fit, now.plan, now.watch.seconds, now.curve)
 
 
 @dataclass(eq=False)
@@ -170,7 +172,7 @@ class _Running:
 
 
 def _resumed(
-    method: Method, pictures: Pictures, plan: Plan, prepared: Prepared, kept: Checkpoint, clock: Clock
+    method: Method, pictures: TrainingImages, plan: Plan, prepared: Prepared, kept: Checkpoint, clock: Clock
 ) -> _Running:
     """What a checkpoint was kept of; loading and beginning again are off the clock."""
     plan, step = replace(plan, steps=kept.record["steps"]), kept.record["step"]
@@ -180,7 +182,7 @@ def _resumed(
     return _Running(fit, plan, Watch(clock, kept.record["seconds"]), curve, step)
 
 
-def _pace(method: Method, pictures: Pictures, plan: Plan, prepared: Prepared, clock: Clock) -> float:
+def _pace(method: Method, pictures: TrainingImages, plan: Plan, prepared: Prepared, clock: Clock) -> float:
     """Seconds that a step takes, over a whole schedule of `plan.steps`, the first one aside where there are others."""
     fit = method.begin(pictures, plan, prepared)
     fit.advance()

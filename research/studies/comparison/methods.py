@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from research.studies.baselines import gs_surrogate, hexplane_gaussians, insitunet, kplanes, visnerf
 from research.studies.baselines.method import PRECISIONS
 from research.studies.comparison.contestants import Contestant, OurSurrogate, Published, Recorded
-from research.studies.comparison.result import Row
+from research.studies.comparison.result import MethodRow
 
 OURS, LIGHT = "ours", "gs-surrogate-light"
 CONTESTANTS: dict[str, Contestant] = {
@@ -40,13 +40,13 @@ CONTESTANTS: dict[str, Contestant] = {
 USUAL = tuple(name for name in CONTESTANTS if name not in (LIGHT, kplanes.NAIVE.name, hexplane_gaussians.NAIVE.name))
 
 
-def ordered(rows: Iterable[Row]) -> list[Row]:
+def ordered(rows: Iterable[MethodRow]) -> list[MethodRow]:
     """Each once, in the order of the tables."""
     order = list(CONTESTANTS)
     return sorted(set(rows), key=lambda row: (order.index(row.method), PRECISIONS.index(row.precision)))
 
 
-def title(row: Row) -> str:
+def title(row: MethodRow) -> str:
     """Of a row, in tables and plots."""
     return CONTESTANTS[row.method].title + (f", in {row.precision}" if row.precision != "float32" else "")
 

@@ -7,26 +7,26 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from research.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
-from research.studies.comparison.result import TRIVIAL, Result, Row, Terms, terms
+from research.studies.comparison.result import TRIVIAL, ComparisonResult, MethodRow, Terms, terms
 from research.studies.comparison.trivial import best_of
 from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
 
 DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell, where pictures are large enough to have it
-OUR_ROW, MIXED = Row(OURS), Row(TRIVIAL)
+OUR_ROW, MIXED = MethodRow(OURS), MethodRow(TRIVIAL)
 
 
-def tables(results: Sequence[Result]) -> str:
+def tables(results: Sequence[ComparisonResult]) -> str:
     """A table for each of the terms that contestants had, with the mixtures of stored pictures in each."""
     return document(*(_table(results, each) for each in terms(results))).strip()
 
 
-def cell_names(results: Sequence[Result]) -> list[str]:
+def cell_names(results: Sequence[ComparisonResult]) -> list[str]:
     """Of the cells that methods were judged by."""
     named = [list(r.cells) for r in results if r.method != TRIVIAL and r.cells]
     return named[0] if named else []
 
 
-def leaders(results: Sequence[Result], on: Terms) -> dict[str, Row]:
+def leaders(results: Sequence[ComparisonResult], on: Terms) -> dict[str, MethodRow]:
     """Which row has the highest mean PSNR in each cell on these terms: a contestant's, or the mixtures'."""
     found = {}
     for cell in cell_names(results):
@@ -42,7 +42,7 @@ def leaders(results: Sequence[Result], on: Terms) -> dict[str, Row]:
 SHORT_HEADER = ("scene", "time", "images", "this surrogate", "best published method", "stored pictures, mixed")
 
 
-def in_short(scene: str, results: Sequence[Result]) -> list[list[str]]:
+def in_short(scene: str, results: Sequence[ComparisonResult]) -> list[list[str]]:
     """A row of `SHORT_HEADER` for each of the terms and each cell: PSNR (dB) of ours, of the best published method and of mixtures.
 
     Cells of which one of the former is missing are left out.
@@ -66,7 +66,7 @@ def in_short(scene: str, results: Sequence[Result]) -> list[list[str]]:
     return rows
 
 
-def _table(results: Sequence[Result], on: Terms) -> str:
+def _table(results: Sequence[ComparisonResult], on: Terms) -> str:
     cells, first = cell_names(results), leaders(results, on)
     whole = [r for r in results if r.terms == on and not r.error]
     details = [metric for metric in DETAILS if any(r.cells[cells[-1]][metric] is not None for r in whole)]
@@ -91,7 +91,11 @@ def _table(results: Sequence[Result], on: Terms) -> str:
 
 
 def _row(
-    row: Row, of: Sequence[Result], cells: Sequence[str], details: Sequence[str], first: Mapping[str, Row]
+    row: MethodRow,
+    of: Sequence[ComparisonResult],
+    cells: Sequence[str],
+    details: Sequence[str],
+    first: Mapping[str, MethodRow],
 ) -> list[str]:
     """Of one contestant's trainings in one time."""
     whole, official = [r for r in of if not r.error], CONTESTANTS[row.method].official_steps
@@ -111,7 +115,9 @@ def _row(
     ]
 
 
-def _trivial_row(results: Sequence[Result], cells: Sequence[str], first: Mapping[str, Row], width: int) -> list[str]:
+def _trivial_row(
+    results: Sequence[ComparisonResult], cells: Sequence[str], first: Mapping[str, MethodRow], width: int
+) -> list[str]:
     found = [_trivial(results, cell) for cell in cells]
     texts = [
         NOTHING if best is None else _bold(f"{best[1]:.2f} ({best[0]})", first.get(cell) == MIXED)
@@ -120,13 +126,13 @@ def _trivial_row(results: Sequence[Result], cells: Sequence[str], first: Mapping
     return ["stored pictures, mixed", *texts, *[NOTHING] * (width - 1 - len(texts))]
 
 
-def _trivial(results: Sequence[Result], cell: str) -> tuple[str, float] | None:
+def _trivial(results: Sequence[ComparisonResult], cell: str) -> tuple[str, float] | None:
     mixtures = [r.cells for r in results if r.method == TRIVIAL]
     return best_of(mixtures[0], cell) if mixtures else None
 
 
-def _means(results: Sequence[Result], on: Terms, cell: str) -> dict[Row, float]:
-    found = dict[Row, list[float]]()
+def _means(results: Sequence[ComparisonResult], on: Terms, cell: str) -> dict[MethodRow, float]:
+    found = dict[MethodRow, list[float]]()
     for r in results:
         if r.terms == on and not r.error and cell in r.cells and r.method != TRIVIAL:
             found.setdefault(r.row, []).append(r.cells[cell]["psnr"])

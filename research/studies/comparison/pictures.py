@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from catalogs.files import durable
 from catalogs.files.images import encode_png, read_image, to_bytes
 from research.studies.comparison.result import FOLDER
-from research.studies.comparison.task import Task
+from research.studies.comparison.task import ComparisonTask
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.predictor import Predictor
@@ -21,19 +21,19 @@ PICTURES, TRUTH = "pictures", "truth"  # the folder beside records, and whose pi
 SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that pictures are kept of
 
 
-def shown_cases(task: Task) -> list[Case]:
+def shown_cases(task: ComparisonTask) -> list[Case]:
     """The test images that every method's pictures are kept of: fixed places in the last cell, at unseen views and parameters."""
     cell = list(task.cells.values())[-1]
     return [cell[int(part * len(cell))] for part in SHOWN]
 
 
-def keep_truth(records: Path, task: Task) -> None:
+def keep_truth(records: Path, task: ComparisonTask) -> None:
     """Keep the catalog's own pictures in a scene's records."""
     for number, case in enumerate(shown_cases(task)):
         _write(path_of(records, TRUTH, number), task.catalog.image(case.member, case.appearance, case.view), task)
 
 
-def keep_drawn(records: Path, name: str, predictor: Predictor, task: Task) -> None:
+def keep_drawn(records: Path, name: str, predictor: Predictor, task: ComparisonTask) -> None:
     """Keep what a method draws; `name` is that of its result."""
     for number, case in enumerate(shown_cases(task)):
         [(_, draw)] = predictor.batches([case])
@@ -61,6 +61,6 @@ def _paths(records: Path, name: str) -> list[Path]:
     return [path_of(records, name, number) for number in range(len(SHOWN))]
 
 
-def _write(path: Path, rgba: Any, task: Task) -> None:
+def _write(path: Path, rgba: Any, task: ComparisonTask) -> None:
     durable.make_folder(path.parent)
     durable.replace(path, encode_png(to_bytes(composite(rgba, task.catalog.plan.background or WHITE))))

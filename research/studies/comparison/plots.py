@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from research.studies.comparison.methods import CONTESTANTS, OURS, ordered, title
 from research.studies.comparison.pictures import TRUTH, are_kept, kept
-from research.studies.comparison.result import TRIVIAL, Result, Row, Terms, in_float32
+from research.studies.comparison.result import TRIVIAL, ComparisonResult, MethodRow, Terms, in_float32
 
 LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
 RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
 ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what differences are multiplied by
 
 
-def curves(results: Sequence[Result]) -> bytes | None:
+def curves(results: Sequence[ComparisonResult]) -> bytes | None:
     """A PNG file: PSNR of the validation images over processor seconds, a line for each training on a processor; None without.
 
     Of methods that were trained in both precisions it shows those in float32.
@@ -56,7 +56,7 @@ def curves(results: Sequence[Result]) -> bytes | None:
     return _png(figure)
 
 
-def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
+def sheet(records: Path, results: Sequence[ComparisonResult], on: Terms) -> bytes | None:
     """A PNG file: some test images, the truth first and then every method on these terms; None without pictures.
 
     Pictures are those in a scene's `records`; methods that have none there are left out.  Of methods that were trained in both
@@ -89,12 +89,12 @@ def sheet(records: Path, results: Sequence[Result], on: Terms) -> bytes | None:
     return _png(figure)
 
 
-def without_pictures(records: Path, results: Sequence[Result], on: Terms) -> list[Row]:
+def without_pictures(records: Path, results: Sequence[ComparisonResult], on: Terms) -> list[MethodRow]:
     """Who was trained on these terms, and yet is on no sheet."""
     return ordered(row for row, name in _names(results, on).items() if not are_kept(records, name))
 
 
-def _names(results: Sequence[Result], on: Terms) -> dict[Row, str]:
+def _names(results: Sequence[ComparisonResult], on: Terms) -> dict[MethodRow, str]:
     """Of the results that a sheet could show."""
     on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
     return {r.row: r.name for r in on_these if not r.error and r.method != TRIVIAL}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from research.studies.baselines.method import Fit
-from research.studies.comparison.task import Task
+from research.studies.comparison.task import ComparisonTask
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.predictor import Draw
 from surrogate.evaluation.timing import Milliseconds
@@ -23,7 +23,7 @@ class FitPredictor:
     """A trained method as a `surrogate.evaluation.predictor.Predictor`; pictures are drawn by one thread."""
 
     fit: Fit
-    task: Task
+    task: ComparisonTask
     names: Sequence[str] = ("the method",)
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:

@@ -18,7 +18,7 @@ TRIVIAL = "trivial"  # the method of what mixes stored pictures
 
 
 class Terms(NamedTuple):
-    """What results of one table have in common; see `Result`."""
+    """What results of one table have in common; see `ComparisonResult`."""
 
     device: str
     size: str
@@ -36,7 +36,7 @@ class Terms(NamedTuple):
         return time if self.device == "cpu" else f"{time}, {self.device}"
 
 
-class Row(NamedTuple):
+class MethodRow(NamedTuple):
     """Whose results stand in one row of a table: seeds of a row differ in nothing else."""
 
     method: str
@@ -44,7 +44,7 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Result:
+class ComparisonResult:
     """One training of a method, scored.
 
     Attributes
@@ -93,9 +93,9 @@ class Result:
         return ".".join(parts + [self.precision] * (self.precision != "float32"))
 
     @property
-    def row(self) -> Row:
+    def row(self) -> MethodRow:
         """Beside which other seeds' results it stands."""
-        return Row(self.method, self.precision)
+        return MethodRow(self.method, self.precision)
 
     @property
     def terms(self) -> Terms:
@@ -103,33 +103,33 @@ class Result:
         return Terms(self.device, self.size, self.minutes)
 
 
-def save(records: Path, result: Result) -> Path:
+def save(records: Path, result: ComparisonResult) -> Path:
     """Keep a result in the folder of a scene's records; returns where."""
     path = records / FOLDER / f"{result.name}.json"
     Record.of(KIND, VERSION, result, KEY).save(path)
     return path
 
 
-def find(records: Path, wanted: Result) -> Result | None:
+def find(records: Path, wanted: ComparisonResult) -> ComparisonResult | None:
     """The result that is kept of the same method, time, seed, size, precision and catalog."""
     key = {name: getattr(wanted, name) for name in KEY}
     record = Record.load(records / FOLDER / f"{wanted.name}.json", KIND, VERSION, key)
-    return None if record is None else record.to(Result)
+    return None if record is None else record.to(ComparisonResult)
 
 
-def load(records: Path) -> list[Result]:
+def load(records: Path) -> list[ComparisonResult]:
     """All that is kept of a scene, by method, precision, time and seed."""
-    found = (record.to(Result) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
+    found = (record.to(ComparisonResult) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
     return sorted((r for r in found if r is not None), key=lambda r: (*r.row, r.minutes, r.seed))
 
 
-def in_float32(results: Sequence[Result]) -> list[Result]:
+def in_float32(results: Sequence[ComparisonResult]) -> list[ComparisonResult]:
     """Without those in bfloat16 of methods that were trained in float32 too, on the same terms and with the same seed."""
     whole = {(r.method, r.terms, r.seed) for r in results if r.precision == "float32" and not r.error}
     return [r for r in results if r.precision == "float32" or (r.method, r.terms, r.seed) not in whole]
 
 
-def terms(results: Iterable[Result]) -> list[Terms]:
+def terms(results: Iterable[ComparisonResult]) -> list[Terms]:
     """On which methods were trained, in order."""
     found = {r.terms for r in results if r.method != TRIVIAL}
     return sorted(found, key=lambda each: (each.device, each.size == "official", each.minutes))

@@ -20,9 +20,9 @@ from research.studies.comparison.methods import chosen
 from research.studies.comparison.page import tables
 from research.studies.comparison.plots import curves, sheet
 from research.studies.comparison.reduced import reduced
-from research.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, Result, load, terms
-from research.studies.comparison.study import SHARED, Study
-from research.studies.comparison.task import Task
+from research.studies.comparison.result import AS_PUBLISHED, FOLDER, TRIVIAL, ComparisonResult, load, terms
+from research.studies.comparison.study import SHARED, ComparisonStudy
+from research.studies.comparison.task import ComparisonTask
 from research.studies.comparison.tuning import Tuning
 from research.studies.progress import StudyWatch
 from research.studies.remote import train_on
@@ -34,7 +34,7 @@ LOCK = ".page.lock"
 
 
 @dataclass(frozen=True)
-class Asked:
+class RunOptions:
     """What a command asks for; raises ValueError for what can't be.
 
     Attributes
@@ -76,25 +76,25 @@ def study_of(
     catalog: Catalog,
     folder: Path,
     records: Path,
-    asked: Asked,
+    asked: RunOptions,
     progress: Callable[[Any], None] = lambda _: None,
-) -> Study:
+) -> ComparisonStudy:
     """The study of a scene's `catalog` in its `folder` of results; smaller pictures are made where they are needed."""
     own = folder / FOLDER
     durable.make_folder(own)
     with durable.locked(own / f".{name}.lock"):  # or two processes would make the same pictures
-        task = Task.of(reduced(catalog, own / "catalog.cdb", progress))
+        task = ComparisonTask.of(reduced(catalog, own / "catalog.cdb", progress))
     plan = Plan(1, size="official" if asked.published else "small", threads=asked.threads)
     until = time.monotonic() + 60.0 * asked.stop_after
     minutes = (AS_PUBLISHED,) if asked.published else asked.minutes
-    return Study(
+    return ComparisonStudy(
         task, own, records, records.parent, chosen(asked.methods), minutes, asked.seeds, plan, asked.device, until
     )
 
 
 def tune_all(
     name: str,
-    study: Study,
+    study: ComparisonStudy,
     progress: Callable[[Any], None],
     tell: Callable[[str, float, float | None], None],
     engine: Engine | None = None,
@@ -117,7 +117,7 @@ def tune_all(
 
 def _tuned(
     name: str,
-    study: Study,
+    study: ComparisonStudy,
     contestant: Contestant,
     watch: StudyWatch | None = None,
     tell: Callable[[float, float | None], None] = lambda *_: None,
@@ -141,7 +141,7 @@ def _tell_all(tell: Callable[[str, float, float | None], None], found: Tuning | 
         tell(found.method, float(rate), psnr)
 
 
-def write_page(name: str, study: Study) -> Path:
+def write_page(name: str, study: ComparisonStudy) -> Path:
     """Write what is known of a scene into its folder, as a page with plots; returns where."""
     results = [r for r in load(study.records) if r.mark == study.task.mark]
     pictures = {CURVES: curves(results)}
@@ -156,7 +156,7 @@ def write_page(name: str, study: Study) -> Path:
     return study.folder / PAGE
 
 
-def line(result: Result) -> str:
+def line(result: ComparisonResult) -> str:
     """What a terminal says of a result."""
     if result.method == TRIVIAL:
         return f"stored pictures, mixed: {len(result.cells)} rules and cells"

@@ -19,12 +19,12 @@ from catalogs.engines.engine import Engine
 from catalogs.files import durable
 from research.studies.baselines.method import Plan, Precision
 from research.studies.comparison import tuning
-from research.studies.comparison.contestants import Contestant, Session, Trained, precision_here
+from research.studies.comparison.contestants import Contestant, TrainedContestant, TrainingContext, precision_here
 from research.studies.comparison.fitting import OutOfTime
 from research.studies.comparison.methods import CONTESTANTS
 from research.studies.comparison.pictures import TRUTH, are_kept, keep_drawn, keep_truth
-from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, save
-from research.studies.comparison.task import Task
+from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, ComparisonResult, find, save
+from research.studies.comparison.task import ComparisonTask
 from research.studies.comparison.trivial import trivial_cells
 from research.studies.progress import StudyProgress, StudyWatch
 from research.studies.remote import train_on
@@ -43,7 +43,7 @@ SAME_COLOR = 1e-4  # of 1: far more than few pixels change a mean that another p
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class ComparisonStudy:
     """What is to be compared on one scene.
 
     A contestant that takes another's steps is trained once these are known.
@@ -59,7 +59,7 @@ class Study:
     until : `time.monotonic()` at which it stops, to go on another day.
     """
 
-    task: Task
+    task: ComparisonTask
     folder: Path
     records: Path
     all_records: Path
@@ -73,7 +73,7 @@ class Study:
     def run(
         self,
         progress: Callable[[StudyProgress], None] = lambda _: None,
-        tell: Callable[[Result], None] = lambda _: None,
+        tell: Callable[[ComparisonResult], None] = lambda _: None,
         engine: Engine | None = None,
     ) -> None:
         """Train and score what has no result yet; `tell` is given each once it is kept, failures included.
@@ -104,7 +104,7 @@ class Study:
         engine: Engine,
         order: Sequence[_One],
         progress: Callable[[StudyProgress], None],
-        tell: Callable[[Result], None],
+        tell: Callable[[ComparisonResult], None],
     ) -> None:
         """Let workers train what is missing; those who take the steps of others come after all others."""
         for following in (False, True):
@@ -116,14 +116,14 @@ class Study:
         """Whether there is no result without an error."""
         return self._known(contestant.name, minutes, seed) is None
 
-    def _known(self, method: str, minutes: float, seed: int) -> Result | None:
+    def _known(self, method: str, minutes: float, seed: int) -> ComparisonResult | None:
         """The result without an error."""
         result = find(self.records, self.wanted(method, minutes, seed))
         return None if result is None or result.error else result
 
     def _trained(
         self, minutes: float, seed: int, contestant: Contestant, watch: StudyWatch | None = None, following: int = 0
-    ) -> Result | None:
+    ) -> ComparisonResult | None:
         """The result of a training, kept; None where it can't be made, another process makes it, or did.  So many follow it."""
         watch = watch or StudyWatch(lambda _: None)
         wanted, steps = self.wanted(contestant.name, minutes, seed), self._steps_for(contestant, minutes, seed)
@@ -136,10 +136,10 @@ class Study:
             save(self.records, result)
         return result
 
-    def wanted(self, method: str, minutes: float, seed: int) -> Result:
+    def wanted(self, method: str, minutes: float, seed: int) -> ComparisonResult:
         """What a result has that is not made yet."""
         plan = self.plan_of(method)
-        return Result(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
+        return ComparisonResult(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
 
     def plan_of(self, method: str) -> Plan:
         """The size of all, in the precision that the method is trained in on this machine."""
@@ -162,7 +162,7 @@ class Study:
         known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
         return known[method].precision if method in known else self.plan.precision
 
-    def _keep_trivial(self, tell: Callable[[Result], None]) -> None:
+    def _keep_trivial(self, tell: Callable[[ComparisonResult], None]) -> None:
         wanted = self.wanted(TRIVIAL, 0.0, 0)
         known = find(self.records, wanted)
         if known is not None:
@@ -179,7 +179,7 @@ class Study:
         keep_truth(self.records, self.task)
         tell(result)
 
-    def _require_same_pictures(self, known: Result) -> None:
+    def _require_same_pictures(self, known: ComparisonResult) -> None:
         """Raise ValueError where the records are of pictures that differ by more than rounding."""
         for cell, color in self.task.colors.items():
             kept = known.colors.get(cell, ())
@@ -198,7 +198,7 @@ class Study:
         return 0 if like is None else like.steps
 
     @contextlib.contextmanager
-    def _claimed(self, wanted: Result) -> Iterator[Path | None]:
+    def _claimed(self, wanted: ComparisonResult) -> Iterator[Path | None]:
         """Where to train, while no other process does; None where one does."""
         folder = self.folder / FITS / wanted.name
         durable.make_folder(folder)
@@ -210,7 +210,9 @@ class Study:
                 free = False
             yield folder / "fit" if free else None
 
-    def _attempted(self, contestant: Contestant, wanted: Result, steps: int, work: Path, watch: StudyWatch) -> Result:
+    def _attempted(
+        self, contestant: Contestant, wanted: ComparisonResult, steps: int, work: Path, watch: StudyWatch
+    ) -> ComparisonResult:
         begun = time.process_time()
         try:
             found = self._made(contestant, wanted, steps, work, watch)
@@ -220,15 +222,15 @@ class Study:
         return replace(wanted, **found, provenance=Provenance.now(time.process_time() - begun))
 
     def _made(
-        self, contestant: Contestant, wanted: Result, steps: int, work: Path, watch: StudyWatch
+        self, contestant: Contestant, wanted: ComparisonResult, steps: int, work: Path, watch: StudyWatch
     ) -> dict[str, Any]:
         form = self.plan_of(contestant.name)
         tuned = self.chosen_rates(contestant)
         seconds = None if wanted.minutes == AS_PUBLISHED else 60.0 * wanted.minutes
 
-        def made(rate: float, folder: Path) -> tuple[Trained, dict[str, dict[str, Any]]]:
+        def made(rate: float, folder: Path) -> tuple[TrainedContestant, dict[str, dict[str, Any]]]:
             plan = replace(form, steps=steps, seed=wanted.seed, rate=rate)
-            session = Session(folder, self.folder / SHARED, self.device, self.until, watch.counter("steps"))
+            session = TrainingContext(folder, self.folder / SHARED, self.device, self.until, watch.counter("steps"))
             trained = contestant.trained(self.task, plan, seconds, session)
             cells = scored(trained.predictor, self.task)
             if not all(math.isfinite(cell["psnr"]) for cell in cells.values()):
@@ -259,7 +261,7 @@ def _named(minutes: float, seed: int, contestant: Contestant) -> str:
 
 
 @one_torch_thread()
-def scored(predictor: Predictor, task: Task) -> dict[str, dict[str, Any]]:
+def scored(predictor: Predictor, task: ComparisonTask) -> dict[str, dict[str, Any]]:
     """Means by cell and metric, and the number of images."""
     [found] = score_cases(
         predictor, task.catalog, task.cases, perceptual=PerceptualMetrics.load(), looked_at=set(task.cases)

@@ -13,7 +13,7 @@ from torch import Tensor
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.cameras import Camera
 from catalogs.vocabulary.variations import Variation
-from research.studies.baselines.method import Pictures
+from research.studies.baselines.method import TrainingImages
 from surrogate.evaluation.cases import Case, base_cells, drawn, drawn_evenly, variation_cells
 from surrogate.settings import TrainingSettings
 from surrogate.storage.checkpoints import fingerprint_of_scene
@@ -25,7 +25,7 @@ WATCHED = 8  # validation images, of curves and of tuning
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class ComparisonTask:
     """A catalog, and the variation of it that is compared; None for the base appearance.
 
     Raises ValueError where there are no pictures to learn from or none to be judged by.
@@ -35,7 +35,7 @@ class Task:
     variation: Variation | None = None
 
     @classmethod
-    def of(cls, catalog: Catalog) -> Task:
+    def of(cls, catalog: Catalog) -> ComparisonTask:
         """The first continuous variation of a catalog's first appearance where there is one, else that appearance."""
         shown = [v for v in catalog.plan.variations if v.continuous and v.base == catalog.plan.appearances[0].name]
         return cls(catalog, shown[0] if shown else None)
@@ -87,7 +87,7 @@ class Task:
         rows = validation_rows(self.catalog, self._appearances, WATCHED)
         return [Case(row.member, row.view, row.appearance, self._asked(row)) for row in rows]
 
-    def pictures(self, device: str = "cpu") -> Pictures:
+    def pictures(self, device: str = "cpu") -> TrainingImages:
         """All training pictures; under a variation of transfer functions those of the base too, at displacements of zero.
 
         What methods compute with is on a device; pixels, cameras and their numbers stay in main memory.
@@ -99,7 +99,7 @@ class Task:
         box = self.source.normalization.points(self.catalog.plan.bounds)  # [2, 3]
         colors = None if points is None or points.colors is None else _float32(points.colors)
         pixels, cameras, views, parameters = _stacked(data.examples)
-        return Pictures(
+        return TrainingImages(
             pixels,
             cameras,
             views,
@@ -135,7 +135,7 @@ class Task:
 
 
 def _stacked(examples: Sequence[Example]) -> tuple[np.ndarray, list[Camera], Tensor, Tensor]:
-    """Pixels, distinct cameras, views and parameters of `Pictures`."""
+    """Pixels, distinct cameras, views and parameters of `TrainingImages`."""
     cameras = {id(e.camera): e.camera for e in examples}
     numbers = {identity: number for number, identity in enumerate(cameras)}
     height, width = examples[0].pixels.shape[:2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from research.studies.comparison.task import Task
+from research.studies.comparison.task import ComparisonTask
 from surrogate.evaluation.cases import Case, base_validation
 from surrogate.evaluation.predictor import Predictor
 from surrogate.evaluation.scoring import score_cases
@@ -16,7 +16,7 @@ from surrogate.evaluation.trivial.mixtures import Mixtures
 from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures
 
 
-def trivial_cells(task: Task, metrics: Sequence[str]) -> dict[str, dict[str, Any]]:
+def trivial_cells(task: ComparisonTask, metrics: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Means by "rule: cell" and metric, of the cells that stored pictures can predict.
 
     Cells at unseen parameters know all pictures of training members, also views that nobody learns from; the cell of seen
@@ -38,7 +38,7 @@ def best_of(cells: Mapping[str, Mapping[str, Any]], cell: str) -> tuple[str, flo
     return max(named.items(), key=lambda pair: pair[1]) if named else None
 
 
-def _predictors(task: Task) -> dict[str, Predictor]:
+def _predictors(task: ComparisonTask) -> dict[str, Predictor]:
     """What predicts each cell that can be mixed."""
     if task.variation is None:
         return dict.fromkeys([cell for cell in task.cells if cell != "novel views"], _of_members(task))
@@ -55,7 +55,7 @@ def _predictors(task: Task) -> dict[str, Predictor]:
     return found
 
 
-def _of_members(task: Task) -> Predictor:
+def _of_members(task: ComparisonTask) -> Predictor:
     appearance = task.source.appearance
     watched: list[Case] = base_validation(task.catalog, appearance)
     return member_mixtures(task.catalog, task.source.space, appearance, watched)[1]

@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from catalogs.files import durable
 from research.studies.baselines.method import PRECISIONS, Plan
-from research.studies.comparison.contestants import Contestant, Report, Session, emptied, validation
-from research.studies.comparison.task import Task
+from research.studies.comparison.contestants import Contestant, Report, TrainingContext, emptied, validation
+from research.studies.comparison.task import ComparisonTask
 from surrogate.storage.records import Provenance, Record
 from surrogate.training.loop import Diverged
 
@@ -49,7 +49,7 @@ class Tuning:
 
 def tune(
     contestant: Contestant,
-    task: Task,
+    task: ComparisonTask,
     scene: str,
     plan: Plan,
     folder: Path,
@@ -63,7 +63,9 @@ def tune(
     for rate in RATES:
         try:
             form = replace(plan, rate=rate)
-            trained = contestant.trained(task, form, SECONDS, Session(emptied(folder / "fit"), shared, report=report))
+            trained = contestant.trained(
+                task, form, SECONDS, TrainingContext(emptied(folder / "fit"), shared, report=report)
+            )
             psnr: float | None = validation(task, trained.predictor)
         except ValueError:
             psnr = None

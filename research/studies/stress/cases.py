@@ -34,7 +34,7 @@ STEEP: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": WHY_STEEP}
 
 
 @dataclass(frozen=True)
-class Case:
+class StressCase:
     """One row of the table.
 
     Attributes
@@ -66,7 +66,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class BitwiseCase:
     """A row that must be drawn bit for bit as without `options`, or as from the tensors that `changed` makes.
 
     `options` are of `surrogate.splatting.render`; `changed` gives the same numbers in tensors of another kind.
@@ -87,7 +87,7 @@ class Refusal:
     row: int = 7
 
 
-def cases() -> list[Case]:
+def cases() -> list[StressCase]:
     """All that must be drawn."""
     return [*_shapes(), *_places(), *_opacities(), *_numbers(), *_frames()]
 
@@ -98,79 +98,83 @@ def refusals() -> list[Refusal]:
     return [Refusal(f"{said} in {name}", name, value) for said, value in values.items() for name in Primitives._fields]
 
 
-def agreements() -> list[Agreement]:
+def agreements() -> list[BitwiseCase]:
     """All that must not change a bit."""
     return [
-        Agreement("again"),
-        *(Agreement(f"{threads} threads", {"threads": threads}) for threads in (1, 2, 3, 7)),
-        Agreement("tensors that are not contiguous", changed=_not_contiguous),
-        Agreement("tensors in float64", changed=lambda tensor: tensor.double()),
+        BitwiseCase("again"),
+        *(BitwiseCase(f"{threads} threads", {"threads": threads}) for threads in (1, 2, 3, 7)),
+        BitwiseCase("tensors that are not contiguous", changed=_not_contiguous),
+        BitwiseCase("tensors in float64", changed=lambda tensor: tensor.double()),
     ]
 
 
-def _shapes() -> list[Case]:
+def _shapes() -> list[StressCase]:
     kinds = (("needles", 2), ("pancakes", 1))
     return [
         *(_thin(number, kind, power) for kind, number in kinds for power in (2, 4, 6, 8)),
-        Case("needles, condition number 1e4, not dilated", lambda: axes(1e2, 2), dilation=0.0, **STEEP),
-        Case("needles, condition number 1e16, not dilated", lambda: axes(1e8, 2), dilation=0.0, **STEEP),
+        StressCase("needles, condition number 1e4, not dilated", lambda: axes(1e2, 2), dilation=0.0, **STEEP),
+        StressCase("needles, condition number 1e16, not dilated", lambda: axes(1e8, 2), dilation=0.0, **STEEP),
         *(
-            Case(f"radius {size:g} px", partial(radius, size), **(STEEP if size < 1.0 else {}))
+            StressCase(f"radius {size:g} px", partial(radius, size), **(STEEP if size < 1.0 else {}))
             for size in (1e-6, 1e-3, 0.1, 1.0, 47.0)
         ),
-        Case("radius 100 x the image", lambda: radius(4700.0)),
-        Case("scales 0", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 0.0, 0.0)), **STEEP),
-        Case("scales 0, not dilated", lambda: cloud()._replace(scales=torch.zeros(60, 3).double()), dilation=0.0),
-        Case("scales denormal (1e-42)", lambda: cloud()._replace(scales=torch.full((60, 3), 1e-42).double()), **STEEP),
-        Case("scales up to 1e30", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 1e9, 1e30))),
+        StressCase("radius 100 x the image", lambda: radius(4700.0)),
+        StressCase("scales 0", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 0.0, 0.0)), **STEEP),
+        StressCase("scales 0, not dilated", lambda: cloud()._replace(scales=torch.zeros(60, 3).double()), dilation=0.0),
+        StressCase(
+            "scales denormal (1e-42)", lambda: cloud()._replace(scales=torch.full((60, 3), 1e-42).double()), **STEEP
+        ),
+        StressCase("scales up to 1e30", lambda: cloud()._replace(scales=with_every_third(cloud().scales, 1e9, 1e30))),
     ]
 
 
-def _thin(thin: int, kind: str, power: int) -> Case:
+def _thin(thin: int, kind: str, power: int) -> StressCase:
     """Axes as 10^(power / 2) to 1; the thinnest needles are seen only by what they are dilated to."""
     bounds = STEEP if thin == 2 and power > 2 else {}
-    return Case(f"{kind}, condition number 1e{power}", partial(axes, 10.0 ** (power / 2), thin), **bounds)
+    return StressCase(f"{kind}, condition number 1e{power}", partial(axes, 10.0 ** (power / 2), thin), **bounds)
 
 
-def _places() -> list[Case]:
+def _places() -> list[StressCase]:
     steps, flat = torch.linspace(0.9999, 1.0001, 60, dtype=torch.float64), torch.tensor([0.0, 1.0, 1.0])
     return [
-        Case("on the near plane, and 0.01 % to either side", lambda: at_depths(NEAR * steps)),
-        Case("behind the camera", lambda: at_depths(torch.linspace(-5.0, 0.04, 60, dtype=torch.float64))),
-        Case("before and behind the near plane", lambda: at_depths(torch.linspace(0.01, 3.0, 60, dtype=torch.float64))),
-        Case("far off the axis, to 80 degrees", _far_off_axis),
-        Case(
+        StressCase("on the near plane, and 0.01 % to either side", lambda: at_depths(NEAR * steps)),
+        StressCase("behind the camera", lambda: at_depths(torch.linspace(-5.0, 0.04, 60, dtype=torch.float64))),
+        StressCase(
+            "before and behind the near plane", lambda: at_depths(torch.linspace(0.01, 3.0, 60, dtype=torch.float64))
+        ),
+        StressCase("far off the axis, to 80 degrees", _far_off_axis),
+        StressCase(
             "10,000 in one pixel, faint",
             partial(one_pixel, 10_000, (2e-4, 1e-3)),
             partial(view, 13, 9),
             alpha_floor=1e-7,
         ),
-        Case("10,000 in one pixel, opaque", partial(one_pixel, 10_000, (0.98, 1.0)), partial(view, 13, 9)),
-        Case("identical places", lambda: _moved(lambda means: means[:1].expand(60, 3))),
+        StressCase("10,000 in one pixel, opaque", partial(one_pixel, 10_000, (0.98, 1.0)), partial(view, 13, 9)),
+        StressCase("identical places", lambda: _moved(lambda means: means[:1].expand(60, 3))),
         # All in one plane across the axis of a camera that looks along x.
-        Case("identical depths", lambda: _moved(lambda means: means * flat), partial(view, eye=(3.0, 0.0, 0.0))),
-        Case("around 1e6, its origin subtracted in float64", lambda: _moved(lambda means: (means + FAR) - FAR)),
-        Case(
+        StressCase("identical depths", lambda: _moved(lambda means: means * flat), partial(view, eye=(3.0, 0.0, 0.0))),
+        StressCase("around 1e6, its origin subtracted in float64", lambda: _moved(lambda means: (means + FAR) - FAR)),
+        StressCase(
             "around 1e6, not subtracted: held to the twin of the rounded places",
             lambda: _moved(lambda means: means + FAR),
             _far_view,
         ),
-        Case("a million units away", lambda: _moved(lambda means: means * 1e6)),
+        StressCase("a million units away", lambda: _moved(lambda means: means * 1e6)),
     ]
 
 
-def _opacities() -> list[Case]:
+def _opacities() -> list[StressCase]:
     def with_opacities(first: float, second: float) -> Callable[[], Primitives]:
         return lambda: cloud()._replace(opacities=with_every_third(cloud().opacities, first, second))
 
     behind = "behind layers that let 1e-4 through, a gradient is a difference of numbers 10^4 times as large"
     return [
-        Case("opacity 0 and denormal (1e-42)", with_opacities(0.0, 1e-42)),
-        Case("opacity 1e-8 and 1 - 1e-7", with_opacities(1e-8, 1.0 - 1e-7)),
-        Case("opacity 1/255, the floor itself, and next to it", with_opacities(FLOOR, FLOOR * (1 + 1e-5))),
-        Case("opacity 1", with_opacities(1.0, 1.0)),
+        StressCase("opacity 0 and denormal (1e-42)", with_opacities(0.0, 1e-42)),
+        StressCase("opacity 1e-8 and 1 - 1e-7", with_opacities(1e-8, 1.0 - 1e-7)),
+        StressCase("opacity 1/255, the floor itself, and next to it", with_opacities(FLOOR, FLOOR * (1 + 1e-5))),
+        StressCase("opacity 1", with_opacities(1.0, 1.0)),
         *(
-            Case(
+            StressCase(
                 f"{count:,} layers of opacity {opacity:g}",
                 partial(layers, count, opacity),
                 partial(view, 9, 7),
@@ -184,28 +188,28 @@ def _opacities() -> list[Case]:
     ]
 
 
-def _numbers() -> list[Case]:
+def _numbers() -> list[StressCase]:
     def with_quats(*lengths: float) -> Callable[[], Primitives]:
         return lambda: cloud()._replace(quats=with_lengths(cloud().quats, *lengths))
 
     return [
-        Case("quaternions of length 0 and 1", with_quats(0.0, 1.0)),
-        Case("quaternions denormal (1e-39) and 1e-9", with_quats(1e-39, 1e-9)),
-        Case("quaternions of length 1e-20 and 1e18", with_quats(1e-20, 1e18)),
-        Case("colours from -1 to 2", lambda: cloud()._replace(colors=3.0 * cloud().colors - 1.0)),
-        Case("a colour of 1e30", lambda: cloud()._replace(colors=with_every_third(cloud().colors, 1e30, 0.0))),
+        StressCase("quaternions of length 0 and 1", with_quats(0.0, 1.0)),
+        StressCase("quaternions denormal (1e-39) and 1e-9", with_quats(1e-39, 1e-9)),
+        StressCase("quaternions of length 1e-20 and 1e18", with_quats(1e-20, 1e18)),
+        StressCase("colours from -1 to 2", lambda: cloud()._replace(colors=3.0 * cloud().colors - 1.0)),
+        StressCase("a colour of 1e30", lambda: cloud()._replace(colors=with_every_third(cloud().colors, 1e30, 0.0))),
     ]
 
 
-def _frames() -> list[Case]:
+def _frames() -> list[StressCase]:
     return [
-        Case("no Gaussian", lambda: cloud(0)),
-        Case("one Gaussian", lambda: cloud(1)),
-        Case("1 x 1 image", cloud, lambda: view(1, 1)),
-        Case("1 x 130 image", cloud, lambda: view(1, 130)),
-        Case("130 x 1 image", cloud, lambda: view(130, 1)),
-        Case("not square, fx != fy, principal point off the middle", cloud, lambda: off_center(83, 29)),
-        Case("a large image of few Gaussians", lambda: cloud(4, scales=(0.1, 0.3)), lambda: view(512, 384)),
+        StressCase("no Gaussian", lambda: cloud(0)),
+        StressCase("one Gaussian", lambda: cloud(1)),
+        StressCase("1 x 1 image", cloud, lambda: view(1, 1)),
+        StressCase("1 x 130 image", cloud, lambda: view(1, 130)),
+        StressCase("130 x 1 image", cloud, lambda: view(130, 1)),
+        StressCase("not square, fx != fy, principal point off the middle", cloud, lambda: off_center(83, 29)),
+        StressCase("a large image of few Gaussians", lambda: cloud(4, scales=(0.1, 0.3)), lambda: view(512, 384)),
     ]
 
 

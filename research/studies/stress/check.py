@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
-from research.studies.stress.cases import Agreement, Case, Refusal, agreements, cases, refusals
+from research.studies.stress.cases import BitwiseCase, Refusal, StressCase, agreements, cases, refusals
 from research.studies.stress.scenes import NEAR, cloud, tied, view
 from surrogate.splatting import BACKENDS, Constants, Primitives, draw, reference
 
@@ -23,7 +23,7 @@ CROWD = 3000  # Gaussians: enough for every thread to have several portions
 Backend = Mapping[str, Any]  # options of `surrogate.splatting.render`
 
 
-class Drawn(NamedTuple):
+class PictureAndGradients(NamedTuple):
     """A picture, and the gradient of a fixed random functional of it by each attribute."""
 
     picture: Tensor  # [H, W, 5]: colour, alpha, depth
@@ -31,7 +31,7 @@ class Drawn(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CaseOutcome:
     """One row of the table, filled.
 
     Attributes
@@ -44,7 +44,7 @@ class Outcome:
     complaints : in words, what misses its bound; none where the row passes.
     """
 
-    case: Case | Agreement | Refusal
+    case: StressCase | BitwiseCase | Refusal
     image: float = 0.0
     gradients: Mapping[str, float] = field(default_factory=dict)
     finite: bool = True
@@ -58,14 +58,14 @@ class Outcome:
         return not self.complaints
 
 
-def draw_twin(case: Case) -> tuple[Tensor, Drawn]:
+def draw_twin(case: StressCase) -> tuple[Tensor, PictureAndGradients]:
     """The `certain_pixels` of a case, and the case drawn and differentiated in float64."""
     scene, camera = snapped(case.scene()), case.camera()
     certain = certain_pixels(scene, camera, case)
     return certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"})
 
 
-def check(case: Case, backend: Backend, twin: tuple[Tensor, Drawn] | None = None) -> Outcome:
+def check(case: StressCase, backend: Backend, twin: tuple[Tensor, PictureAndGradients] | None = None) -> CaseOutcome:
     """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one.
 
     `twin` is what `draw_twin` makes of the case, for who has it already.
@@ -76,7 +76,7 @@ def check(case: Case, backend: Backend, twin: tuple[Tensor, Drawn] | None = None
     difference = (got.picture.double() - true.picture).abs() / _units(true.picture)  # [H, W, 5]
     inside, outside = difference[certain], difference[~certain]
     pairs = zip(Primitives._fields, got.gradients, true.gradients, _gradient_units(scene, true.gradients), strict=True)
-    outcome = Outcome(
+    outcome = CaseOutcome(
         case,
         _largest(inside),
         {name: _relative(own, twins, unit) for name, own, twins, unit in pairs},
@@ -88,7 +88,7 @@ def check(case: Case, backend: Backend, twin: tuple[Tensor, Drawn] | None = None
     return replace(outcome, complaints=tuple(_complaints(outcome, case, got.picture)))
 
 
-def check_agreement(agreement: Agreement, backend: Backend) -> Outcome:
+def check_agreement(agreement: BitwiseCase, backend: Backend) -> CaseOutcome:
     """A picture and its gradients, of Gaussians of which many lie at one depth, must not differ by a bit."""
     scene = Primitives(*(tensor.float() for tensor in tied(CROWD)))
     camera, certain = view(130, 90), torch.ones(90, 130, dtype=torch.bool)
@@ -102,10 +102,10 @@ def check_agreement(agreement: Agreement, backend: Backend) -> Outcome:
         for name, a, b in zip(Primitives._fields, first.gradients, again.gradients, strict=True)
         if not torch.equal(a, b.to(a))
     ]
-    return Outcome(agreement, complaints=tuple(complaints))
+    return CaseOutcome(agreement, complaints=tuple(complaints))
 
 
-def check_refusal(refusal: Refusal, backend: Backend) -> Outcome:
+def check_refusal(refusal: Refusal, backend: Backend) -> CaseOutcome:
     """A number that is not finite must be named, and nothing drawn."""
     scene = Primitives(*(tensor.float() for tensor in cloud()))
     getattr(scene, refusal.attribute)[refusal.row] = refusal.value
@@ -113,8 +113,8 @@ def check_refusal(refusal: Refusal, backend: Backend) -> Outcome:
         draw(scene, view(), Constants(NEAR), **backend)
     except ValueError as error:
         named = f"{refusal.attribute} of Gaussian {refusal.row}" in str(error)
-        return Outcome(refusal, complaints=() if named else (f"the error does not name it: {error}",))
-    return Outcome(refusal, complaints=("it was drawn",))
+        return CaseOutcome(refusal, complaints=() if named else (f"the error does not name it: {error}",))
+    return CaseOutcome(refusal, complaints=("it was drawn",))
 
 
 def snapped(primitives: Primitives) -> Primitives:
@@ -122,7 +122,7 @@ def snapped(primitives: Primitives) -> Primitives:
     return Primitives(*(tensor.float().double() for tensor in primitives))
 
 
-def certain_pixels(scene: Primitives, camera: Camera, case: Case) -> Tensor:
+def certain_pixels(scene: Primitives, camera: Camera, case: StressCase) -> Tensor:
     """Pixels (H, W) in which nothing that is reached lies within `MARGIN` of the alpha floor or of the least transmittance."""
     constants = case.constants
     splats = reference.project(scene, camera, replace(constants, alpha_floor=case.alpha_floor * (1 - MARGIN)))
@@ -141,7 +141,7 @@ def certain_pixels(scene: Primitives, camera: Camera, case: Case) -> Tensor:
 
 def _drawn(
     scene: Primitives, camera: Camera, certain: Tensor, constants: Constants, options: Mapping[str, Any]
-) -> Drawn:
+) -> PictureAndGradients:
     device = "cuda" if options.get("backend") == "cuda" else "cpu"
     leaves = Primitives(*(tensor.detach().clone().to(device).requires_grad_() for tensor in scene))
     drawn = draw(leaves, camera, constants, depth=True, **options)
@@ -151,7 +151,9 @@ def _drawn(
     weights = torch.randn(picture.shape, generator=random, dtype=torch.float64) * certain[..., None]
     scale = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])  # depth is a second picture: its gradients are those of a colour
     value = (picture * (weights * scale).to(picture)).sum()
-    return Drawn(picture.detach(), Primitives(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves))))
+    return PictureAndGradients(
+        picture.detach(), Primitives(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves)))
+    )
 
 
 def _units(picture: Tensor) -> Tensor:
@@ -183,7 +185,7 @@ def _largest(tensor: Tensor) -> float:
     return float(tensor.abs().max()) if tensor.numel() else 0.0
 
 
-def _complaints(outcome: Outcome, case: Case, picture: Tensor) -> Iterator[str]:
+def _complaints(outcome: CaseOutcome, case: StressCase, picture: Tensor) -> Iterator[str]:
     if not outcome.finite:
         yield "not finite"
     if not outcome.image <= case.image:
@@ -202,14 +204,14 @@ def _complaints(outcome: Outcome, case: Case, picture: Tensor) -> Iterator[str]:
 
 
 def tables(
-    backends: Mapping[str, Backend], tell: Callable[[str, Outcome], None] = lambda *_: None
-) -> dict[str, list[Outcome]]:
+    backends: Mapping[str, Backend], tell: Callable[[str, CaseOutcome], None] = lambda *_: None
+) -> dict[str, list[CaseOutcome]]:
     """Hold backends to every row, each by its name; `tell` hears of each outcome.  The twin draws a case once for all."""
     compiled = [getattr(BACKENDS.get(b.get("backend", "cpu")), "COMPILED", None) for b in backends.values()]
     floors = {constants["alpha_floor"] for constants in compiled if constants}  # gsplat has but one alpha floor
-    found: dict[str, list[Outcome]] = {name: [] for name in backends}
+    found: dict[str, list[CaseOutcome]] = {name: [] for name in backends}
     drawn = (case for case in cases() if floors <= {case.constants.alpha_floor})
-    checks: Iterator[Callable[[Backend], Outcome]] = itertools.chain(
+    checks: Iterator[Callable[[Backend], CaseOutcome]] = itertools.chain(
         (partial(check, case, twin=draw_twin(case)) for case in drawn),
         (partial(check_agreement, row) for row in agreements()),
         (partial(check_refusal, row) for row in refusals()),

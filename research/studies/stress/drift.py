@@ -41,7 +41,7 @@ class Image(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Snapshot:
+class DriftSnapshot:
     """Where a run stands: its centres (N, 3) in float64, the mean loss since the last snapshot, PSNR at images held out."""
 
     step: int
@@ -54,9 +54,9 @@ class Snapshot:
 class Drift:
     """Three runs that looked at the same images in the same order, at the same steps."""
 
-    exact: list[Snapshot]  # float64, the reference backend
-    rounded: list[Snapshot]  # float32, the backend that is tested
-    nudged: list[Snapshot]  # float64, from a start that was rounded otherwise
+    exact: list[DriftSnapshot]  # float64, the reference backend
+    rounded: list[DriftSnapshot]  # float32, the backend that is tested
+    nudged: list[DriftSnapshot]  # float64, from a start that was rounded otherwise
 
     def distances(self) -> list[tuple[int, float, float]]:
         """At each snapshot: its step, and the root mean square distance of float32's centres, and of the nudged, from float64's."""
@@ -104,7 +104,7 @@ def _run(
     backend: str,
     steps: int,
     change: Callable[[Tensor], Tensor] = lambda tensor: tensor,
-) -> list[Snapshot]:
+) -> list[DriftSnapshot]:
     settings = TrainingSettings(gaussians=GAUSSIANS, deformation_steps=steps, latent_size=4, hidden_width=16)
     gaussians = _start()
     deformation = BilinearDeformation.create(gaussians, 1, settings)
@@ -128,7 +128,7 @@ def _run(
             with torch.no_grad():
                 means = stage.tensors["means"].double().clone()
                 error = np.mean([float((drawn(i).double() - i.pixels).square().mean()) for i in judge])
-            snapshots.append(Snapshot(step, means, float(np.mean(losses)), decibels(float(error))))
+            snapshots.append(DriftSnapshot(step, means, float(np.mean(losses)), decibels(float(error))))
             losses = []
     return snapshots
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.files import durable
-from research.studies.stress.cases import Agreement, Case, Refusal
-from research.studies.stress.check import MARGIN, Outcome
+from research.studies.stress.cases import BitwiseCase, Refusal, StressCase
+from research.studies.stress.check import MARGIN, CaseOutcome
 from research.studies.stress.drift import MOST_DECIBELS, MOST_TIMES, Drift
 from research.studies.stress.functions import FunctionCase, FunctionOutcome
 from research.wrapping import wrapped
@@ -74,7 +74,7 @@ LIMITS = """## Limits
 
 def write(
     folder: Path,
-    tables: Mapping[str, Sequence[Outcome]],
+    tables: Mapping[str, Sequence[CaseOutcome]],
     drift: Drift | None,
     functions: Sequence[FunctionOutcome] = (),
 ) -> None:
@@ -85,10 +85,12 @@ def write(
     durable.replace(folder / PAGE, wrapped(_page(tables, drift, functions)).encode())
 
 
-def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None, functions: Sequence[FunctionOutcome]) -> str:
+def _page(
+    tables: Mapping[str, Sequence[CaseOutcome]], drift: Drift | None, functions: Sequence[FunctionOutcome]
+) -> str:
     rows = list(zip(*tables.values(), strict=True))  # a row holds an outcome of each backend
-    drawn = [row for row in rows if isinstance(row[0].case, Case)]
-    every: list[tuple[str, Outcome | FunctionOutcome]] = [(name, o) for name, of in tables.items() for o in of]
+    drawn = [row for row in rows if isinstance(row[0].case, StressCase)]
+    every: list[tuple[str, CaseOutcome | FunctionOutcome]] = [(name, o) for name, of in tables.items() for o in of]
     every += [("values", o) for o in functions]
     missed, on = [(name, o) for name, o in every if not o.passed], machine()
     verdict = f"{len(missed)} rows are missed." if missed else "All rows hold."
@@ -112,7 +114,7 @@ def _page(tables: Mapping[str, Sequence[Outcome]], drift: Drift | None, function
         "Where bounds differ from the usual ones:",
         _reasons([row[0].case for row in drawn]),
         AGREEMENTS,
-        _verdicts("bit for bit the same", [row for row in rows if isinstance(row[0].case, Agreement)]),
+        _verdicts("bit for bit the same", [row for row in rows if isinstance(row[0].case, BitwiseCase)]),
         REFUSALS,
         _verdicts("refused by name", [row for row in rows if isinstance(row[0].case, Refusal)]),
         *_function_blocks(functions),
@@ -138,14 +140,14 @@ def _function_blocks(functions: Sequence[FunctionOutcome]) -> list[str]:
     return [said, shown, "Where bounds differ from the usual ones:", _reasons([o.case for o in functions])]
 
 
-def _reasons(cases: Sequence[Case | FunctionCase]) -> str:
+def _reasons(cases: Sequence[StressCase | FunctionCase]) -> str:
     reasons = dict.fromkeys(case.why for case in cases if case.why)
     rows = [(why, "; ".join(case.name for case in cases if case.why == why)) for why in reasons]
     return table_of(rows, ("reason", lambda row: row[0]), ("rows", lambda row: row[1]))
 
 
-def _verdicts(heading: str, rows: Sequence[Sequence[Outcome]]) -> str:
-    def verdict(row: Sequence[Outcome]) -> str:
+def _verdicts(heading: str, rows: Sequence[Sequence[CaseOutcome]]) -> str:
+    def verdict(row: Sequence[CaseOutcome]) -> str:
         complaints = [complaint for outcome in row for complaint in outcome.complaints]
         return f"**no**: {'; '.join(complaints)}" if complaints else "yes"
 
@@ -173,7 +175,7 @@ def _drift_blocks(drift: Drift) -> list[str]:
     return [DRIFT.format(decibels=MOST_DECIBELS, times=MOST_TIMES), shown, verdict]
 
 
-def _picture(outcomes: Sequence[Outcome]) -> bytes:
+def _picture(outcomes: Sequence[CaseOutcome]) -> bytes:
     """A small picture of every case over white, its name above, framed in red where it is missed."""
     from matplotlib.figure import Figure
 

@@ -18,7 +18,7 @@ from surrogate.evaluation.trivial.mixtures import MemberPictures
 
 
 @dataclass(frozen=True, eq=False)
-class Trained:
+class TrainedSettings:
     """The trained settings: names of S appearances, and their visualization parameters as a network sees them.
 
     The base is one of them where it has such parameters: among transfer functions, but not among isovalues.
@@ -28,7 +28,7 @@ class Trained:
     places: NDArray[np.float64]  # [S, V]
 
     @classmethod
-    def of(cls, variation: Variation) -> Trained:
+    def of(cls, variation: Variation) -> TrainedSettings:
         """All trained settings."""
         known = {s.appearance: variation.normalize(s.values) for s in variation.settings if s.split == "train"}
         base = variation.normalize(None)
@@ -36,10 +36,10 @@ class Trained:
             known[variation.base] = base
         return cls(tuple(known), np.array(list(known.values())))
 
-    def among(self, appearances: Sequence[str]) -> Trained:
+    def among(self, appearances: Sequence[str]) -> TrainedSettings:
         """The settings that are among `appearances`."""
         kept = [i for i, name in enumerate(self.appearances) if name in appearances]
-        return Trained(tuple(self.appearances[i] for i in kept), self.places[kept])
+        return TrainedSettings(tuple(self.appearances[i] for i in kept), self.places[kept])
 
     def __len__(self) -> int:
         return len(self.appearances)
@@ -65,14 +65,14 @@ class TrainedPictures:
     @classmethod
     def of(cls, variation: Variation, space: ParameterSpace, members: Sequence[Member]) -> TrainedPictures | None:
         """Those of `members`; None where no training member shows all trained settings."""
-        trained = set(Trained.of(variation).appearances)
+        trained = set(TrainedSettings.of(variation).appearances)
         whole = [m for m in members if m.split == "train" and trained <= set(m.appearances)]
         return cls(variation, MemberPictures(space, variation.base, whole)) if whole else None
 
     @cached_property
-    def trained(self) -> Trained:
+    def trained(self) -> TrainedSettings:
         """All of the variation's."""
-        return Trained.of(self.variation)
+        return TrainedSettings.of(self.variation)
 
     def stored(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`: member by member, all settings of each."""
@@ -97,9 +97,9 @@ class SettingPictures:
     variation: Variation
 
     @cached_property
-    def trained(self) -> Trained:
+    def trained(self) -> TrainedSettings:
         """All of the variation's."""
-        return Trained.of(self.variation)
+        return TrainedSettings.of(self.variation)
 
     def stored(self, case: Case) -> list[tuple[Member, str, int]]:
         """See `Sources`; none of a member that shows no trained setting."""
@@ -113,6 +113,6 @@ class SettingPictures:
         """See `Sources`."""
         return self.variation.normalize(self.variation.values_of(case.varied))
 
-    def shown(self, member: Member) -> Trained:
+    def shown(self, member: Member) -> TrainedSettings:
         """The trained settings that a member shows."""
         return self.trained.among(member.appearances)

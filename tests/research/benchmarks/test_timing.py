@@ -7,19 +7,19 @@ import time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from research.benchmarks.timing import Measured, digits, measured, measured_in_turn
+from research.benchmarks.timing import MeasuredTime, digits, measured, measured_in_turn
 
 
 @given(st.lists(st.floats(0.001, 1e6), min_size=1, max_size=30))
 def test_summary_against_sorting(times: list[float]) -> None:
     ordered = sorted(times)
     middle = (ordered[(len(times) - 1) // 2] + ordered[len(times) // 2]) / 2
-    assert Measured.of(times) == (middle, ordered[0], ordered[-1])
+    assert MeasuredTime.of(times) == (middle, ordered[0], ordered[-1])
 
 
 def test_digits() -> None:
     assert [digits(x) for x in (0.01234, 1.234, 12.34, 1234.5)] == ["0.012", "1.23", "12.3", "1,234"]
-    assert str(Measured(1.234, 1.0, 20.0)) == "1.23 (1.00 to 20.0)"
+    assert str(MeasuredTime(1.234, 1.0, 20.0)) == "1.23 (1.00 to 20.0)"
 
 
 def test_measured_counts_the_calls_it_takes() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from catalogs.store.catalog import Catalog
 from research.studies import ceiling as module
-from research.studies.ceiling import Subject, line, measure_ceiling, subjects
+from research.studies.ceiling import UpperBoundSubject, line, measure_ceiling, subjects
 from research.studies.progress import StudyProgress
 from surrogate.initialization.pictures import central_member
 from surrogate.model import Surrogate
@@ -95,7 +95,7 @@ def test_an_interruption_keeps_what_is_finished(
 ) -> None:
     path, fit, fitted = tmp_path, module._fitted_alone, []
 
-    def interrupted(settings: TrainingSettings, source: Source, subject: Subject, watch: object) -> dict:
+    def interrupted(settings: TrainingSettings, source: Source, subject: UpperBoundSubject, watch: object) -> dict:
         if len(fitted) == 1:
             fitted.append("interrupted")
             raise KeyboardInterrupt

@@ -17,12 +17,12 @@ from catalogs.engines.address import opened
 from catalogs.engines.engine import Task
 from research.studies.__main__ import main
 from research.studies.ablation.experiments import BaseExperiment
-from research.studies.ablation.study import Study as Ablation
+from research.studies.ablation.study import AblationStudy
 from research.studies.baselines.method import Plan
 from research.studies.comparison.contestants import OurSurrogate, Published
-from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result
-from research.studies.comparison.study import Study as Comparison
-from research.studies.comparison.task import Task as Pictures
+from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, ComparisonResult
+from research.studies.comparison.study import ComparisonStudy
+from research.studies.comparison.task import ComparisonTask
 from research.studies.progress import StudyProgress
 from research.studies.remote import OnOneCore, train_on
 from research.studies.repeats.run import repeat
@@ -77,16 +77,16 @@ def test_a_training_on_a_worker_takes_one_core() -> None:
 
 
 @pytest.fixture
-def pictures(make_catalog: MakeCatalog) -> Pictures:
-    return Pictures.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
+def pictures(make_catalog: MakeCatalog) -> ComparisonTask:
+    return ComparisonTask.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
 
 
-def test_who_takes_the_steps_of_another_is_trained_after_it(pictures: Pictures, tmp_path: Path) -> None:
+def test_who_takes_the_steps_of_another_is_trained_after_it(pictures: ComparisonTask, tmp_path: Path) -> None:
     first = Published(replace(mean_method("first"), official_steps=25))
     second = OurSurrogate("second", "", "", {"fit_to_need": False, "color_degree": 0}, steps_of="first")
-    told = list[Result]()
+    told = list[ComparisonResult]()
     folders = tmp_path / "comparison", tmp_path / "records" / "blobs", tmp_path / "records"
-    study = Comparison(pictures, *folders, [second, first], [AS_PUBLISHED], 1, Plan(1))
+    study = ComparisonStudy(pictures, *folders, [second, first], [AS_PUBLISHED], 1, Plan(1))
     study.run(tell=told.append, engine=InTurn())
     assert [(result.method, result.error) for result in told] == [(TRIVIAL, ""), ("first", ""), ("second", "")]
     assert told[1].steps == told[2].steps == 25
@@ -180,7 +180,7 @@ def test_a_training_whose_worker_is_killed_goes_on_on_another_one(make_catalog: 
 def test_an_ablation_is_as_here(make_catalog: MakeCatalog, tmp_path: Path) -> None:
     catalog = make_catalog(Blobs(count=3, size=16), members=MEMBERS)
     told = list[Any]()
-    study = Ablation(BaseExperiment(SCENE, catalog), tmp_path, seconds=0.3, seeds=1, only=["joint"])
+    study = AblationStudy(BaseExperiment(SCENE, catalog), tmp_path, seconds=0.3, seeds=1, only=["joint"])
     study.run(engine=InTurn(), tell=told.append)
     assert len(told) == len(study.variants)
     study.run(engine=InTurn(), tell=partial(pytest.fail, "made again"))

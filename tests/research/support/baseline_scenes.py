@@ -7,7 +7,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.vocabulary.cameras import Camera, icosphere
-from research.studies.baselines.method import Pictures
+from research.studies.baselines.method import TrainingImages
 
 CENTERS = np.array([[0.45, 0.0, 0.15], [-0.3, 0.4, -0.2], [-0.2, -0.4, 0.1]])
 COLORS = np.array([[0.9, 0.2, 0.1], [0.15, 0.7, 0.25], [0.2, 0.3, 0.9]])
@@ -49,7 +49,7 @@ def cameras_around(views: int, size: int) -> list[Camera]:
 
 def ball_pictures(
     parameters: ArrayLike, views: int = 4, size: int = 16, background: tuple[float, float, float] | None = None
-) -> Pictures:
+) -> TrainingImages:
     """Pictures of K members with `parameters` (K, P) from each of `views` cameras; opaque ones with a `background`.
 
     Points are a coarse sample of the balls of the first member.
@@ -62,7 +62,7 @@ def ball_pictures(
         pictures[..., 3] = 1.0
     random = np.random.default_rng(0)
     points = centers_at(members[0])[:, None] + 0.6 * RADIUS * random.normal(size=(3, 100, 3))  # [3, 100, 3]
-    return Pictures(
+    return TrainingImages(
         pixels=(pictures * 255.0 + 0.5).astype(np.uint8),
         cameras=cameras,
         views=torch.arange(views).repeat(len(members)),
@@ -74,13 +74,13 @@ def ball_pictures(
     )
 
 
-def psnr_over(pictures: Pictures, number: int, found: NDArray[np.float32]) -> float:
+def psnr_over(pictures: TrainingImages, number: int, found: NDArray[np.float32]) -> float:
     """PSNR in dB of a premultiplied picture (H, W, 4) beside one of `pictures`, both over what pictures are judged on."""
     shown = np.clip(found[..., :3] + (1.0 - found[..., 3:]) * np.array(pictures.behind), 0.0, 1.0)
     return float(-10.0 * np.log10(np.mean((shown - pictures.over([number])[0].numpy()) ** 2)))
 
 
-def psnr_of_mean(pictures: Pictures) -> float:
+def psnr_of_mean(pictures: TrainingImages) -> float:
     """PSNR in dB of the mean image beside all pictures."""
     true = pictures.over(range(len(pictures))).numpy()  # [M, H, W, 3]
     return float(-10.0 * np.log10(np.mean((true - true.mean(axis=0)) ** 2)))

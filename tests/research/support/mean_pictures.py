@@ -8,14 +8,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from research.studies.baselines.method import Fit, Method, Pictures, Plan, Prepared, Renderer
+from research.studies.baselines.method import Fit, Method, Plan, Prepared, Renderer, TrainingImages
 from research.studies.baselines.state import State
 
 
 class MeanPicture:
     """The running mean of the pictures that were drawn so far; `loss` says what each step returns."""
 
-    def __init__(self, pictures: Pictures, plan: Plan, prepared: Prepared, loss: Callable[[int], float]) -> None:
+    def __init__(self, pictures: TrainingImages, plan: Plan, prepared: Prepared, loss: Callable[[int], float]) -> None:
         self.pictures, self.plan, self.prepared, self._loss = pictures, plan, prepared, loss
         self.mean, self.steps = np.zeros(pictures.pixels.shape[1:], dtype=np.float32), 0
 
@@ -48,11 +48,11 @@ class MeanPicture:
 def mean_method(
     name: str = "mean",
     loss: Callable[[int], float] = lambda _: 0.5,
-    prepare: Callable[[Pictures, int], Prepared] | None = None,
+    prepare: Callable[[TrainingImages, int], Prepared] | None = None,
 ) -> Method:
     """The method."""
 
-    def begin(pictures: Pictures, plan: Plan, prepared: Prepared) -> Fit:
+    def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared) -> Fit:
         return MeanPicture(pictures, plan, prepared, loss)
 
     return Method(name, "The mean", "nobody", 1000, begin, prepare)

@@ -15,9 +15,16 @@ from typing import Any
 
 from research.benchmarks.page import DOCS, PROJECT, command_line, stopwatch
 from research.benchmarks.training.fidelity import ensembles, page
-from research.benchmarks.training.fidelity.fitting import Subject, catalog_of, fit, is_fitted, provenance, settings_of
+from research.benchmarks.training.fidelity.fitting import (
+    MemberImages,
+    catalog_of,
+    fit,
+    is_fitted,
+    provenance,
+    settings_of,
+)
 from research.benchmarks.training.fidelity.rules import study
-from research.benchmarks.training.fidelity.variants import VARIANTS, Variant
+from research.benchmarks.training.fidelity.variants import VARIANTS, FidelityVariant
 from surrogate.splatting.threads import one_torch_thread
 from surrogate.storage.records import write_json
 
@@ -51,7 +58,7 @@ def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> Non
     if catalog is None:
         say(f"{scene}: not there; make it with `make dataset SCENE={scene}`")
         return
-    subject, made = Subject.of(scene, catalog), provenance()
+    subject, made = MemberImages.of(scene, catalog), provenance()
     for variant in VARIANTS:
         path = folder / scene / f"{variant.key}.json"
         if is_fitted(path, settings_of(variant, scale)):
@@ -63,7 +70,7 @@ def measure(scene: str, runs: Path, folder: Path, scale: float, say: Any) -> Non
         write_json(path, record)
 
 
-def stored(folder: Path) -> dict[Variant, dict[str, Any]]:
+def stored(folder: Path) -> dict[FidelityVariant, dict[str, Any]]:
     """The results that are there."""
     found = {}
     for variant in VARIANTS:

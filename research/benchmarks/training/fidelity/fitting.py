@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from catalogs.store.catalog import Catalog
 from research.benchmarks.page import commit
-from research.benchmarks.training.fidelity.variants import ACTIVATIONS, GAUSSIANS, STEPS, Variant, with_activation
+from research.benchmarks.training.fidelity.variants import (
+    ACTIVATIONS,
+    GAUSSIANS,
+    STEPS,
+    FidelityVariant,
+    with_activation,
+)
 from surrogate.evaluation.metrics import WHITE, psnr
 from surrogate.gaussians import Gaussians, Normalization
 from surrogate.initialization.pictures import Points
@@ -31,7 +37,7 @@ POINTS = 6  # of a curve
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class MemberImages:
     """One training member of a scene: its images by split, and where Gaussians start."""
 
     scene: str
@@ -42,7 +48,7 @@ class Subject:
     background: tuple[float, float, float] | None
 
     @classmethod
-    def of(cls, scene: str, catalog: Catalog) -> Subject:
+    def of(cls, scene: str, catalog: Catalog) -> MemberImages:
         """The training member in the middle of the list."""
         members = [member for member in catalog.members if member.split == "train"]
         member, plan = members[len(members) // 2], catalog.plan
@@ -60,14 +66,14 @@ class Subject:
         return cls(scene, member.name, examples, normalization.points(plan.bounds), points, plan.background)
 
 
-class Fit(NamedTuple):
+class MemberFit(NamedTuple):
     """What came out: JSON values, and the Gaussians."""
 
     record: dict[str, Any]
     gaussians: Gaussians
 
 
-def fit(subject: Subject, variant: Variant, scale: float, say: Callable[[str], None]) -> Fit:
+def fit(subject: MemberImages, variant: FidelityVariant, scale: float, say: Callable[[str], None]) -> MemberFit:
     """Fit one variant with `scale` times its steps."""
     settings = settings_of(variant, scale)
     gaussians = _start(subject, settings, variant.activation)
@@ -94,10 +100,10 @@ def fit(subject: Subject, variant: Variant, scale: float, say: Callable[[str], N
         **{split: judge(subject, stage, settings, split) for split in ("train", "validation", "test")},
         "half_size": judge(subject, stage, settings, "validation", halved=True),
     }
-    return Fit(record, final)
+    return MemberFit(record, final)
 
 
-def settings_of(variant: Variant, scale: float) -> TrainingSettings:
+def settings_of(variant: FidelityVariant, scale: float) -> TrainingSettings:
     """The settings of a variant; no deformation."""
     base = TrainingSettings(gaussians=GAUSSIANS, canonical_steps=STEPS, deformation_steps=0)
     chosen = base.changed(**variant.settings)
@@ -114,7 +120,7 @@ def is_fitted(path: Path, settings: TrainingSettings) -> bool:
 
 
 def judge(
-    subject: Subject, stage: Stage, settings: TrainingSettings, split: str, *, halved: bool = False
+    subject: MemberImages, stage: Stage, settings: TrainingSettings, split: str, *, halved: bool = False
 ) -> float | None:
     """Mean PSNR over the images of a split, in dB; `halved` in width and height, where each pixel is the mean of four."""
     rasterizer, behind = Rasterizer.of(settings), subject.background or WHITE
@@ -131,7 +137,7 @@ def judge(
     return float(np.mean(scores)) if scores else None
 
 
-def _start(subject: Subject, settings: TrainingSettings, activation: str) -> Gaussians:
+def _start(subject: MemberImages, settings: TrainingSettings, activation: str) -> Gaussians:
     some = subject.examples["train"][::8]
     gaussians = initial_gaussians(settings, subject.box, subject.points, foreground_color(some, subject.background))
     gaussians.opacity_logits.fill_(ACTIVATIONS[activation].number(FIRST_OPACITY))

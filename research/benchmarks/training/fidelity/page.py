@@ -12,11 +12,11 @@ from research.benchmarks.page import fill, page_in, table
 from research.benchmarks.splatting.figures import COLORS, MARKERS, panels
 from research.benchmarks.splatting.workloads import thousands
 from research.benchmarks.training.fidelity.ensembles import ensembles_table
-from research.benchmarks.training.fidelity.variants import BASE, Variant
+from research.benchmarks.training.fidelity.variants import BASE, FidelityVariant
 from surrogate.provenance import in_words
 
 PAGE, FIGURE = "volume_fidelity.md", "volume_fidelity.png"
-Results = Mapping[str, Mapping[Variant, Mapping[str, Any]]]
+Results = Mapping[str, Mapping[FidelityVariant, Mapping[str, Any]]]
 
 
 def write(output: Path, results: Results, ensembles: list[dict[str, Any]], say: Callable[[str], None]) -> None:
@@ -98,9 +98,9 @@ def _cells(record: Mapping[str, Any] | None, base: list[Mapping[str, Any]]) -> l
     ]
 
 
-def _rules(found: Mapping[Variant, Mapping[str, Any]]) -> dict[str, float]:
+def _rules(found: Mapping[FidelityVariant, Mapping[str, Any]]) -> dict[str, float]:
     return next(dict(r["rules"]) for v, r in found.items() if v.group == BASE and "rules" in r)
 
 
-def _is_first(variant: Variant, every: list[Variant]) -> bool:
+def _is_first(variant: FidelityVariant, every: list[FidelityVariant]) -> bool:
     return next(v for v in every if v.group == variant.group) == variant

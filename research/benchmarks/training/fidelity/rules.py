@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from catalogs.vocabulary.cameras import Camera
-from research.benchmarks.training.fidelity.fitting import Subject
+from research.benchmarks.training.fidelity.fitting import MemberImages
 from surrogate.evaluation.metrics import decibels
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer, primitives
@@ -33,7 +33,7 @@ VIEWS = 4
 PIXELS = 192  # of each view, where there is something to see
 
 
-def study(subject: Subject, gaussians: Gaussians, settings: TrainingSettings) -> dict[str, Any]:
+def study(subject: MemberImages, gaussians: Gaussians, settings: TrainingSettings) -> dict[str, Any]:
     """Mean differences over some validation views, in dB, and the model's own error at the same pixels."""
     found = []
     for example in _spread(subject.examples["validation"], VIEWS):
@@ -46,7 +46,7 @@ def study(subject: Subject, gaussians: Gaussians, settings: TrainingSettings) ->
     return {name: float(np.mean([one[name] for one in found])) for name in found[0]}
 
 
-class Rays(NamedTuple):
+class RayCrossings(NamedTuple):
     """M Gaussians (front to back by centres) along the rays of P pixels."""
 
     alphas: Array  # [P, M], exact along the ray: opacity times the largest density
@@ -91,7 +91,7 @@ def differences(found: Mapping[str, Array]) -> dict[str, float]:
     return {rule: decibels(float(np.mean((found[rule] - found[base]) ** 2))) for rule, base in departures.items()}
 
 
-def along_rays(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64]) -> Rays:
+def along_rays(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64]) -> RayCrossings:
     """Where and how densely each ray meets each Gaussian."""
     directions = np.stack(
         [
@@ -109,10 +109,10 @@ def along_rays(gaussians: Gaussians, camera: Camera, pixels: NDArray[np.int64]) 
     lengths = np.einsum("pmi,pmi->pm", v, v)  # [P, M]
     distances = np.square(np.cross(u[None], v)).sum(axis=2) / lengths  # [P, M]
     places = -np.einsum("mi,pmi->pm", u, v) / lengths  # [P, M]
-    return Rays(gaussians.opacities().numpy() * np.exp(-0.5 * distances), places, 1.0 / np.sqrt(lengths))
+    return RayCrossings(gaussians.opacities().numpy() * np.exp(-0.5 * distances), places, 1.0 / np.sqrt(lengths))
 
 
-def integrated(rays: Rays, colors: Array) -> Array:
+def integrated(rays: RayCrossings, colors: Array) -> Array:
     """Premultiplied RGBA (P, 4) of the mixture that the Gaussians are together: emission and absorption along each ray.
 
     A Gaussian's optical depth -ln(1 - alpha) is spread along the ray by its own profile; where several overlap, light passes

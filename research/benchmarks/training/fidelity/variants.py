@@ -44,7 +44,7 @@ def with_activation(gaussians: Gaussians, name: str) -> Gaussians:
 
 
 @dataclass(frozen=True, eq=False)
-class Variant:
+class FidelityVariant:
     """One fit.
 
     Attributes
@@ -65,17 +65,17 @@ class Variant:
         return "".join(c if c.isalnum() or c in ".-" else "_" for c in f"{self.group}-{self.name}")
 
 
-def _variants() -> list[Variant]:
+def _variants() -> list[FidelityVariant]:
     still = {"relocation_interval": 0}
     return [
-        Variant(BASE, "seed 0"),
-        *(Variant(BASE, f"seed {seed}", {"seed": seed}) for seed in (1, 2)),
-        *(Variant("Gaussians", f"{n:,}", {"gaussians": n}) for n in (5_000, 10_000, 40_000, 80_000)),
-        *(Variant("steps", f"{n:,}", {"canonical_steps": n}) for n in (3_000, 12_000, 24_000)),
-        Variant("colour degree", "1", {"color_degree": 1}),
-        Variant("opacity (none relocated)", "sigmoid", still),
-        Variant("opacity (none relocated)", "1 - exp(-exp x)", still, "optical depth"),
-        Variant("opacity (none relocated)", "x cut to [0, 1]", still, "cut"),
+        FidelityVariant(BASE, "seed 0"),
+        *(FidelityVariant(BASE, f"seed {seed}", {"seed": seed}) for seed in (1, 2)),
+        *(FidelityVariant("Gaussians", f"{n:,}", {"gaussians": n}) for n in (5_000, 10_000, 40_000, 80_000)),
+        *(FidelityVariant("steps", f"{n:,}", {"canonical_steps": n}) for n in (3_000, 12_000, 24_000)),
+        FidelityVariant("colour degree", "1", {"color_degree": 1}),
+        FidelityVariant("opacity (none relocated)", "sigmoid", still),
+        FidelityVariant("opacity (none relocated)", "1 - exp(-exp x)", still, "optical depth"),
+        FidelityVariant("opacity (none relocated)", "x cut to [0, 1]", still, "cut"),
     ]
 
 

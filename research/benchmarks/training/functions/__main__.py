@@ -19,8 +19,8 @@ from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering
 from catalogs.vocabulary.scene import Scene
 from research.benchmarks.page import command_line, made_by, stopwatch
 from research.benchmarks.training.functions.asked import KNOWN_MARKS, TRAINED, Marks, asked_functions
-from research.benchmarks.training.functions.measured import Shown, rows_table, save, shown
-from research.benchmarks.training.functions.truth import Wanted, truth
+from research.benchmarks.training.functions.measured import FunctionScores, rows_table, save, shown
+from research.benchmarks.training.functions.truth import TruthRequest, truth
 from surrogate.evaluation.novelty import SeenValues
 from surrogate.model import Surrogate
 from surrogate.storage.runs import RunFolder
@@ -74,11 +74,11 @@ def measured(
     numbers = [surrogate.training["settings"]["seed"] for surrogate in surrogates]
     if records is not None and len(set(numbers)) < len(numbers):
         raise ValueError(f"each RUN must hold another seed, whose record it is kept in, got the seeds {numbers}")
-    wanted = Wanted.of(asked, catalog, base, functions, members, views)
+    wanted = TruthRequest.of(asked, catalog, base, functions, members, views)
     pictures = truth(wanted, runs[0], say)
     names = [member.name for member in wanted.members]
     about = {"members": names, "views": list(wanted.views)}
-    seeds: list[list[Shown]] = []
+    seeds: list[list[FunctionScores]] = []
     for run, surrogate in zip(runs, surrogates, strict=True):
         say(f"scoring {run}")
         begun = time.process_time()

@@ -26,7 +26,7 @@ KIND, VERSION, FOLDER = "functions", 1, "functions"  # of a scene's records
 
 
 @dataclass(frozen=True)
-class Shown:
+class FunctionScores:
     """How well one function is shown, of all images of a catalog: dB but for `ssim`, `novelty` and `images`.
 
     Attributes
@@ -54,7 +54,7 @@ def shown(
     members: Sequence[str],
     functions: Mapping[str, TransferFunction],
     seen: SeenValues | None,
-) -> list[Shown]:
+) -> list[FunctionScores]:
     """Each function on all pictures of `truth` of these members; raises ValueError where the surrogate can't show any function."""
     known, views, found = [truth.member(name) for name in members], range(len(truth.plan.cameras)), []
     for name, function in functions.items():
@@ -68,8 +68,8 @@ def shown(
     return found
 
 
-def _shown(name: str, scored: Sequence[Scored], instead: Sequence[Scored], novelty: float | None) -> Shown:
-    return Shown(
+def _shown(name: str, scored: Sequence[Scored], instead: Sequence[Scored], novelty: float | None) -> FunctionScores:
+    return FunctionScores(
         name,
         psnr=float(np.mean([s.score.psnr for s in scored])),
         worst=min(s.score.psnr for s in scored),
@@ -81,18 +81,20 @@ def _shown(name: str, scored: Sequence[Scored], instead: Sequence[Scored], novel
     )
 
 
-def unseen(rows: Sequence[Shown]) -> list[Shown]:
+def unseen(rows: Sequence[FunctionScores]) -> list[FunctionScores]:
     """Those that a mean is taken of: not the trained function, nor the peak."""
     return [row for row in rows if row.function not in (TRAINED, PEAK)]
 
 
-def mean_and_worst(rows: Sequence[Shown]) -> tuple[float, float]:
+def mean_and_worst(rows: Sequence[FunctionScores]) -> tuple[float, float]:
     """Of the means of the functions never seen, their mean and the worst, dB."""
     means = [row.psnr for row in unseen(rows)]
     return float(np.mean(means)), min(means)
 
 
-def save(records: Path, surrogate: Surrogate, rows: Sequence[Shown], about: Mapping[str, Any], seconds: float) -> Path:
+def save(
+    records: Path, surrogate: Surrogate, rows: Sequence[FunctionScores], about: Mapping[str, Any], seconds: float
+) -> Path:
     """Keep the rows of one seed in the folder of a scene's records; returns where."""
     settings = dict(surrogate.training["settings"])
     key = {"seed": settings["seed"], "fingerprint": surrogate.training["fingerprint"], "settings": settings}
@@ -102,18 +104,20 @@ def save(records: Path, surrogate: Surrogate, rows: Sequence[Shown], about: Mapp
     return path
 
 
-def load(records: Path, settings: Mapping[str, Any]) -> list[tuple[Record, list[Shown]]]:
+def load(records: Path, settings: Mapping[str, Any]) -> list[tuple[Record, list[FunctionScores]]]:
     """What is kept of all seeds of these settings, by seed."""
     kept = Record.load_all(records / FOLDER, KIND, VERSION).values()
     same = [record for record in kept if _but_seed(record.key["settings"]) == _but_seed(settings)]
-    return [(r, [Shown(**row) for row in r.values["functions"]]) for r in sorted(same, key=lambda r: r.key["seed"])]
+    return [
+        (r, [FunctionScores(**row) for row in r.values["functions"]]) for r in sorted(same, key=lambda r: r.key["seed"])
+    ]
 
 
 def _but_seed(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if name != "seed"}
 
 
-def rows_table(seeds: Sequence[Sequence[Shown]]) -> str:
+def rows_table(seeds: Sequence[Sequence[FunctionScores]]) -> str:
     """A row for each function, means ± standard deviations over seeds, and one for the mean of those never seen."""
 
     def spread(values: Sequence[float | None]) -> str:
@@ -121,7 +125,7 @@ def rows_table(seeds: Sequence[Sequence[Shown]]) -> str:
         deviation = f" ± {np.std(known, ddof=1):.2f}" if len(known) > 1 else ""
         return number(float(np.mean(known)) if known else None) + deviation
 
-    def of(rows: Sequence[Shown]) -> list[str]:
+    def of(rows: Sequence[FunctionScores]) -> list[str]:
         first = rows[0]
         return [
             first.function,

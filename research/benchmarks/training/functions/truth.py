@@ -24,7 +24,7 @@ VERSION = 1  # of how these pictures are made
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class TruthRequest:
     """What is to be rendered.
 
     Attributes
@@ -55,7 +55,7 @@ class Wanted:
         functions: Mapping[str, TransferFunction],
         members: int,
         views: int,
-    ) -> Wanted:
+    ) -> TruthRequest:
         """At most so many test members and test views, evenly spread.
 
         Raises ValueError where the scene's fields can't be had again, or the catalog has no test members or shared test views.
@@ -96,7 +96,7 @@ class Wanted:
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def truth(wanted: Wanted, run: Path, say: Callable[[str], None] = lambda _: None) -> Catalog:
+def truth(wanted: TruthRequest, run: Path, say: Callable[[str], None] = lambda _: None) -> Catalog:
     """A catalog with these pictures, and maybe of more members, in the folder of a run; only what is missing is rendered."""
     path = run / FOLDER / f"{wanted.mark}.cdb"
     catalog = Catalog.open(path) if path.is_dir() else None
@@ -111,12 +111,12 @@ def truth(wanted: Wanted, run: Path, say: Callable[[str], None] = lambda _: None
     return Catalog.open(path)
 
 
-def _fields(wanted: Wanted, member: PlannedMember) -> Fields:
+def _fields(wanted: TruthRequest, member: PlannedMember) -> Fields:
     data = wanted.ensemble.source.field(member, lambda _: None)
     return as_fields(data, [wanted.base], known=wanted.catalog.plan.appearances)
 
 
-def _created(path: Path, wanted: Wanted, first: Fields) -> Catalog:
+def _created(path: Path, wanted: TruthRequest, first: Fields) -> Catalog:
     """The catalog without members; its sample distances are those that the fields of the first one need."""
     plan, grid = wanted.catalog.plan, first.shown_by(wanted.base)
     cameras = tuple(plan.cameras[view] for view in wanted.views)

@@ -5,15 +5,15 @@ import pytest
 from research.benchmarks.results.ablations import GROUPS, group_of, study_section
 from research.benchmarks.results.studies import BASE, VISUALIZATION, StudyResults, kinds_of
 from research.studies.ablation.comparison import rows_of
-from research.studies.ablation.records import Result
+from research.studies.ablation.records import AblationResult
 from research.studies.ablation.variants import VARIANTS, VISUALIZATION_VARIANTS
 from surrogate.storage.records import Provenance
 
 
-def results(name: str, *psnr: float, steps: int = 100, error: str = "") -> list[Result]:
+def results(name: str, *psnr: float, steps: int = 100, error: str = "") -> list[AblationResult]:
     made = {"provenance": Provenance("bead", "", {"processor": "abacus", "cores": 1}), "deformation_steps": steps}
     return [
-        Result(
+        AblationResult(
             name, seed, 60.0, "mark", {"seed": seed}, psnr=value, ssim=0.9, seconds=60.0, images=8, error=error, **made
         )
         for seed, value in enumerate(psnr)

@@ -10,7 +10,7 @@ import pytest
 from research.benchmarks.results.comparison import main, page, plots
 from research.studies.comparison import tuning
 from research.studies.comparison.pictures import TRUTH
-from research.studies.comparison.result import AS_PUBLISHED, Result, save
+from research.studies.comparison.result import AS_PUBLISHED, ComparisonResult, save
 from surrogate.storage.records import Provenance
 from tests.research.support.compared_pictures import keep_pictures
 
@@ -20,7 +20,7 @@ CELLS = {"both": {"psnr": 30.0, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "imag
 @pytest.fixture
 def records(tmp_path: Path) -> Path:
     for scene, method in (("one", "ours"), ("one", "visnerf"), ("two", "k-planes")):
-        result = Result(
+        result = ComparisonResult(
             method, 5.0, 0, "small", "float32", "mark", cells=CELLS, curve=[[1.0, 9.0], [300.0, 30.0]], steps=9
         )
         save(tmp_path / scene, result)
@@ -37,9 +37,9 @@ def test_every_scene_has_a_section_and_rates_stand_below(records: Path) -> None:
 
 
 def test_who_was_trained_where_is_said_where_machines_differ(records: Path) -> None:
-    def made(method: str, instructions: str) -> Result:
+    def made(method: str, instructions: str) -> ComparisonResult:
         machine = {"processor": "P", "instructions": instructions, "cores": 1}
-        result = Result(method, 5.0, 0, "small", "float32", "mark", cells=CELLS, steps=9)
+        result = ComparisonResult(method, 5.0, 0, "small", "float32", "mark", cells=CELLS, steps=9)
         return replace(result, provenance=Provenance("c0ffee", "code", machine, "", 1.0))
 
     for one in (made("ours", "avx2"), made("visnerf", "avx512"), made("k-planes", "avx512")):
@@ -54,7 +54,7 @@ def test_the_table_of_published_steps_is_empty_until_it_is_run(records: Path) ->
     assert "| this surrogate, in as many steps as GS-Surrogate | 80,000 | – | – | – |" in text
     save(
         records / "one",
-        Result("visnerf", AS_PUBLISHED, 0, "official", "float32", "mark", "cuda", cells=CELLS, steps=90_000),
+        ComparisonResult("visnerf", AS_PUBLISHED, 0, "official", "float32", "mark", "cuda", cells=CELLS, steps=90_000),
     )
     text = page(records, ["one", "two"], [])
     assert "| sizes and steps as published, cuda |" in text

@@ -5,15 +5,15 @@ from pathlib import Path
 from research.benchmarks.results.functions import functions_section
 from research.benchmarks.results.scenes import SceneResults
 from research.benchmarks.training.functions.asked import PEAK, TRAINED
-from research.benchmarks.training.functions.measured import KIND, VERSION, Shown
+from research.benchmarks.training.functions.measured import KIND, VERSION, FunctionScores
 from surrogate.storage.records import Provenance, Record
 
 MADE = Provenance("bead", "", {"processor": "abacus", "cores": 1})
 
 
-def seed(number: int, **psnr: float) -> tuple[Record, list[Shown]]:
+def seed(number: int, **psnr: float) -> tuple[Record, list[FunctionScores]]:
     names = {"peak": PEAK}
-    rows = [Shown(names.get(n, n), v, v - 5.0, None, 0.9, 20.0, None, 24) for n, v in psnr.items()]
+    rows = [FunctionScores(names.get(n, n), v, v - 5.0, None, 0.9, 20.0, None, 24) for n, v in psnr.items()]
     return Record(KIND, VERSION, {"seed": number}, {}, MADE), rows
 
 

@@ -6,7 +6,7 @@ from research.benchmarks.results.gaps import Gap
 from research.benchmarks.results.protocol import PROTOCOL, Trainings, gaps
 from research.studies.baselines.method import Precision
 from research.studies.comparison.methods import USUAL
-from research.studies.comparison.result import Result
+from research.studies.comparison.result import ComparisonResult
 
 SOME = (
     Trainings(("one", "two"), 5.0, seeds=2, methods=("ours", "visnerf")),
@@ -14,8 +14,10 @@ SOME = (
 )
 
 
-def result(method: str, minutes: float, seed: int, error: str = "", precision: Precision = "float32") -> Result:
-    return Result(method, minutes, seed, "small", precision, "mark", error=error)
+def result(
+    method: str, minutes: float, seed: int, error: str = "", precision: Precision = "float32"
+) -> ComparisonResult:
+    return ComparisonResult(method, minutes, seed, "small", precision, "mark", error=error)
 
 
 def test_what_no_result_is_of_is_missing() -> None:

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from research.benchmarks.splatting.twin import (
-    Counted,
     Errors,
-    Twin,
+    InteractionCounts,
+    ReferenceDrawing,
     ask,
     decibels,
     gradient_error,
@@ -70,7 +70,7 @@ def test_a_pixel_at_the_floor_is_undecided() -> None:
 def test_errors_of_known_differences() -> None:
     pixels = torch.arange(4)
     truth, none = torch.zeros(4, 4, dtype=torch.float64), torch.zeros(4, dtype=torch.bool)
-    twin = Twin(pixels, truth, none, truth, (torch.tensor([2.0, -4.0]),), Counted(4, 4, 4, 4))
+    twin = ReferenceDrawing(pixels, truth, none, truth, (torch.tensor([2.0, -4.0]),), InteractionCounts(4, 4, 4, 4))
     picture = truth.clone()
     picture[1, 2] = -0.4
     errors = image_errors(picture, twin)

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from research.studies.ablation.comparison import Row, rows_of, standard_error
-from research.studies.ablation.records import Result
+from research.studies.ablation.comparison import VariantRow, rows_of, standard_error
+from research.studies.ablation.records import AblationResult
 from research.studies.ablation.table import equal_steps, page, plot, unequal_times, verdict
 from research.studies.ablation.variants import VARIANTS
 
 NAMED = {variant.name: variant for variant in VARIANTS}
 
 
-def results(name: str, scores: Sequence[float], error: str = "") -> list[Result]:
+def results(name: str, scores: Sequence[float], error: str = "") -> list[AblationResult]:
     made = {"canonical_steps": 10, "deformation_steps": 30, "seconds": 2.0, "ssim": 0.9, "images": 8, "gaussians": 50}
-    kept = [Result(name, seed, 2.0, "mark", {}, psnr=psnr, **made) for seed, psnr in enumerate(scores)]
-    return kept + ([Result(name, len(scores), 2.0, "mark", {}, error=error)] if error else [])
+    kept = [AblationResult(name, seed, 2.0, "mark", {}, psnr=psnr, **made) for seed, psnr in enumerate(scores)]
+    return kept + ([AblationResult(name, len(scores), 2.0, "mark", {}, error=error)] if error else [])
 
 
-def rows(**scores: Sequence[float]) -> dict[str, Row]:
+def rows(**scores: Sequence[float]) -> dict[str, VariantRow]:
     found = rows_of({NAMED[n.replace("_", "-")]: results(n.replace("_", "-"), s) for n, s in scores.items()})
     return {row.variant.name: row for row in found}
 

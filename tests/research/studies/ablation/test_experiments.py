@@ -8,7 +8,7 @@ import torch
 
 from catalogs.store.catalog import Catalog
 from research.studies.ablation.experiments import VisualizationExperiment, score
-from research.studies.ablation.records import Result
+from research.studies.ablation.records import AblationResult
 from research.studies.ablation.study import ablate
 from research.studies.ablation.variants import DEFAULT, VISUALIZATION_VARIANTS
 from surrogate.deformation import BilinearDeformation, ValuesDeformation
@@ -54,7 +54,7 @@ def test_the_first_variant_is_the_default_and_all_others_change_something() -> N
 def test_only_f_vis_is_trained_and_by_as_many_steps_as_fit(
     experiment: VisualizationExperiment, surrogate: Surrogate, tmp_path: Path
 ) -> None:
-    found: list[Result] = []
+    found: list[AblationResult] = []
     ablate("blobs", experiment, tmp_path, tell=found.append, seconds=0.4, seeds=1, only=["surface-samples-1"])
     assert [result.variant for result in found] == ["default", "surface-samples-1"]
     for result in found:

@@ -18,8 +18,8 @@ from catalogs.store.catalog import Catalog
 from research.studies.ablation import experiments
 from research.studies.ablation import study as module
 from research.studies.ablation.experiments import BaseExperiment, base_settings
-from research.studies.ablation.records import Result
-from research.studies.ablation.study import LOCK, Study, ablate
+from research.studies.ablation.records import AblationResult
+from research.studies.ablation.study import LOCK, AblationStudy, ablate
 from research.studies.ablation.timing import StepTimes, clock
 from research.studies.ablation.variants import Variant
 from research.studies.progress import StudyProgress
@@ -41,11 +41,11 @@ def catalog(make_catalog) -> Catalog:
 
 
 @pytest.fixture
-def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[Result]]:
+def conduct(catalog: Catalog, tmp_path: Path) -> Callable[..., list[AblationResult]]:
     """Runs a study in `tmp_path`; returns what was fitted now."""
 
-    def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[Result]:
-        fitted: list[Result] = []
+    def run(settings: TrainingSettings = SCENE, *, data: Catalog = catalog, **options: object) -> list[AblationResult]:
+        fitted: list[AblationResult] = []
         ablate(
             "blobs",
             BaseExperiment(settings, data),
@@ -68,11 +68,13 @@ def given_step_times(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Experiments that take no time, for tests of which of them are done."""
-    monkeypatch.setattr(module.Study, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1})
+    monkeypatch.setattr(
+        module.AblationStudy, "_fit", lambda *_: {"psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": 0.1}
+    )
     monkeypatch.setattr("research.studies.ablation.table.plot", lambda _: None)
 
 
-def names(results: list[Result]) -> list[tuple[str, int]]:
+def names(results: list[AblationResult]) -> list[tuple[str, int]]:
     return [(result.variant, result.seed) for result in results]
 
 
@@ -126,7 +128,7 @@ def test_records_answer_on_another_machine_unless_other_code_made_them(
     catalog: Catalog, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fitted_in(folder: str) -> list[tuple[str, int]]:
-        told: list[Result] = []
+        told: list[AblationResult] = []
         options = {"records": tmp_path / "kept", "seconds": BUDGET, "seeds": 1, "only": ["joint"]}
         ablate("blobs", BaseExperiment(SCENE, catalog), tmp_path / folder, tell=told.append, **options)
         return names(told)
@@ -164,7 +166,7 @@ def test_what_took_the_steps_of_a_repeated_fit_is_repeated_in_the_same_run(
 ) -> None:
     steps = {"default": 10, "samples-2": 1, "default-in-samples-2-steps": 1}
     monkeypatch.setattr(
-        module.Study,
+        module.AblationStudy,
         "_fit",
         lambda _, variant, *__: {"deformation_steps": steps[variant.name], "psnr": 20.0, "seconds": BUDGET},
     )
@@ -268,9 +270,9 @@ def test_what_another_process_finished_meanwhile_is_not_fitted_again(
 
 
 def fitted_after(event: Callable[[str], None]) -> Callable[..., dict]:
-    """In place of `Study._fit`: `event` gets the name of the fitted variant."""
+    """In place of `AblationStudy._fit`: `event` gets the name of the fitted variant."""
 
-    def fit(study: Study, variant: Variant, *_: object) -> dict:
+    def fit(study: AblationStudy, variant: Variant, *_: object) -> dict:
         event(variant.name)
         return {"deformation_steps": 10, "psnr": 20.0, "ssim": 0.5, "images": 1, "seconds": BUDGET}
 
@@ -285,7 +287,7 @@ def test_what_a_killed_process_was_fitting_is_taken_over_in_the_end(
     with contextlib.ExitStack() as other:
         other.enter_context(locked(taken))
         killed = fitted_after(lambda name: other.close() if name == "joint" else None)
-        monkeypatch.setattr(module.Study, "_fit", killed)
+        monkeypatch.setattr(module.AblationStudy, "_fit", killed)
         assert names(conduct(only=["joint", "no-relocation"])) == [("default", 0), ("joint", 0), ("no-relocation", 0)]
     assert not (taken / "surrogate").exists()
 
@@ -294,7 +296,7 @@ def test_what_a_killed_process_was_fitting_is_taken_over_in_the_end(
 def test_what_takes_the_steps_of_a_fit_under_way_waits_for_it_or_is_left_too(
     conduct, at_once, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finishes: bool
 ) -> None:
-    monkeypatch.setattr(module.Study, "_fit", fitted_after(lambda _: None))
+    monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(lambda _: None))
     conduct(only=["samples-2"])
     whole = (tmp_path / "samples-2.seed0.json").read_bytes()
     (tmp_path / "samples-2.seed0.json").unlink()
@@ -306,7 +308,7 @@ def test_what_takes_the_steps_of_a_fit_under_way_waits_for_it_or_is_left_too(
                 (tmp_path / "samples-2.seed0.json").write_bytes(whole)
                 other.close()
 
-        monkeypatch.setattr(module.Study, "_fit", fitted_after(event))
+        monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(event))
         now = [("no-relocation", 0), ("default-in-samples-2-steps", 0)]
         assert names(conduct(only=["no-relocation", "default-in-samples-2-steps"])) == (now if finishes else now[:1])
     assert "no result" not in (tmp_path / "ablation.md").read_text()
@@ -324,7 +326,7 @@ def test_what_fails_is_tried_again_by_one_process_of_several_that_began_together
         if name == "joint":
             raise ValueError("it never works")
 
-    monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
+    monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(fails))
     conduct(only=["no-relocation", "joint"])
     (tmp_path / "no-relocation.seed0.json").unlink()
     conduct(only=["no-relocation", "joint"])
@@ -340,7 +342,7 @@ def test_a_late_result_stays_where_its_repetition_fails(
     def fails(_: str) -> None:
         raise MemoryError("no room")
 
-    monkeypatch.setattr(module.Study, "_fit", fitted_after(fails))
+    monkeypatch.setattr(module.AblationStudy, "_fit", fitted_after(fails))
     (failed,) = conduct(only=["default"], again=True)
     assert failed.error == "MemoryError: no room"
     assert (tmp_path / "default.seed0.json").read_bytes() == before
@@ -405,7 +407,7 @@ def test_nothing_is_chosen_on_the_way(catalog: Catalog) -> None:
 )
 def test_impossible_studies_are_refused(catalog: Catalog, tmp_path: Path, options: dict, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        Study(BaseExperiment(SCENE, catalog), tmp_path, **options)
+        AblationStudy(BaseExperiment(SCENE, catalog), tmp_path, **options)
 
 
 def test_a_catalog_without_validation_images_is_refused(make_catalog, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from torch import Tensor
 from catalogs.vocabulary.cameras import Camera
 from research.studies.baselines import canonical
 from research.studies.baselines.canonical import HarmonicGaussians
-from research.studies.baselines.method import Pictures
+from research.studies.baselines.method import TrainingImages
 from research.studies.baselines.spherical_harmonics import C0
 from surrogate.gaussians import Gaussians
 from surrogate.rasterizer import Rasterizer
@@ -33,13 +33,13 @@ def some_gaussians(count: int = 30, seed: int = 0) -> HarmonicGaussians:
     )
 
 
-def without_points(pictures: Pictures) -> Pictures:
-    return Pictures(
+def without_points(pictures: TrainingImages) -> TrainingImages:
+    return TrainingImages(
         pictures.pixels, pictures.cameras, pictures.views, pictures.parameters, pictures.box, pictures.background
     )
 
 
-def mean_psnr(pictures: Pictures, gaussians: HarmonicGaussians) -> float:
+def mean_psnr(pictures: TrainingImages, gaussians: HarmonicGaussians) -> float:
     pairs = [(i, gaussians.picture(pictures.camera(i), pictures.background)) for i in range(len(pictures))]
     return float(np.mean([psnr_over(pictures, i, picture) for i, picture in pairs]))
 

@@ -11,18 +11,18 @@ from torch import Tensor, nn
 
 from research.studies.baselines import canonical, gs_surrogate
 from research.studies.baselines.canonical import HarmonicGaussians
-from research.studies.baselines.gs_surrogate import METHOD, Architecture, GSSurrogate, HardMining, Recipe
-from research.studies.baselines.method import Pictures, Plan
+from research.studies.baselines.gs_surrogate import METHOD, GSSurrogate, GSSurrogateArchitecture, HardMining, Recipe
+from research.studies.baselines.method import Plan, TrainingImages
 from surrogate.training.losses import structural_similarity
 from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 NARROW = (16, 32)  # widths of the features and of the hidden layers
 
 
-def begun(pictures: Pictures, plan: Plan, recipe: Recipe | None = None, gaussians: int = 60) -> GSSurrogate:
+def begun(pictures: TrainingImages, plan: Plan, recipe: Recipe | None = None, gaussians: int = 60) -> GSSurrogate:
     """A training of a narrow network from Gaussians that have not learnt anything."""
     start = canonical.initial(pictures, 0, gaussians).tensors()
-    return GSSurrogate(pictures, plan, start, Architecture(pictures.parameters.shape[1], *NARROW), recipe)
+    return GSSurrogate(pictures, plan, start, GSSurrogateArchitecture(pictures.parameters.shape[1], *NARROW), recipe)
 
 
 def copied(fit: GSSurrogate) -> dict[str, Tensor]:
@@ -41,12 +41,12 @@ def test_the_official_network_has_as_many_numbers_as_the_authors_code(parameters
     heads = sum(layer(512, 512) + layer(512, columns, normalized=False) for columns in (3, 3, 4, 1, 48))
     expected = position + condition + adapter + backbone + heads
     assert expected == 2_406_715 + 2_560 * parameters  # of their modules, which were run
-    found = Architecture(parameters).initial(np.random.default_rng(0))
+    found = GSSurrogateArchitecture(parameters).initial(np.random.default_rng(0))
     assert sum(tensor.numel() for tensor in found.values()) == expected
 
 
 def test_layers_start_as_those_of_torch_and_last_ones_of_adapter_and_heads_at_zero() -> None:
-    found = Architecture(2).initial(np.random.default_rng(0))
+    found = GSSurrogateArchitecture(2).initial(np.random.default_rng(0))
     for name, tensor in found.items():
         network, layer, part = name.split(".")
         still = layer == "1" and network not in ("position", "parameters", "backbone")
@@ -93,7 +93,7 @@ def published(parts: Mapping[str, nn.Sequential], places: Tensor, parameters: Te
 @torch.no_grad()
 def test_offsets_are_those_of_the_published_network() -> None:
     random = np.random.default_rng(3)
-    architecture = Architecture(2, *NARROW)
+    architecture = GSSurrogateArchitecture(2, *NARROW)
     drawn = {name: random.normal(0.0, 0.3, t.shape) for name, t in architecture.initial(random).items()}
     networks = {name: torch.from_numpy(values).to(torch.float32) for name, values in drawn.items()}
     places, parameters = torch.from_numpy(random.uniform(-0.2, 0.2, (7, 3))).float(), torch.tensor([-0.5, 0.8])
@@ -302,7 +302,7 @@ def test_training_draws_the_worst_picture_most_often(monkeypatch: pytest.MonkeyP
     drawn: list[int] = []
     compared = canonical.compared
 
-    def noted(of: Pictures, picture: int) -> Tensor:
+    def noted(of: TrainingImages, picture: int) -> Tensor:
         drawn.append(picture)
         return compared(of, picture)
 
@@ -316,7 +316,9 @@ def test_pictures_of_the_same_parameters_cost_one_evaluation(monkeypatch: pytest
     evaluated: list[Tensor] = []
     offsets = gs_surrogate.offsets
 
-    def counted(networks: Mapping[str, Tensor], architecture: Architecture, places: Tensor, at: Tensor) -> object:
+    def counted(
+        networks: Mapping[str, Tensor], architecture: GSSurrogateArchitecture, places: Tensor, at: Tensor
+    ) -> object:
         evaluated.append(at)
         return offsets(networks, architecture, places, at)
 
@@ -355,13 +357,13 @@ def test_what_was_prepared_is_left_alone_and_must_be_complete() -> None:
     pictures = ball_pictures([[-1.0], [1.0]])
     start = canonical.initial(pictures, 0, 40).tensors()
     kept = {name: tensor.clone() for name, tensor in start.items()}
-    fit = GSSurrogate(pictures, Plan(2), start, Architecture(1, *NARROW))
+    fit = GSSurrogate(pictures, Plan(2), start, GSSurrogateArchitecture(1, *NARROW))
     fit.advance()
     assert all(torch.equal(start[name], kept[name]) for name in kept)
     assert not torch.equal(fit.tensors()["harmonics"], kept["harmonics"])
     del start["quats"]
     with pytest.raises(KeyError, match="quats"):
-        GSSurrogate(pictures, Plan(2), start, Architecture(1, *NARROW))
+        GSSurrogate(pictures, Plan(2), start, GSSurrogateArchitecture(1, *NARROW))
 
 
 def test_both_sizes_of_the_method_are_the_published_one() -> None:
@@ -377,7 +379,7 @@ def test_both_sizes_of_the_method_are_the_published_one() -> None:
 def test_bfloat16_computes_nearly_the_same_offsets_and_gradients() -> None:
     """Sums of gradients over thousands of Gaussians, which bfloat16 could not hold, are exact."""
     random = np.random.default_rng(1)
-    architecture = Architecture(1, *NARROW)
+    architecture = GSSurrogateArchitecture(1, *NARROW)
     networks = architecture.initial(random)
     for name, tensor in networks.items():
         still = not tensor.any() and name.endswith(("weights", "biases"))
@@ -414,7 +416,7 @@ def test_a_moving_ball_is_learnt_better_than_any_still_gaussians_can_show_it() -
     pictures = ball_pictures([[-1.0], [0.0], [1.0]], views=3, size=12)
     start = canonical.prepare(pictures, 0, count=60, steps=100)
     plan = Plan(130)
-    fit = GSSurrogate(pictures, plan, start, Architecture(1, 32, 64), Recipe(rate=1e-3))
+    fit = GSSurrogate(pictures, plan, start, GSSurrogateArchitecture(1, 32, 64), Recipe(rate=1e-3))
 
     def mean_psnr() -> float:
         shown = [fit.at(pictures.parameters[i])(pictures.camera(i)) for i in range(len(pictures))]

@@ -13,7 +13,7 @@ from research.studies.baselines.hexplane_field import (
     GEOMETRY,
     OUTPUTS,
     HexPlaneDeformation,
-    Level,
+    PlaneLevel,
     box_of,
     hats,
     penalty,
@@ -33,11 +33,11 @@ def with_random_planes(parameters: int, box: Tensor = UNIT_BOX) -> HexPlaneDefor
     """All planes around 1, so that no product of many vanishes."""
     random = torch.Generator().manual_seed(parameters)
     deformation = created(parameters, box)
-    levels = [Level(*(0.5 + torch.rand(t.shape, generator=random) for t in level)) for level in deformation.levels]
-    return replace(deformation, levels=[Level(*(t.requires_grad_() for t in level)) for level in levels])
+    levels = [PlaneLevel(*(0.5 + torch.rand(t.shape, generator=random) for t in level)) for level in deformation.levels]
+    return replace(deformation, levels=[PlaneLevel(*(t.requires_grad_() for t in level)) for level in levels])
 
 
-def plain_planes(level: Level, parameters: int) -> dict[tuple[int, int], Tensor]:
+def plain_planes(level: PlaneLevel, parameters: int) -> dict[tuple[int, int], Tensor]:
     """Each plane by its two axes, (1, C, later, earlier): as the official code stores them."""
     planes = {axes: level.space[i] for i, axes in enumerate(combinations(range(3), 2))}
     planes |= {(axis, 3 + p): level.mixed[axis, :, :, p] for axis in range(3) for p in range(parameters)}

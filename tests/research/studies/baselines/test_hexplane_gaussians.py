@@ -7,17 +7,17 @@ from torch import Tensor
 
 from research.studies.baselines import canonical
 from research.studies.baselines.canonical import HarmonicGaussians
-from research.studies.baselines.hexplane_field import Level, penalty
+from research.studies.baselines.hexplane_field import PlaneLevel, penalty
 from research.studies.baselines.hexplane_gaussians import METHOD, MOVING_ALL, NAIVE, HexPlaneFit
-from research.studies.baselines.method import Pictures, Plan
+from research.studies.baselines.method import Plan, TrainingImages
 from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
 
-def canonical_of(pictures: Pictures, steps: int = 60) -> Mapping[str, Tensor]:
+def canonical_of(pictures: TrainingImages, steps: int = 60) -> Mapping[str, Tensor]:
     return canonical.prepare(pictures, 0, count=60, steps=steps)
 
 
-def mean_psnr(pictures: Pictures, fit: HexPlaneFit) -> float:
+def mean_psnr(pictures: TrainingImages, fit: HexPlaneFit) -> float:
     shown = [fit.at(pictures.parameters[i])(pictures.camera(i)) for i in range(len(pictures))]
     return float(np.mean([psnr_over(pictures, i, picture) for i, picture in enumerate(shown)]))
 
@@ -167,7 +167,7 @@ def test_the_loss_is_the_mean_difference_and_the_penalty(background: tuple[float
     pictures = ball_pictures([[-1.0, 0.5]], views=1, background=background)
     fit = HexPlaneFit(pictures, Plan(1), canonical_of(pictures, steps=2), naive=True)
     picture, tensors = fit.at(pictures.parameters[0])(pictures.camera(0)), fit.tensors()
-    levels = [Level(*(tensors[f"planes.{i}.{kind}"] for kind in Level._fields)) for i in range(2)]
+    levels = [PlaneLevel(*(tensors[f"planes.{i}.{kind}"] for kind in PlaneLevel._fields)) for i in range(2)]
     difference = np.abs(picture[..., :3] + (1.0 - picture[..., 3:]) * pictures.behind - pictures.over([0])[0].numpy())
     if background is None:
         alpha = np.abs(picture[..., 3:] - pictures.pixels[0, ..., 3:] / 255.0)

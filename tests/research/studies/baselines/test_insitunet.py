@@ -10,14 +10,14 @@ from catalogs.vocabulary.cameras import Camera
 from research.studies.baselines import insitunet
 from research.studies.baselines.insitunet import (
     METHOD,
-    Extent,
-    Training,
+    InSituNetTraining,
+    NetworkSize,
     discriminator_loss,
     encoded_view,
     generator_loss,
 )
-from research.studies.baselines.insitunet_networks import Architecture
-from research.studies.baselines.method import Pictures, Plan
+from research.studies.baselines.insitunet_networks import InSituNetArchitecture
+from research.studies.baselines.method import Plan, TrainingImages
 from research.studies.comparison.contestants import precision_here
 from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, psnr_over
 
@@ -25,30 +25,30 @@ from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, 
 @pytest.fixture
 def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """The small size with few channels, and narrow subnets: a step takes milliseconds."""
-    monkeypatch.setitem(insitunet.EXTENTS, "small", Extent(2, 4))
-    monkeypatch.setattr(insitunet, "Architecture", partial(Architecture, width=32))
+    monkeypatch.setitem(insitunet.EXTENTS, "small", NetworkSize(2, 4))
+    monkeypatch.setattr(insitunet, "InSituNetArchitecture", partial(InSituNetArchitecture, width=32))
 
 
 def small(steps: int = 1, **others: object) -> Plan:
     return Plan(steps, size="small", **others)  # type: ignore[arg-type]
 
 
-def begun(pictures: Pictures, plan: Plan) -> Training:
+def begun(pictures: TrainingImages, plan: Plan) -> InSituNetTraining:
     fit = METHOD.begin(pictures, plan, {})
-    assert isinstance(fit, Training)
+    assert isinstance(fit, InSituNetTraining)
     return fit
 
 
-def trained(pictures: Pictures, steps: int, **others: object) -> tuple[Training, list[float]]:
+def trained(pictures: TrainingImages, steps: int, **others: object) -> tuple[InSituNetTraining, list[float]]:
     fit = begun(pictures, small(steps, **others))
     return fit, [fit.advance() for _ in range(steps)]
 
 
-def picture(fit: Training, pictures: Pictures, number: int = 0) -> np.ndarray:
+def picture(fit: InSituNetTraining, pictures: TrainingImages, number: int = 0) -> np.ndarray:
     return fit.at(pictures.parameters[number])(pictures.camera(number))
 
 
-def psnr(fit: Training, pictures: Pictures) -> float:
+def psnr(fit: InSituNetTraining, pictures: TrainingImages) -> float:
     return float(np.mean([psnr_over(pictures, m, picture(fit, pictures, m)) for m in range(len(pictures))]))
 
 
@@ -134,8 +134,8 @@ def test_it_overfits_one_member() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("narrow")
 def test_members_are_learnt_and_those_between(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(insitunet.EXTENTS, "small", Extent(3, 4))
-    monkeypatch.setattr(insitunet, "Architecture", partial(Architecture, width=64))
+    monkeypatch.setitem(insitunet.EXTENTS, "small", NetworkSize(3, 4))
+    monkeypatch.setattr(insitunet, "InSituNetArchitecture", partial(InSituNetArchitecture, width=64))
     pictures = ball_pictures([[-1.0], [-0.4], [0.4], [1.0]], views=2)
     fit, _ = trained(pictures, 90, precision=precision_here("bfloat16", "cpu"))
     between = ball_pictures([[-0.7], [0.0], [0.7]], views=2)
@@ -201,13 +201,13 @@ def test_rates_are_constant_however_many_steps_are_planned() -> None:
 @pytest.mark.usefixtures("narrow")
 def test_every_picture_is_seen_once_an_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[int] = []
-    over = Pictures.over
+    over = TrainingImages.over
 
-    def noted(pictures: Pictures, chosen: list[int]) -> Tensor:
+    def noted(pictures: TrainingImages, chosen: list[int]) -> Tensor:
         seen.extend(chosen)
         return over(pictures, chosen)
 
-    monkeypatch.setattr(Pictures, "over", noted)
+    monkeypatch.setattr(TrainingImages, "over", noted)
     for seed in (0, 1):
         trained(ball_pictures([[-1.0], [1.0]], views=3), 3, seed=seed)  # batches of 4
     assert sorted(seen[:6]) == sorted(seen[6:12]) == sorted(seen[12:18]) == list(range(6))
@@ -245,10 +245,10 @@ def test_bfloat16_changes_little_and_no_weight() -> None:
 @pytest.mark.usefixtures("narrow")
 def test_sizes_have_their_own_channels(monkeypatch: pytest.MonkeyPatch) -> None:
     assert insitunet.EXTENTS["official"] == (64, 50)
-    monkeypatch.setitem(insitunet.EXTENTS, "official", Extent(3, 3))
+    monkeypatch.setitem(insitunet.EXTENTS, "official", NetworkSize(3, 3))
     pictures = ball_pictures([[0.5]], views=2)
-    assert begun(pictures, Plan(1)).architecture == Architecture(16, 1, channels=3, width=32)
-    assert begun(pictures, small()).architecture == Architecture(16, 1, channels=2, width=32)
+    assert begun(pictures, Plan(1)).architecture == InSituNetArchitecture(16, 1, channels=3, width=32)
+    assert begun(pictures, small()).architecture == InSituNetArchitecture(16, 1, channels=2, width=32)
 
 
 @pytest.mark.usefixtures("narrow")
@@ -257,7 +257,7 @@ def test_pictures_of_other_shapes_are_an_error() -> None:
     fit = begun(pictures, small())
     with pytest.raises(ValueError, match="16 x 16 pixels, the camera 32 x 16"):
         fit.at(pictures.parameters[0])(pictures.camera(0).resized(16, 32))
-    wide = Pictures(
+    wide = TrainingImages(
         np.zeros((1, 16, 32, 4), np.uint8),
         [pictures.camera(0).resized(32, 16)],
         torch.zeros(1).long(),

@@ -5,11 +5,11 @@ from torch.nn.functional import avg_pool2d, conv2d, linear
 
 from research.studies.baselines.insitunet_networks import (
     RESOLUTIONS,
-    Architecture,
     Discriminator,
     DiscriminatorBlock,
     Generator,
     GeneratorBlock,
+    InSituNetArchitecture,
     Subnets,
     start,
 )
@@ -31,7 +31,7 @@ def random_weights(network: nn.Module, seed: int = 0) -> nn.Module:
 def test_the_published_networks_have_the_published_sizes() -> None:
     """Three simulation parameters, three of the visualization, a view: the sizes that the official modules print."""
     with torch.device("meta"):
-        architecture = Architecture(256, 6, visualization=3)
+        architecture = InSituNetArchitecture(256, 6, visualization=3)
         assert size(Generator(architecture)) == 60_974_019
         assert size(Discriminator(architecture)) == 45_769_409
 
@@ -39,7 +39,7 @@ def test_the_published_networks_have_the_published_sizes() -> None:
 def test_other_resolutions_have_fewer_blocks_or_one_more() -> None:
     c = 64
     with torch.device("meta"):
-        sizes = {r: size(Generator(Architecture(r, 6, visualization=3))) for r in RESOLUTIONS}
+        sizes = {r: size(Generator(InSituNetArchitecture(r, 6, visualization=3))) for r in RESOLUTIONS}
     assert sizes[512] - sizes[256] == 2 * 9 * c * c + c * c + 2 * 2 * c  # one more from c to c channels
     last = 9 * 2 * c * c + 9 * c * c + 2 * c * c + 2 * 2 * c + 2 * c  # from 2 c to c channels, dropped
     assert (
@@ -50,7 +50,7 @@ def test_other_resolutions_have_fewer_blocks_or_one_more() -> None:
 @pytest.mark.parametrize("resolution", RESOLUTIONS)
 def test_both_networks_fit_pictures_of_every_resolution(resolution: int) -> None:
     with torch.device("meta"):
-        architecture = Architecture(resolution, 2)
+        architecture = InSituNetArchitecture(resolution, 2)
         drawn = Generator(architecture)(torch.zeros(5, 5))
         discriminator = Discriminator(architecture)
         assert drawn.shape == (5, 3, resolution, resolution)
@@ -61,18 +61,18 @@ def test_both_networks_fit_pictures_of_every_resolution(resolution: int) -> None
 @pytest.mark.parametrize("resolution", [4, 8, 24, 100, 1024])
 def test_other_resolutions_are_an_error(resolution: int) -> None:
     with pytest.raises(ValueError, match="square pictures of"):
-        Architecture(resolution, 1)
+        InSituNetArchitecture(resolution, 1)
 
 
 def test_there_are_no_more_visualization_parameters_than_parameters() -> None:
-    assert Architecture(16, 2, visualization=2).kinds == [2, 3]
+    assert InSituNetArchitecture(16, 2, visualization=2).kinds == [2, 3]
     for visualization in (-1, 3):
         with pytest.raises(ValueError, match="0 to 2"):
-            Architecture(16, 2, visualization=visualization)
+            InSituNetArchitecture(16, 2, visualization=visualization)
 
 
 def test_each_kind_of_parameter_has_its_own_subnet() -> None:
-    subnets = random_weights(Subnets(Architecture(16, 3, visualization=1, width=32)))
+    subnets = random_weights(Subnets(InSituNetArchitecture(16, 3, visualization=1, width=32)))
     conditions = torch.zeros(1, 6)
     before = subnets(conditions)
     for place, kind in enumerate([0, 0, 1, 2, 2, 2]):
@@ -114,7 +114,7 @@ def test_a_discriminator_block_follows_the_published_order(before: int, after: i
 
 
 def test_a_score_is_a_linear_map_and_a_projection() -> None:
-    discriminator = random_weights(Discriminator(Architecture(16, 1, channels=2, width=8)))
+    discriminator = random_weights(Discriminator(InSituNetArchitecture(16, 1, channels=2, width=8)))
     assert isinstance(discriminator, Discriminator)
     random = torch.Generator().manual_seed(2)
     conditions, shown = torch.rand(3, 4, generator=random), torch.rand(3, 3, 16, 16, generator=random)
@@ -125,8 +125,8 @@ def test_a_score_is_a_linear_map_and_a_projection() -> None:
 
 
 def test_networks_start_orthogonal_without_biases() -> None:
-    discriminator = random_weights(Discriminator(Architecture(16, 1, channels=2, width=8)))
-    generator = random_weights(Generator(Architecture(16, 1, channels=2, width=8)))
+    discriminator = random_weights(Discriminator(InSituNetArchitecture(16, 1, channels=2, width=8)))
+    generator = random_weights(Generator(InSituNetArchitecture(16, 1, channels=2, width=8)))
     before = torch.random.get_rng_state()
     for network in (generator, discriminator):
         start(network, torch.Generator().manual_seed(0))

@@ -10,14 +10,14 @@ from torch.nn.functional import mse_loss
 
 from catalogs.vocabulary.cameras import Camera
 from research.studies.baselines import kplanes
-from research.studies.baselines.kplanes import METHOD, NAIVE, KPlanes, Training, rate_at
-from research.studies.baselines.kplanes_field import OFFICIAL, SMALL, Architecture, Points
-from research.studies.baselines.kplanes_proposals import Samples, interlevel_loss
-from research.studies.baselines.method import Method, Pictures, Plan
+from research.studies.baselines.kplanes import METHOD, NAIVE, KPlanes, KPlanesTraining, rate_at
+from research.studies.baselines.kplanes_field import OFFICIAL, SMALL, KPlanesArchitecture, SamplePoints
+from research.studies.baselines.kplanes_proposals import WeightedSamples, interlevel_loss
+from research.studies.baselines.method import Method, Plan, TrainingImages
 from research.studies.baselines.rays import Rays
 from tests.research.support.baseline_scenes import ball_pictures, cameras_around, psnr_of_mean, psnr_over
 
-TINY = Architecture(
+TINY = KPlanesArchitecture(
     8, (8, 16), (16,), samples=(16, 12), rays=96, parameter_resolution=5, proposal_parameter_resolution=5
 )
 MEMBERS = {0: [[]], 1: [[-1.0], [1.0]], 3: [[-1.0, 1.0, 0.5]], 6: [[-1.0, 1.0, 0.5, 0.0, 0.3, -0.2]]}
@@ -29,20 +29,20 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kplanes, "SMALL", TINY)
 
 
-def training(pictures: Pictures, steps: int = 100, method: Method = METHOD, **options: object) -> Training:
+def training(pictures: TrainingImages, steps: int = 100, method: Method = METHOD, **options: object) -> KPlanesTraining:
     fit = method.begin(pictures, Plan(steps, **{"size": "small", **options}), {})
-    assert isinstance(fit, Training)
+    assert isinstance(fit, KPlanesTraining)
     return fit
 
 
-def trained(pictures: Pictures, steps: int, **options: object) -> Training:
+def trained(pictures: TrainingImages, steps: int, **options: object) -> KPlanesTraining:
     fit = training(pictures, steps, **options)
     for _ in range(steps):
         fit.advance()
     return fit
 
 
-def size_of(parameters: int, architecture: Architecture) -> int:
+def size_of(parameters: int, architecture: KPlanesArchitecture) -> int:
     with torch.device("meta"):
         return sum(tensor.numel() for tensor in KPlanes(parameters, architecture).parameters())
 
@@ -142,7 +142,7 @@ class Analytic(nn.Module):
         self.levels = nn.ModuleList()  # nothing to regularize
         self.field = field
 
-    def forward(self, points: Points, directions: Tensor, bfloat16: bool) -> tuple[Tensor, Tensor]:
+    def forward(self, points: SamplePoints, directions: Tensor, bfloat16: bool) -> tuple[Tensor, Tensor]:
         density, color = self.field(points.places, points.parameters, directions)
         return density.expand(points.places.shape[1:]), color.expand(*points.places.shape[1:], 3)
 
@@ -211,7 +211,7 @@ def test_a_picture_of_nothing_but_misses_is_empty() -> None:
     assert np.isfinite(fit.advance())
 
 
-def squared_errors(pictures: Pictures, steps: int) -> NDArray[np.float64]:
+def squared_errors(pictures: TrainingImages, steps: int) -> NDArray[np.float64]:
     """The losses of a field that is and stays perfectly transparent, without those of its planes."""
     fit = training(pictures, steps, rate=1e-30)
     with torch.no_grad():
@@ -222,7 +222,7 @@ def squared_errors(pictures: Pictures, steps: int) -> NDArray[np.float64]:
     return np.array([fit.advance() for _ in range(steps)]) - planes
 
 
-def whole(pictures: Pictures, value: int, alpha: int) -> Pictures:
+def whole(pictures: TrainingImages, value: int, alpha: int) -> TrainingImages:
     pixels = np.full_like(pictures.pixels, value)
     pixels[..., 3] = alpha
     return replace(pictures, pixels=pixels)
@@ -266,7 +266,7 @@ def test_the_loss_is_the_sum_of_its_parts(monkeypatch: pytest.MonkeyPatch) -> No
     fit = training(ball_pictures([[0.5]]), rate=1e-30)
     parts: list[float] = [float(fit.model.regularization().detach())]
 
-    def recorded(*pair: Samples) -> Tensor:
+    def recorded(*pair: WeightedSamples) -> Tensor:
         losses = interlevel_loss(*pair)
         assert 10 < len(losses) < TINY.rays
         parts.append(losses.sum().item() / (TINY.rays * TINY.samples[-1]))
@@ -293,7 +293,7 @@ def test_the_proposals_network_learns_every_other_step_at_first() -> None:
     assert moved == [1, 2, 3, 5, 7, 9]  # the rate of step 0 is 0, and the first 10 of 30,001 steps are 3.3 of 10,000
 
 
-def mean_psnr(fit: Training, pictures: Pictures) -> float:
+def mean_psnr(fit: KPlanesTraining, pictures: TrainingImages) -> float:
     chosen = range(len(pictures))
     return float(np.mean([psnr_over(pictures, i, fit.at(pictures.parameters[i])(pictures.camera(i))) for i in chosen]))
 

@@ -5,26 +5,26 @@ import pytest
 import torch
 
 from research.studies.baselines.kplanes_field import (
-    Architecture,
+    KPlanesArchitecture,
     Planes,
-    Points,
     ProposalField,
     RadianceField,
+    SamplePoints,
     density_of,
     perceptron,
 )
 from research.studies.baselines.spherical_harmonics import harmonics
 
-TINY = Architecture(4, (6, 8), (6,), (8, 6), 16, parameter_resolution=5, proposal_channels=3)
+TINY = KPlanesArchitecture(4, (6, 8), (6,), (8, 6), 16, parameter_resolution=5, proposal_channels=3)
 
 
-def some_points(parameters: int, rays: int = 5, samples: int = 7, reach: float = 1.0) -> Points:
+def some_points(parameters: int, rays: int = 5, samples: int = 7, reach: float = 1.0) -> SamplePoints:
     random = torch.Generator().manual_seed(parameters)
     places = reach * (2.0 * torch.rand(3, rays, samples, generator=random) - 1.0)
-    return Points(places, reach * (2.0 * torch.rand(parameters, rays, generator=random) - 1.0))
+    return SamplePoints(places, reach * (2.0 * torch.rand(parameters, rays, generator=random) - 1.0))
 
 
-def coordinates(points: Points) -> np.ndarray:
+def coordinates(points: SamplePoints) -> np.ndarray:
     """All coordinates (3 + P, R S) of points in float64."""
     samples = points.places.shape[2]
     of_rays = points.parameters.double().numpy().repeat(samples, axis=1)
@@ -179,7 +179,9 @@ def test_colours_depend_on_the_direction_and_densities_do_not() -> None:
     assert 0.0 < colors.min() < colors.max() < 1.0
 
 
-def shown_by_hand(field: RadianceField, points: Points, directions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+def shown_by_hand(
+    field: RadianceField, points: SamplePoints, directions: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Densities (N,) and colours (N, 3) point by point from the weights, in the published order of what each network sees."""
     features = torch.cat([level(points) for level in field.levels]).T
     first, second = (weights.T for weights in field.geometry.parameters())
@@ -197,7 +199,7 @@ def test_networks_see_what_they_should() -> None:
     torch.testing.assert_close(colors.flatten(0, 1), expected[1])
 
 
-def field_outputs(field: torch.nn.Module, points: Points, bfloat16: bool) -> Sequence[torch.Tensor]:
+def field_outputs(field: torch.nn.Module, points: SamplePoints, bfloat16: bool) -> Sequence[torch.Tensor]:
     if isinstance(field, RadianceField):
         return field(points, unit_directions(points.places.shape[1]), bfloat16)
     return [field(points, bfloat16)]

@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from research.studies.baselines.kplanes_proposals import (
-    Samples,
+    WeightedSamples,
     interlevel_loss,
     middles,
     proposals_learn,
@@ -13,17 +13,17 @@ from research.studies.baselines.kplanes_proposals import (
 )
 
 
-def some_samples(seed: int, count: int, rays: int = 20) -> Samples:
+def some_samples(seed: int, count: int, rays: int = 20) -> WeightedSamples:
     """Histograms between 1 and 3, float32."""
     random = np.random.default_rng(seed)
     inner = np.sort(random.uniform(1.0, 3.0, (rays, count - 1)), axis=1)
     borders = np.concatenate([np.full((rays, 1), 1.0), inner, np.full((rays, 1), 3.0)], axis=1)
     weights = random.random((rays, count)) ** 3
     weights /= weights.sum(axis=1, keepdims=True) + random.random((rays, 1))
-    return Samples(torch.from_numpy(borders).float(), torch.from_numpy(weights).float())
+    return WeightedSamples(torch.from_numpy(borders).float(), torch.from_numpy(weights).float())
 
 
-def shortfall(proposal: Samples, final: Samples) -> np.ndarray:
+def shortfall(proposal: WeightedSamples, final: WeightedSamples) -> np.ndarray:
     """Equation 13 of Mip-NeRF 360 in float64, interval by interval."""
     losses = np.zeros(final.weights.shape)
     for ray, interval in np.ndindex(*losses.shape):
@@ -38,7 +38,7 @@ def shortfall(proposal: Samples, final: Samples) -> np.ndarray:
 @pytest.mark.parametrize(("count", "final_count"), [(12, 7), (5, 30), (1, 1), (1, 4), (4, 1)])
 def test_interlevel_loss_is_what_proposals_fall_short_of(count: int, final_count: int) -> None:
     proposal, final = some_samples(0, count), some_samples(1, final_count)
-    low = Samples(proposal.borders, 0.3 * proposal.weights)
+    low = WeightedSamples(proposal.borders, 0.3 * proposal.weights)
     expected = shortfall(low, final)
     assert expected.max() > 0.01
     np.testing.assert_allclose(interlevel_loss(low, final), expected, rtol=1e-3, atol=1e-6)
@@ -51,7 +51,7 @@ def test_a_proposal_like_the_final_samples_has_no_loss() -> None:
 
 def test_only_the_proposal_learns_from_what_it_missed() -> None:
     proposal, final = some_samples(0, 10), some_samples(1, 10)
-    proposal = Samples(proposal.borders, (0.3 * proposal.weights).requires_grad_())
+    proposal = WeightedSamples(proposal.borders, (0.3 * proposal.weights).requires_grad_())
     final.weights.requires_grad_()
     interlevel_loss(proposal, final).sum().backward()
     assert final.weights.grad is None

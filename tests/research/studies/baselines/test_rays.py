@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from catalogs.vocabulary.cameras import Camera
-from research.studies.baselines.method import Pictures
+from research.studies.baselines.method import TrainingImages
 from research.studies.baselines.rays import PixelSampler, Rays, all_rays, crossings
 
 HEIGHT, WIDTH = 5, 7
@@ -18,10 +18,10 @@ def skewed_camera(number: int) -> Camera:
     return Camera(look.world_to_camera, 6.0 + number, 5.0, 3.1, 2.0 - 0.3 * number, WIDTH, HEIGHT)
 
 
-def told_apart() -> Pictures:
+def told_apart() -> TrainingImages:
     """Six pictures, the pixels of which say which picture, row and column they are; parameters and views differ, too."""
     number, row, column = np.indices((6, HEIGHT, WIDTH))
-    return Pictures(
+    return TrainingImages(
         np.stack([number, row, column, 40 * number], axis=-1).astype(np.uint8),
         [skewed_camera(view) for view in range(3)],
         views=torch.tensor([2, 0, 1, 1, 2, 0]),

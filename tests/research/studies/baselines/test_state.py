@@ -29,8 +29,8 @@ def test_a_method_goes_on_from_its_checkpoint(
     method: Method, before: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gs_surrogate, "RENEWAL", 30_000)  # chances are renewed after a step or two
-    monkeypatch.setitem(insitunet.EXTENTS, "small", insitunet.Extent(2, 4))  # steps of milliseconds
-    monkeypatch.setattr(insitunet, "Architecture", partial(insitunet.Architecture, width=32))
+    monkeypatch.setitem(insitunet.EXTENTS, "small", insitunet.NetworkSize(2, 4))  # steps of milliseconds
+    monkeypatch.setattr(insitunet, "InSituNetArchitecture", partial(insitunet.InSituNetArchitecture, width=32))
     monkeypatch.setattr(
         kplanes, "SMALL", replace(kplanes.SMALL, resolutions=(8, 16), proposals=(16,), samples=(16, 12))
     )

@@ -9,14 +9,14 @@ import torch
 from numpy.typing import NDArray
 
 from catalogs.vocabulary.cameras import Camera
-from research.studies.baselines.method import Pictures, Plan
+from research.studies.baselines.method import Plan, TrainingImages
 from research.studies.baselines.rays import PixelSampler, Rays, crossings
 from research.studies.baselines.visnerf import (
     METHOD,
     RESETS,
     SIZES,
     Sizes,
-    Training,
+    ViSNeRFTraining,
     crossing_pixels,
     marched,
     rate_factor,
@@ -28,9 +28,9 @@ from research.studies.baselines.visnerf import (
     variation_weight,
 )
 from research.studies.baselines.visnerf_field import (
-    Architecture,
-    Field,
     Quantity,
+    ViSNeRFArchitecture,
+    ViSNeRFField,
     encoded,
     grid_of,
     variation,
@@ -41,30 +41,30 @@ from tests.research.support.baseline_scenes import ball_pictures, psnr_of_mean, 
 TINY = Sizes(rays=128, first_samples=12, last_samples=24, stride=1.0, voxels=12**3 + 1)
 QUICK = replace(TINY, rays=96, first_samples=8, last_samples=12, voxels=8**3 + 1)  # enough to learn a few pictures
 BOX = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
-UNEVEN = Architecture((5, 4, 3), (3, 6))
+UNEVEN = ViSNeRFArchitecture((5, 4, 3), (3, 6))
 QUANTITIES: tuple[Quantity, ...] = ("density", "color")
 
 
-def field_of(architecture: Architecture, seed: int = 0, spread: float = 1.0) -> Field:
+def field_of(architecture: ViSNeRFArchitecture, seed: int = 0, spread: float = 1.0) -> ViSNeRFField:
     """A field of normal numbers, whose densities and colours vary strongly."""
     random = np.random.default_rng(seed)
     first = architecture.initial(random)
     tensors = {name: torch.from_numpy(random.normal(size=t.shape)).float() for name, t in first.items()}
     networks = {name: t * spread / math.sqrt(t.shape[-1]) for name, t in tensors.items() if ".weights" in name}
-    return Field(tensors | networks, architecture)
+    return ViSNeRFField(tensors | networks, architecture)
 
 
-def uniform(density: float, color: float, architecture: Architecture) -> Field:
+def uniform(density: float, color: float, architecture: ViSNeRFArchitecture) -> ViSNeRFField:
     """A field of one density and one grey."""
     tensors = architecture.initial(np.random.default_rng(0))
     biases = {"density": 10.0 + math.log(math.expm1(density)), "color": math.log(color / (1.0 - color))}
     for quantity, bias in biases.items():
         tensors[f"{quantity}.layer_3.weights"].zero_()
         tensors[f"{quantity}.layer_3.biases"].fill_(bias)
-    return Field(tensors, architecture)
+    return ViSNeRFField(tensors, architecture)
 
 
-def in_float64(field: Field) -> dict[str, NDArray[np.float64]]:
+def in_float64(field: ViSNeRFField) -> dict[str, NDArray[np.float64]]:
     return {name: tensor.double().numpy() for name, tensor in field.tensors.items()}
 
 
@@ -89,7 +89,11 @@ def expected_components(
 
 
 def expected_outputs(
-    field: Field, kind: str, point: NDArray[np.float64], parameters: NDArray[np.float64], direction: NDArray[np.float64]
+    field: ViSNeRFField,
+    kind: str,
+    point: NDArray[np.float64],
+    parameters: NDArray[np.float64],
+    direction: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """A network's output before its activation, written out in float64."""
     tensors = in_float64(field)
@@ -173,7 +177,7 @@ def test_parameters_read_their_vectors_from_end_to_end(quantity: Quantity) -> No
 
 
 def test_without_parameters_there_are_no_vectors() -> None:
-    field = field_of(Architecture((4, 4, 4), ()))
+    field = field_of(ViSNeRFArchitecture((4, 4, 4), ()))
     assert field.vectors_at("density", torch.zeros(7, 0)).shape == (7, 0)
     assert field.densities(torch.zeros(7, 3), torch.zeros(7, 0)).shape == (7,)
 
@@ -204,7 +208,7 @@ def test_densities_and_colours_are_those_of_the_formula() -> None:
 
 
 def test_it_begins_almost_empty() -> None:
-    first = Architecture((40, 40, 40), (3,)).initial(np.random.default_rng(0))
+    first = ViSNeRFArchitecture((40, 40, 40), (3,)).initial(np.random.default_rng(0))
     for quantity in QUANTITIES:
         assert (first[f"{quantity}.vector_0"] == 0.1).all()
         assert (first[f"{quantity}.layer_3.biases"] == 0.0).all()
@@ -212,7 +216,7 @@ def test_it_begins_almost_empty() -> None:
         assert float(first[f"{quantity}.line_y"].std()) == pytest.approx(0.1, rel=0.1)
         bound = 1.0 / math.sqrt(150.0)
         assert float(first[f"{quantity}.layer_1.weights"].abs().max()) == pytest.approx(bound, rel=1e-3)
-    field = Field(first, Architecture((40, 40, 40), (3,)))
+    field = ViSNeRFField(first, ViSNeRFArchitecture((40, 40, 40), (3,)))
     points = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
     densities = field.densities(points, field.vectors_at("density", torch.zeros(200, 1)))
     assert float(densities.max()) < 2.0 * math.log1p(math.exp(-10.0))
@@ -263,7 +267,7 @@ def test_schedules_of_short_plans(steps: int) -> None:
     assert sample_count(steps - 1, steps, TINY) == {1: 12, 2: 21, 7: 24}[steps]
     assert resets(steps) == {1: set(), 2: set(), 7: {1, 2}}[steps]
     assert 0.1 < rate_factor(steps - 1, steps) <= 1.0
-    training = Training(ball_pictures([[-1.0], [1.0]], 1, 8), Plan(steps), TINY)
+    training = ViSNeRFTraining(ball_pictures([[-1.0], [1.0]], 1, 8), Plan(steps), TINY)
     assert np.isfinite([training.advance() for _ in range(steps)]).all()
 
 
@@ -311,7 +315,7 @@ def test_rays_are_summed_up_sample_by_sample() -> None:
 def test_a_uniform_fog_absorbs_as_beer_and_lambert_say() -> None:
     sizes = Sizes(voxels=64**3 + 1)
     pictures = ball_pictures([[0.0]], 1, 9)
-    training = Training(pictures, Plan(1), sizes)
+    training = ViSNeRFTraining(pictures, Plan(1), sizes)
     training.field = uniform(0.02, 0.3, training.field.architecture)
     camera = Camera.look_at((4.0, 0.0, 0.0), (0.0, 0.0, 0.0), vertical_fov_degrees=50.0, width=9, height=9)
     picture = training.at(torch.zeros(1))(camera)
@@ -321,7 +325,7 @@ def test_a_uniform_fog_absorbs_as_beer_and_lambert_say() -> None:
 
 
 def test_training_samples_see_the_same_fog() -> None:
-    field = uniform(0.02, 0.3, Architecture((8, 8, 8), ()))
+    field = uniform(0.02, 0.3, ViSNeRFArchitecture((8, 8, 8), ()))
     rays = Rays(torch.tensor([[-3.0, 0.2, 0.1]]), torch.tensor([[1.0, 0.0, 0.0]]))
     near, far = crossings(rays, BOX)
     samples = marched(rays, near, (far - near).max() / 196, 196, torch.tensor([[0.7]]))
@@ -338,9 +342,9 @@ def test_what_has_too_little_weight_is_not_asked_for_its_colour() -> None:
     samples = marched(rays, near, (far - near).max() / 64, 64)
     gradients = []
     for behind in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
-        tensors = Architecture((8, 8, 8), ()).initial(np.random.default_rng(0))
+        tensors = ViSNeRFArchitecture((8, 8, 8), ()).initial(np.random.default_rng(0))
         bias = tensors["density.layer_3.biases"].requires_grad_()
-        field = Field(tensors, Architecture((8, 8, 8), ()))
+        field = ViSNeRFField(tensors, ViSNeRFArchitecture((8, 8, 8), ()))
         for skipped in (skipped_color(behind), behind):
             found = rendered(field, BOX, rays, torch.zeros(1, 0), samples, torch.tensor(skipped))
             assert 0.0 < found[0, 3].item() < 64 * 1e-4
@@ -367,7 +371,7 @@ def test_only_rays_that_cross_the_box_are_learnt_from() -> None:
 @pytest.mark.parametrize("background", [None, (0.2, 0.5, 0.9)], ids=["alpha", "opaque"])
 def test_pictures_are_premultiplied(parameters: int, background: tuple[float, float, float] | None) -> None:
     pictures = ball_pictures(np.eye(2, parameters), 2, 8, background=background)
-    training = Training(pictures, Plan(20), TINY)
+    training = ViSNeRFTraining(pictures, Plan(20), TINY)
     for _ in range(4):
         assert math.isfinite(training.advance())
     picture = training.at(pictures.parameters[0])(pictures.camera(1))
@@ -381,12 +385,12 @@ def test_pictures_are_premultiplied(parameters: int, background: tuple[float, fl
 
 def test_a_single_picture_is_enough() -> None:
     pictures = ball_pictures([[0.3, -0.2]], 1, 8)
-    training = Training(pictures, Plan(3), TINY)
+    training = ViSNeRFTraining(pictures, Plan(3), TINY)
     assert np.isfinite([training.advance() for _ in range(3)]).all()
 
 
-def trained(pictures: Pictures, plan: Plan, sizes: Sizes = QUICK) -> Training:
-    training = Training(pictures, plan, sizes)
+def trained(pictures: TrainingImages, plan: Plan, sizes: Sizes = QUICK) -> ViSNeRFTraining:
+    training = ViSNeRFTraining(pictures, plan, sizes)
     for _ in range(plan.steps):
         training.advance()
     return training
@@ -397,13 +401,13 @@ def test_the_seed_decides_everything() -> None:
     first, again, other = (trained(pictures, Plan(3, seed=seed)).tensors() for seed in (4, 4, 5))
     assert all(torch.equal(first[name], again[name]) for name in first)
     assert not torch.equal(first["density.plane_xy"], other["density.plane_xy"])
-    untrained = [Training(pictures, Plan(3, seed=seed), TINY) for seed in (4, 5)]
+    untrained = [ViSNeRFTraining(pictures, Plan(3, seed=seed), TINY) for seed in (4, 5)]
     for name in untrained[1].field.tensors:  # the same start, but other pixels
         untrained[1].field.tensors[name].data.copy_(untrained[0].field.tensors[name])
     assert untrained[0].advance() != untrained[1].advance()
 
 
-def moves(training: Training) -> dict[str, torch.Tensor]:
+def moves(training: ViSNeRFTraining) -> dict[str, torch.Tensor]:
     """The change of every number in a step."""
     before = {name: tensor.clone() for name, tensor in training.tensors().items()}
     training.advance()
@@ -413,7 +417,7 @@ def moves(training: Training) -> dict[str, torch.Tensor]:
 @pytest.mark.parametrize("rate", [1.0, 0.5])
 def test_rates_are_those_published_times_that_of_the_plan(rate: float) -> None:
     """Adam's first step is as long as the rate, and so are the next while a gradient stays as it is."""
-    training = Training(ball_pictures([[-1.0], [1.0]], 2, 8), Plan(7, rate=rate), TINY)
+    training = ViSNeRFTraining(ball_pictures([[-1.0], [1.0]], 2, 8), Plan(7, rate=rate), TINY)
     moved = moves(training)
     for name in ("density.vector_0", "color.plane_xz"):
         assert float(moved[name].max()) == pytest.approx(0.02 * rate, rel=0.01)
@@ -425,14 +429,14 @@ def test_rates_are_those_published_times_that_of_the_plan(rate: float) -> None:
 
 def test_adam_forgets_at_resets() -> None:
     """Only its first step moves by the rate whatever has a gradient."""
-    training = Training(ball_pictures([[-1.0], [1.0]], 2, 8), Plan(90), TINY)
+    training = ViSNeRFTraining(ball_pictures([[-1.0], [1.0]], 2, 8), Plan(90), TINY)
     medians = [float(moves(training)["density.vector_0"].median()) for _ in range(24)]
     assert [step for step, median in enumerate(medians) if median > 0.0199] == [0, 6, 9, 12, 16, 21]
     assert medians[20] < 0.01
 
 
 def test_the_weight_of_total_variation_falls_throughout() -> None:
-    training, random = Training(ball_pictures([[0.0]], 1, 8), Plan(7), TINY), torch.Generator().manual_seed(0)
+    training, random = ViSNeRFTraining(ball_pictures([[0.0]], 1, 8), Plan(7), TINY), torch.Generator().manual_seed(0)
     for step in range(5):
         with torch.no_grad():  # the variation of this plane is nearly all of the loss
             training.field.tensors["color.plane_xy"].normal_(0.0, 30.0, generator=random)
@@ -442,7 +446,7 @@ def test_the_weight_of_total_variation_falls_throughout() -> None:
 
 def test_bfloat16_is_of_the_networks_alone() -> None:
     exact = field_of(UNEVEN, spread=1.5)
-    rounded = Field(exact.tensors, exact.architecture, bfloat16=True)
+    rounded = ViSNeRFField(exact.tensors, exact.architecture, bfloat16=True)
     points = torch.rand(50, 3, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
     vectors = exact.vectors_at("color", points[:, :2])
     assert torch.equal(vectors, rounded.vectors_at("color", points[:, :2]))
@@ -452,7 +456,7 @@ def test_bfloat16_is_of_the_networks_alone() -> None:
     assert two.dtype == torch.float32
     assert 1e-4 < float((one - two).abs().max()) < 0.1
     pictures = ball_pictures([[0.0]], 2, 8)
-    training = Training(pictures, Plan(3, precision="bfloat16"), TINY)
+    training = ViSNeRFTraining(pictures, Plan(3, precision="bfloat16"), TINY)
     assert training.field.bfloat16
     assert np.isfinite([training.advance() for _ in range(3)]).all()
 

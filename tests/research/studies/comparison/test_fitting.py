@@ -13,9 +13,9 @@ import torch
 from research.studies.baselines.method import Fit, Plan
 from research.studies.comparison.fitting import (
     LOOKS,
-    Fitted,
+    CheckpointPath,
+    FinishedFit,
     OutOfTime,
-    Place,
     Watch,
     fit_in_time,
     steps_in,
@@ -125,7 +125,7 @@ def test_a_loss_that_is_no_number_ends_the_training(loss: float) -> None:
 
 
 def test_an_interrupted_training_ends_as_if_it_had_gone_on(tmp_path: Path) -> None:
-    def trained(place: Place | None, hand: Hand) -> Fitted:
+    def trained(place: CheckpointPath | None, hand: Hand) -> FinishedFit:
         def look(fit: Fit) -> float:
             return float(fit.tensors()["mean"].mean())
 
@@ -133,13 +133,13 @@ def test_an_interrupted_training_ends_as_if_it_had_gone_on(tmp_path: Path) -> No
         return fit_in_time(method, lambda: PICTURES, Plan(1, seed=3), {}, 64.0, look, clock=hand, place=place)
 
     whole, hand = trained(None, Hand()), Hand()
-    stopping = Place(tmp_path, "the same", until=time.monotonic())
+    stopping = CheckpointPath(tmp_path, "the same", until=time.monotonic())
     with pytest.raises(OutOfTime):
         trained(stopping, hand)
     kept = stopping.kept()
     assert kept is not None
     assert 1 <= kept.record["step"] < whole.plan.steps
-    resumed = trained(Place(tmp_path, "the same"), hand)
+    resumed = trained(CheckpointPath(tmp_path, "the same"), hand)
     assert resumed.plan == whole.plan
     assert resumed.seconds == pytest.approx(whole.seconds)
     np.testing.assert_allclose(resumed.curve, whole.curve)
@@ -149,10 +149,15 @@ def test_an_interrupted_training_ends_as_if_it_had_gone_on(tmp_path: Path) -> No
 def test_a_checkpoint_of_something_else_is_none(tmp_path: Path) -> None:
     with pytest.raises(OutOfTime):
         fit_in_time(
-            mean_method(), lambda: PICTURES, Plan(9), {}, None, place=Place(tmp_path, "one", until=time.monotonic())
+            mean_method(),
+            lambda: PICTURES,
+            Plan(9),
+            {},
+            None,
+            place=CheckpointPath(tmp_path, "one", until=time.monotonic()),
         )
-    assert Place(tmp_path, "one").kept() is not None
-    assert Place(tmp_path, "other").kept() is None
+    assert CheckpointPath(tmp_path, "one").kept() is not None
+    assert CheckpointPath(tmp_path, "other").kept() is None
 
 
 def test_without_a_time_the_planned_steps_are_made() -> None:

@@ -11,7 +11,7 @@ from research.studies.comparison.methods import CONTESTANTS, LIGHT, OURS, chosen
 from research.studies.comparison.page import cell_names, in_short, leaders, tables
 from research.studies.comparison.pictures import SHOWN, TRUTH, kept, path_of
 from research.studies.comparison.plots import curves, sheet, without_pictures
-from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, Row, Terms, load, save
+from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, ComparisonResult, MethodRow, Terms, load, save
 from research.studies.comparison.trivial import best_of
 from tests.research.support.compared_pictures import keep_pictures
 
@@ -19,15 +19,15 @@ CELLS = ("novel views", "both")
 FIVE = Terms("cpu", "small", 5.0)
 
 
-def result(method: str, seed: int, psnr: float, minutes: float = 5.0, **also) -> Result:
+def result(method: str, seed: int, psnr: float, minutes: float = 5.0, **also) -> ComparisonResult:
     cells = {c: {"psnr": psnr, "ssim": 0.9, "ms_ssim": None, "flip": 0.1, "images": 24} for c in CELLS}
     form = {"steps": 300, "seconds": 301.0, "megabytes": 1.5, "cells": cells, "curve": [[10.0, 20.0], [301.0, psnr]]}
-    return Result(method, minutes, seed, "small", "float32", "mark", **{**form, **also})
+    return ComparisonResult(method, minutes, seed, "small", "float32", "mark", **{**form, **also})
 
 
-def trivial(psnr: float) -> Result:
+def trivial(psnr: float) -> ComparisonResult:
     cells = {"mean image: both": {"psnr": psnr - 5.0}, "linear interpolation: both": {"psnr": psnr}}
-    return Result(TRIVIAL, 0.0, 0, "small", "float32", "mark", cells=cells)
+    return ComparisonResult(TRIVIAL, 0.0, 0, "small", "float32", "mark", cells=cells)
 
 
 def rows(text: str) -> dict[str, list[str]]:
@@ -44,7 +44,7 @@ def test_the_best_of_a_cell_is_bold() -> None:
     assert table["**this surrogate**"][:2] == ["30.00 ± 1.41".replace("30.00", "31.00")] * 2
     assert table["K-Planes (hybrid)"][:2] == ["**31.50**", "**31.50**"]
     assert table["stored pictures, mixed"][:2] == ["–", "28.00 (linear interpolation)"]
-    assert leaders(found, FIVE) == {"novel views": Row("k-planes"), "both": Row("k-planes")}
+    assert leaders(found, FIVE) == {"novel views": MethodRow("k-planes"), "both": MethodRow("k-planes")}
 
 
 def test_in_short_ours_stands_beside_the_best_published_one_and_mixtures() -> None:
@@ -58,7 +58,7 @@ def test_in_short_ours_stands_beside_the_best_published_one_and_mixtures() -> No
 
 def test_stored_pictures_may_lead() -> None:
     found = [result(OURS, 0, 30.0), trivial(45.0)]
-    assert leaders(found, FIVE) == {"novel views": Row(OURS), "both": Row(TRIVIAL)}
+    assert leaders(found, FIVE) == {"novel views": MethodRow(OURS), "both": MethodRow(TRIVIAL)}
     assert "**45.00 (linear interpolation)**" in tables(found)
 
 
@@ -106,7 +106,7 @@ def test_a_metric_that_no_picture_is_large_enough_for_has_no_column() -> None:
 
 
 def test_a_failure_stands_in_its_row() -> None:
-    broken = Result("k-planes", 5.0, 0, "small", "float32", "mark", error="Diverged: its loss is nan | inf")
+    broken = ComparisonResult("k-planes", 5.0, 0, "small", "float32", "mark", error="Diverged: its loss is nan | inf")
     text = tables([result(OURS, 0, 30.0), broken])
     assert rows(text)["K-Planes (hybrid)"][0] == "Diverged: its loss is nan / inf"
     widths = {line.count("|") for line in text.splitlines() if line.startswith("|")}
@@ -131,7 +131,10 @@ def test_results_are_kept_as_they_are(tmp_path: Path) -> None:
 def test_names_of_results_tell_them_apart() -> None:
     forms = [("small", "float32"), ("official", "float32"), ("small", "bfloat16"), ("official", "bfloat16")]
     names = {
-        Result("one", m, s, size, precision, "").name for m in (0.5, 5) for s in (0, 1) for size, precision in forms
+        ComparisonResult("one", m, s, size, precision, "").name
+        for m in (0.5, 5)
+        for s in (0, 1)
+        for size, precision in forms
     }
     assert len(names) == 16
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from research.studies.comparison.predictor import MOST, FitPredictor, measure
-from research.studies.comparison.task import Task
+from research.studies.comparison.task import ComparisonTask
 from tests.support.blobs import Blobs
 
 MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5), ("test", 0.75))
@@ -28,11 +28,11 @@ class Remembering:
 
 
 @pytest.fixture
-def task(make_catalog) -> Task:
-    return Task.of(make_catalog(Blobs(count=2, size=16), members=MEMBERS))
+def task(make_catalog) -> ComparisonTask:
+    return ComparisonTask.of(make_catalog(Blobs(count=2, size=16), members=MEMBERS))
 
 
-def test_views_of_the_same_parameters_follow_each_other(task: Task) -> None:
+def test_views_of_the_same_parameters_follow_each_other(task: ComparisonTask) -> None:
     fit = Remembering()
     cases = [
         case for pair in zip(*[task.cells["unseen parameters"][k::10] for k in range(10)], strict=True) for case in pair
@@ -45,7 +45,7 @@ def test_views_of_the_same_parameters_follow_each_other(task: Task) -> None:
         assert picture.shape == (16, 16, 4)
 
 
-def test_a_change_is_one_of_parameters_and_a_view_is_not(task: Task) -> None:
+def test_a_change_is_one_of_parameters_and_a_view_is_not(task: ComparisonTask) -> None:
     fit = Remembering()
     change, view = measure(FitPredictor(fit, task).at, task.cells["unseen parameters"])
     parameters = [p for p, _ in fit.asked]

@@ -11,15 +11,14 @@ from catalogs.store.catalog import Catalog
 from research.studies.__main__ import main
 from research.studies.baselines.method import Plan
 from research.studies.comparison import methods
-from research.studies.comparison.contestants import Published, Session
+from research.studies.comparison.contestants import Published, TrainingContext
 from research.studies.comparison.methods import CONTESTANTS, LIGHT, OURS
 from research.studies.comparison.result import load
-from research.studies.comparison.run import Asked, times_of
-from research.studies.comparison.task import Task
+from research.studies.comparison.run import RunOptions, times_of
+from research.studies.comparison.task import ComparisonTask
 from research.studies.comparison.tuning import find
 from surrogate.training import budget, pace
-from surrogate.training.begin import Asked as AskedOfTraining
-from surrogate.training.begin import begin
+from surrogate.training.begin import Asked, begin
 from surrogate.training.budget import Budget
 from tests.research.support.mean_pictures import mean_method
 from tests.support.blobs import Blobs, stored
@@ -40,7 +39,7 @@ MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
 )
 def test_what_cannot_be_asked_for(given: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Asked(**given)
+        RunOptions(**given)
 
 
 def test_minutes_are_numbers_between_commas() -> None:
@@ -57,7 +56,7 @@ def catalog(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 @pytest.fixture
 def run(catalog: Catalog, tmp_path: Path) -> Path:
     """A run's folder, with nothing trained."""
-    return begin(catalog.path, tmp_path / "run", AskedOfTraining(Budget(steps=40))).folder
+    return begin(catalog.path, tmp_path / "run", Asked(Budget(steps=40))).folder
 
 
 def test_a_command_makes_a_page(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,6 +131,8 @@ def test_ours_is_trained_in_its_time(run: Path, monkeypatch: pytest.MonkeyPatch)
 
 def test_of_the_light_field_only_records_are_left(catalog: Catalog, tmp_path: Path, run: Path) -> None:
     with pytest.raises(ValueError, match="gs-surrogate-light can't be trained any more: only its records are left"):
-        CONTESTANTS[LIGHT].trained(Task.of(catalog), Plan(6), None, Session(tmp_path / "work", tmp_path))
+        CONTESTANTS[LIGHT].trained(
+            ComparisonTask.of(catalog), Plan(6), None, TrainingContext(tmp_path / "work", tmp_path)
+        )
     asked = CliRunner().invoke(main, ["compare", str(run), "--methods", LIGHT, "--minutes", "0.001"])
     assert "only its records are left" in asked.output

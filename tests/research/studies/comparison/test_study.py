@@ -17,9 +17,9 @@ from research.studies.comparison import tuning
 from research.studies.comparison.contestants import OurSurrogate, Published, curve_of, emptied, precision_here
 from research.studies.comparison.fitting import OutOfTime
 from research.studies.comparison.pictures import TRUTH, kept, path_of, shown_cases
-from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, Result, find, in_float32, load, save
-from research.studies.comparison.study import FITS, Study, scored
-from research.studies.comparison.task import Task
+from research.studies.comparison.result import AS_PUBLISHED, TRIVIAL, ComparisonResult, find, in_float32, load, save
+from research.studies.comparison.study import FITS, ComparisonStudy, scored
+from research.studies.comparison.task import ComparisonTask
 from surrogate.provenance import commit
 from surrogate.storage.checkpoints import locked
 from surrogate.training.loop import Diverged
@@ -35,18 +35,22 @@ TRIALS = 2  # of a few steps, which say how many fit
 
 
 @pytest.fixture(scope="module")
-def task(tmp_path_factory: pytest.TempPathFactory) -> Task:
-    return Task.of(stored(tmp_path_factory.mktemp("task") / "blobs.cdb", SMALL, members=MEMBERS, view_splits=VIEWS))
+def task(tmp_path_factory: pytest.TempPathFactory) -> ComparisonTask:
+    return ComparisonTask.of(
+        stored(tmp_path_factory.mktemp("task") / "blobs.cdb", SMALL, members=MEMBERS, view_splits=VIEWS)
+    )
 
 
-def study(task: Task, tmp_path: Path, *contestants: Published, **asked) -> Study:
+def study(task: ComparisonTask, tmp_path: Path, *contestants: Published, **asked) -> ComparisonStudy:
     made = contestants or (Published(mean_method()),)
     form = {"minutes": (SECOND,), "seeds": 1, "plan": Plan(1), **asked}
-    return Study(task, tmp_path / "comparison", tmp_path / "records" / "blobs", tmp_path / "records", made, **form)
+    return ComparisonStudy(
+        task, tmp_path / "comparison", tmp_path / "records" / "blobs", tmp_path / "records", made, **form
+    )
 
 
-def test_what_is_missing_is_made_once(task: Task, tmp_path: Path) -> None:
-    told: list[Result] = []
+def test_what_is_missing_is_made_once(task: ComparisonTask, tmp_path: Path) -> None:
+    told: list[ComparisonResult] = []
     both = Published(mean_method("one")), Published(mean_method("two"))
     study(task, tmp_path, *both, seeds=2).run(tell=told.append)
     assert [(r.method, r.seed) for r in told] == [(TRIVIAL, 0), ("one", 0), ("two", 0), ("one", 1), ("two", 1)]
@@ -66,7 +70,7 @@ def test_what_is_missing_is_made_once(task: Task, tmp_path: Path) -> None:
 
 
 def test_pictures_of_another_processor_are_the_same_and_others_are_not(
-    task: Task, make_catalog, tmp_path: Path
+    task: ComparisonTask, make_catalog, tmp_path: Path
 ) -> None:
     made = study(task, tmp_path)
     made.run()
@@ -81,12 +85,12 @@ def test_pictures_of_another_processor_are_the_same_and_others_are_not(
             with pytest.raises(ValueError, match=r"are of other pictures than .*: the mean color of .* was .* and is"):
                 made.run()
     save(made.records, mixed)
-    blank = Task.of(make_catalog(SMALL, members=MEMBERS, view_splits=VIEWS, blank=True, name="blank.cdb"))
+    blank = ComparisonTask.of(make_catalog(SMALL, members=MEMBERS, view_splits=VIEWS, blank=True, name="blank.cdb"))
     with pytest.raises(ValueError, match=r"are of other pictures than .*blank\.cdb: .* or keep results elsewhere with"):
         study(blank, tmp_path).run()
 
 
-def test_published_methods_train_on_as_many_threads_as_are_asked_for(task: Task, tmp_path: Path) -> None:
+def test_published_methods_train_on_as_many_threads_as_are_asked_for(task: ComparisonTask, tmp_path: Path) -> None:
     seen = list[int]()
 
     def loss(_: int) -> float:
@@ -101,7 +105,7 @@ def test_published_methods_train_on_as_many_threads_as_are_asked_for(task: Task,
     assert found.threads == 2
 
 
-def test_scores_are_those_of_the_pictures(task: Task, tmp_path: Path) -> None:
+def test_scores_are_those_of_the_pictures(task: ComparisonTask, tmp_path: Path) -> None:
     """The mean of all pictures, scored by hand."""
     from surrogate.evaluation.metrics import score
 
@@ -119,8 +123,8 @@ def test_scores_are_those_of_the_pictures(task: Task, tmp_path: Path) -> None:
     assert result.cells["both"]["psnr"] == pytest.approx(sum(expected) / len(expected), abs=1e-3)
 
 
-def test_a_failure_is_kept_and_leaves_the_others(task: Task, tmp_path: Path) -> None:
-    told: list[Result] = []
+def test_a_failure_is_kept_and_leaves_the_others(task: ComparisonTask, tmp_path: Path) -> None:
+    told: list[ComparisonResult] = []
     broken = Published(mean_method("broken", loss=lambda _: math.nan))
     study(task, tmp_path, broken, Published(mean_method())).run(tell=told.append)
     assert [(r.method, bool(r.error)) for r in told[1:]] == [("broken", True), ("mean", False)]
@@ -146,7 +150,9 @@ def test_networks_are_narrow_where_the_machine_multiplies_so(monkeypatch: pytest
     assert precision_here("bfloat16", "cpu") == "float32"
 
 
-def test_each_precision_has_results_of_its_own(task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_precision_has_results_of_its_own(
+    task: ComparisonTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     narrow_machine(monkeypatch, amx_bf16=True)
     both = study(task, tmp_path, Published(mean_method(), "bfloat16"))
     both.run()
@@ -170,8 +176,8 @@ def test_rates_of_one_precision_stand_for_the_other(tmp_path: Path) -> None:
     assert tuning.find(tmp_path, "mean", Plan(1, size="official")) is None
 
 
-def test_what_another_process_trains_is_left_to_it(task: Task, tmp_path: Path) -> None:
-    made, told = study(task, tmp_path), list[Result]()
+def test_what_another_process_trains_is_left_to_it(task: ComparisonTask, tmp_path: Path) -> None:
+    made, told = study(task, tmp_path), list[ComparisonResult]()
     folder = made.folder / FITS / made.wanted("mean", SECOND, 0).name
     durable.make_folder(folder)
     with locked(folder):
@@ -181,7 +187,7 @@ def test_what_another_process_trains_is_left_to_it(task: Task, tmp_path: Path) -
     assert [r.method for r in told] == [TRIVIAL, "mean"]
 
 
-def test_another_size_or_catalog_is_another_result(task: Task, tmp_path: Path) -> None:
+def test_another_size_or_catalog_is_another_result(task: ComparisonTask, tmp_path: Path) -> None:
     made = study(task, tmp_path)
     made.run()
     wanted = made.wanted("mean", SECOND, 0)
@@ -197,7 +203,7 @@ def test_another_size_or_catalog_is_another_result(task: Task, tmp_path: Path) -
         assert find(made.records, other) is None
 
 
-def test_pictures_of_the_same_images_are_kept(task: Task, tmp_path: Path) -> None:
+def test_pictures_of_the_same_images_are_kept(task: ComparisonTask, tmp_path: Path) -> None:
     made = study(task, tmp_path)
     made.run()
     path_of(made.records, TRUTH, 0).unlink()
@@ -212,7 +218,7 @@ def test_pictures_of_the_same_images_are_kept(task: Task, tmp_path: Path) -> Non
         assert drawn[number].shape == truth.shape
 
 
-def test_tuning_is_used_by_all_scenes(task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tuning_is_used_by_all_scenes(task: ComparisonTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = study(task, tmp_path)
     contestant = made.contestants[0]
     monkeypatch.setattr(tuning, "SECONDS", 0.03)
@@ -250,7 +256,7 @@ def test_what_diverges_is_made_again_at_the_next_lower_rate(tmp_path: Path) -> N
     assert tried == [3.0, 1.0, 0.3, 0.3]
 
 
-def test_the_rate_that_held_is_kept_and_what_diverges_at_all_is_a_failure(task: Task, tmp_path: Path) -> None:
+def test_the_rate_that_held_is_kept_and_what_diverges_at_all_is_a_failure(task: ComparisonTask, tmp_path: Path) -> None:
     class Unsteady(MeanPicture):
         def advance(self) -> float:
             return super().advance() if self.plan.rate < least else math.nan
@@ -265,12 +271,12 @@ def test_the_rate_that_held_is_kept_and_what_diverges_at_all_is_a_failure(task: 
 
 
 def test_what_no_rate_is_chosen_for_is_trained_once(
-    task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    task: ComparisonTask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its result would say that it was trained at a rate that changes nothing."""
     begun = list[float]()
 
-    def diverged(self: OurSurrogate, task: Task, plan: Plan, *_: object) -> None:
+    def diverged(self: OurSurrogate, task: ComparisonTask, plan: Plan, *_: object) -> None:
         begun.append(plan.rate)
         raise Diverged("its pictures are no numbers")
 
@@ -282,7 +288,7 @@ def test_what_no_rate_is_chosen_for_is_trained_once(
     assert "no numbers" in result.error
 
 
-def test_what_trainings_start_from_is_made_once_a_seed(task: Task, tmp_path: Path) -> None:
+def test_what_trainings_start_from_is_made_once_a_seed(task: ComparisonTask, tmp_path: Path) -> None:
     made: list[int] = []
 
     def prepared(pictures, seed: int):
@@ -294,7 +300,7 @@ def test_what_trainings_start_from_is_made_once_a_seed(task: Task, tmp_path: Pat
     assert made == [0, 1]
 
 
-def test_scores_name_every_metric(task: Task, tmp_path: Path) -> None:
+def test_scores_name_every_metric(task: ComparisonTask, tmp_path: Path) -> None:
     class Truth:
         names = ("the truth",)
 
@@ -308,7 +314,7 @@ def test_scores_name_every_metric(task: Task, tmp_path: Path) -> None:
         assert cell["ssim"] == pytest.approx(1.0)
 
 
-def test_a_study_that_is_stopped_goes_on_where_it_was(task: Task, tmp_path: Path) -> None:
+def test_a_study_that_is_stopped_goes_on_where_it_was(task: ComparisonTask, tmp_path: Path) -> None:
     made, steps = study(task, tmp_path, until=time.monotonic()), list[int]()
     with pytest.raises(OutOfTime):
         made.run()
@@ -339,7 +345,7 @@ def test_a_study_that_is_stopped_goes_on_where_it_was(task: Task, tmp_path: Path
 
 @pytest.mark.parametrize(("factor", "trainings"), [(3.0, 2), (1.1, 1), (0.9, 1), (0.4, 2)])
 def test_a_training_that_misses_its_time_is_made_again(
-    task: Task, tmp_path: Path, factor: float, trainings: int
+    task: ComparisonTask, tmp_path: Path, factor: float, trainings: int
 ) -> None:
     """Its steps take this many times as long as in both trials; within 15 % it stays."""
     turned, begun = [0.0], [0]
@@ -357,7 +363,7 @@ def test_a_training_that_misses_its_time_is_made_again(
     assert result.steps == pytest.approx(400 if trainings == 1 else 400 / factor, rel=0.02)
 
 
-def test_a_training_that_is_made_again_goes_on_where_it_was_stopped(task: Task, tmp_path: Path) -> None:
+def test_a_training_that_is_made_again_goes_on_where_it_was_stopped(task: ComparisonTask, tmp_path: Path) -> None:
     turned, begun, steps, until = [0.0], [0], list[int](), time.monotonic() + 2.0
 
     def loss(step: int) -> float:
@@ -382,7 +388,7 @@ def test_a_training_that_is_made_again_goes_on_where_it_was_stopped(task: Task, 
     assert result.seconds == pytest.approx(60.0 * SECOND, rel=0.02)
 
 
-def test_published_steps_are_made_without_a_time(task: Task, tmp_path: Path) -> None:
+def test_published_steps_are_made_without_a_time(task: ComparisonTask, tmp_path: Path) -> None:
     ours = OurSurrogate("ours", "ours", "nobody")
     made = study(task, tmp_path, Published(mean_method()), ours, minutes=(AS_PUBLISHED,), plan=Plan(1, size="official"))
     made.run()
@@ -391,7 +397,7 @@ def test_published_steps_are_made_without_a_time(task: Task, tmp_path: Path) -> 
     assert str(result.terms) == "sizes and steps as published"
 
 
-def test_steps_are_taken_from_another_once_these_are_known(task: Task, tmp_path: Path) -> None:
+def test_steps_are_taken_from_another_once_these_are_known(task: ComparisonTask, tmp_path: Path) -> None:
     ours = OurSurrogate("equal", "as many", "nobody", {"fit_to_need": False, "gaussians": 50}, steps_of="mean")
     alone = study(task, tmp_path, ours)
     alone.run()
@@ -421,9 +427,9 @@ def test_our_curve_is_of_what_is_compared_on_the_comparisons_clock(tmp_path: Pat
         for n, (stage, psnr) in enumerate((stage, psnr) for stage in stages for psnr in (None, 20.0))
     ]
     trained = SimpleNamespace(training={"curve": points})
-    base = Task(varied)
+    base = ComparisonTask(varied)
     assert curve_of(trained, base, 0.5, "cpu") == [(1.5, 20.0), (3.5, 20.0)]
     assert curve_of(trained, base, 0.5, "cuda") == [(100.5, 20.0), (300.5, 20.0)]
     for number, variation in enumerate(varied.plan.variations):
         expected = [(n + 0.5, 20.0) for n in (5 + 2 * k for k, kind in enumerate(kinds) if kind == variation.kind)]
-        assert curve_of(trained, Task(varied, variation), 0.5, "cpu") == expected, number
+        assert curve_of(trained, ComparisonTask(varied, variation), 0.5, "cpu") == expected, number

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from catalogs.store.catalog import Catalog
-from research.studies.comparison.task import IMAGES, Task
+from research.studies.comparison.task import IMAGES, ComparisonTask
 from tests.support.blobs import Blobs, stored
 from tests.support.varied_blobs import varied_catalog, varied_surrogate
 
@@ -28,13 +28,13 @@ def varied(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 
 def test_pictures_are_the_training_images(catalog: Catalog) -> None:
-    pictures = Task.of(catalog).pictures()
+    pictures = ComparisonTask.of(catalog).pictures()
     assert len(pictures) == 2 * 10
     train = [m for m in catalog.members if m.split == "train"]
     for number, (member, view) in enumerate((m, v) for m in train for v in range(10)):
         np.testing.assert_array_equal(pictures.pixels[number], catalog.image(member, "drawn", view))
         assert float(pictures.parameters[number, 0]) == 2.0 * member.parameters["p"] - 1.0
-        true = Task.of(catalog).source.normalization.camera(member.cameras[view])
+        true = ComparisonTask.of(catalog).source.normalization.camera(member.cameras[view])
         np.testing.assert_allclose(pictures.camera(number).world_to_camera, true.world_to_camera)
     assert len(pictures.cameras) == 10
     torch.testing.assert_close(pictures.box, torch.tensor([[-1.0] * 3, [1.0] * 3]))
@@ -42,13 +42,13 @@ def test_pictures_are_the_training_images(catalog: Catalog) -> None:
 
 def test_opaque_pictures_have_alpha_and_a_background(make_catalog) -> None:
     catalog = make_catalog(SMALL, members=MEMBERS, background=(0.25, 0.5, 1.0))
-    pictures = Task.of(catalog).pictures()
+    pictures = ComparisonTask.of(catalog).pictures()
     assert pictures.background == (0.25, 0.5, 1.0)
     assert (pictures.pixels[..., 3] == 255).all()
 
 
 def test_cells_are_test_images_and_stay_the_same(catalog: Catalog) -> None:
-    task = Task.of(catalog)
+    task = ComparisonTask.of(catalog)
     kinds = {
         name: {(case.member.split, case.member.view_splits[case.view]) for case in cases}
         for name, cases in task.cells.items()
@@ -58,7 +58,7 @@ def test_cells_are_test_images_and_stay_the_same(catalog: Catalog) -> None:
         "unseen parameters": {("test", "train")},
         "both": {("test", "test")},
     }
-    again = Task.of(Catalog.open(catalog.path))
+    again = ComparisonTask.of(Catalog.open(catalog.path))
     for name, cases in task.cells.items():
         assert len(cases) <= IMAGES
         assert [(c.member.name, c.view) for c in cases] == [(c.member.name, c.view) for c in again.cells[name]]
@@ -66,13 +66,13 @@ def test_cells_are_test_images_and_stay_the_same(catalog: Catalog) -> None:
 
 
 def test_choices_are_made_on_validation_images(catalog: Catalog) -> None:
-    task = Task.of(catalog)
+    task = ComparisonTask.of(catalog)
     assert task.watched
     assert {case.member.split for case in task.watched} == {"validation"}
 
 
 def test_asked_parameters_are_those_that_are_learnt(catalog: Catalog) -> None:
-    task = Task.of(catalog)
+    task = ComparisonTask.of(catalog)
     case = task.cells["both"][0]
     torch.testing.assert_close(task.parameters(case), torch.tensor([0.0]))
     np.testing.assert_allclose(
@@ -81,7 +81,7 @@ def test_asked_parameters_are_those_that_are_learnt(catalog: Catalog) -> None:
 
 
 def test_a_variation_is_compared_where_there_is_one(varied: Catalog) -> None:
-    task = Task.of(varied)
+    task = ComparisonTask.of(varied)
     assert task.variation is not None
     assert task.variation.kind == "isovalue"
     pictures = task.pictures()
@@ -96,7 +96,7 @@ def test_a_variation_is_compared_where_there_is_one(varied: Catalog) -> None:
 
 def test_the_base_belongs_to_transfer_functions(varied: Catalog) -> None:
     [variation] = [v for v in varied.plan.variations if v.kind == "transfer_function"]
-    pictures = Task(varied, variation).pictures()
+    pictures = ComparisonTask(varied, variation).pictures()
     still = (pictures.parameters[:, 1:] == 0.0).all(dim=1)
     views = sum(split == "train" for split in varied.members[0].view_splits)
     assert int(still.sum()) == views * sum(m.split == "train" for m in varied.members)
@@ -106,4 +106,4 @@ def test_the_base_belongs_to_transfer_functions(varied: Catalog) -> None:
 def test_a_task_says_what_it_lacks(make_catalog, tmp_path: Path) -> None:
     catalog = make_catalog(SMALL, members=(("test", 0.0),))
     with pytest.raises(ValueError, match="holds no training images"):
-        Task.of(catalog).pictures()
+        ComparisonTask.of(catalog).pictures()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from research.studies.comparison.task import Task
+from research.studies.comparison.task import ComparisonTask
 from research.studies.comparison.trivial import trivial_cells
 from surrogate.evaluation.metrics import score
 from tests.support.blobs import Blobs
@@ -17,7 +17,7 @@ MEMBERS = (("train", 0.0), ("train", 1.0), ("validation", 0.25), ("test", 0.5))
 
 
 def test_means_are_those_of_the_mixed_pictures(make_catalog) -> None:
-    task = Task.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
+    task = ComparisonTask.of(make_catalog(Blobs(count=3, size=16), members=MEMBERS))
     catalog, found = task.catalog, trivial_cells(task, ("psnr",))
     first, second = (m for m in catalog.members if m.split == "train")
     expected = []
@@ -31,7 +31,7 @@ def test_means_are_those_of_the_mixed_pictures(make_catalog) -> None:
 
 
 def test_settings_are_mixed_too(tmp_path: Path) -> None:
-    task = Task.of(varied_catalog(tmp_path / "varied.cdb", varied_surrogate()))
+    task = ComparisonTask.of(varied_catalog(tmp_path / "varied.cdb", varied_surrogate()))
     cells = {name.partition(": ")[2] for name in trivial_cells(task, ("psnr",))}
     assert "unseen isovalues" in cells
     assert cells <= set(task.cells)

@@ -14,9 +14,9 @@ from torch import Tensor
 
 import surrogate.splatting
 from research.studies.__main__ import main
-from research.studies.stress.cases import Agreement, Case, agreements, cases, refusals
+from research.studies.stress.cases import BitwiseCase, StressCase, agreements, cases, refusals
 from research.studies.stress.check import check, check_agreement, check_refusal, draw_twin, tables
-from research.studies.stress.drift import Drift, Snapshot, measure_drift
+from research.studies.stress.drift import Drift, DriftSnapshot, measure_drift
 from research.studies.stress.functions import function_cases
 from surrogate import kernels
 from surrogate.splatting import Primitives, Rendering, cpu, cuda
@@ -31,7 +31,7 @@ def twins() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         drawn: dict[str, Any] = {}
 
-        def draw_once(case: Case) -> Any:
+        def draw_once(case: StressCase) -> Any:
             if case.name not in drawn:
                 drawn[case.name] = draw_twin(case)
             return drawn[case.name]
@@ -40,21 +40,21 @@ def twins() -> Iterator[None]:
         yield
 
 
-def by_name(name: str) -> Case:
+def by_name(name: str) -> StressCase:
     return next(case for case in cases() if case.name == name)
 
 
-def marked(case: Case) -> Any:
+def marked(case: StressCase) -> Any:
     return pytest.param(case, marks=pytest.mark.slow if heavy(case) else (), id=case.name)
 
 
-def heavy(case: Case) -> bool:
+def heavy(case: StressCase) -> bool:
     """True if the reference implementation takes seconds."""
     return len(case.scene().means) > HEAVY or case.camera().width > 200
 
 
 @pytest.mark.parametrize("case", [marked(case) for case in cases()])
-def test_every_hard_case_holds(case: Case) -> None:
+def test_every_hard_case_holds(case: StressCase) -> None:
     sets = kernels.instruction_sets()
     for name in sets[:1] if heavy(case) else sets:
         outcome = check(case, {"instruction_set": name})
@@ -64,7 +64,7 @@ def test_every_hard_case_holds(case: Case) -> None:
 
 @pytest.mark.parametrize("row", [*agreements(), *refusals()], ids=lambda row: row.name)
 def test_what_must_agree_agrees_and_what_must_be_refused_is(row: Any) -> None:
-    outcome = check_agreement(row, {}) if isinstance(row, Agreement) else check_refusal(row, {})
+    outcome = check_agreement(row, {}) if isinstance(row, BitwiseCase) else check_refusal(row, {})
     assert outcome.passed, outcome.complaints
 
 
@@ -134,7 +134,7 @@ def test_an_engine_that_depends_on_the_run_misses(monkeypatch: pytest.MonkeyPatc
         return picture._replace(color=picture.color * (1.0 + len(calls) * 2.0**-20))
 
     monkeypatch.setitem(surrogate.splatting.BACKENDS, "wrong", drawn_wrong(flicker))
-    assert check_agreement(Agreement("again"), {"backend": "wrong"}).complaints == (
+    assert check_agreement(BitwiseCase("again"), {"backend": "wrong"}).complaints == (
         "the picture differs",
         *(f"the gradient by {name} differs" for name in ("means", "scales", "quats", "opacities", "colors")),
     )
@@ -150,8 +150,8 @@ def test_a_short_training_does_not_drift() -> None:
 
 
 def test_runs_that_part_are_said_to() -> None:
-    def snapshot(offset: float, psnr: float, loss: float = 0.1) -> list[Snapshot]:
-        return [Snapshot(1, torch.full((3, 3), offset).double(), loss, psnr)]
+    def snapshot(offset: float, psnr: float, loss: float = 0.1) -> list[DriftSnapshot]:
+        return [DriftSnapshot(1, torch.full((3, 3), offset).double(), loss, psnr)]
 
     assert Drift(snapshot(0.0, 30.0), snapshot(1e-3, 29.9), snapshot(1e-3, 30.0)).complaints == ()
     assert "dB from float64" in Drift(snapshot(0.0, 30.0), snapshot(1e-3, 28.0), snapshot(1e-3, 30.0)).complaints[0]

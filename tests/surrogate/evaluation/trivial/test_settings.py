@@ -8,12 +8,12 @@ import pytest
 from surrogate.evaluation.cases import Case
 from surrogate.evaluation.trivial.interpolation import joint_rules, setting_rules
 from surrogate.evaluation.trivial.mixtures import Mixtures
-from surrogate.evaluation.trivial.settings import SettingPictures, Trained, TrainedPictures
+from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictures, TrainedSettings
 from tests.support.varied_blobs import FUNCTIONS, ISOVALUE, PLACES, varied_catalog, varied_surrogate
 
 
 def test_the_base_is_known_among_transfer_functions_and_not_among_isovalues() -> None:
-    isovalues, functions = Trained.of(ISOVALUE), Trained.of(FUNCTIONS)
+    isovalues, functions = TrainedSettings.of(ISOVALUE), TrainedSettings.of(FUNCTIONS)
     assert isovalues.appearances == ISOVALUE.named("train")
     np.testing.assert_allclose(isovalues.places[:, 0], [-1, -1 / 3, 1 / 3, 1])
     assert functions.appearances == (*FUNCTIONS.named("train"), "dvr")
@@ -21,17 +21,17 @@ def test_the_base_is_known_among_transfer_functions_and_not_among_isovalues() ->
 
 
 def test_only_what_is_shown_is_known() -> None:
-    some = Trained.of(FUNCTIONS).among(("dvr", "iso=1", "tf-test-0", "tf-train-2"))
+    some = TrainedSettings.of(FUNCTIONS).among(("dvr", "iso=1", "tf-test-0", "tf-train-2"))
     assert some.appearances == ("tf-train-2", "dvr")
-    assert len(Trained.of(ISOVALUE).among(("dvr", "iso=2.5"))) == 0
-    assert Trained.of(ISOVALUE).among(("dvr",)).places.shape == (0, 1)
+    assert len(TrainedSettings.of(ISOVALUE).among(("dvr", "iso=2.5"))) == 0
+    assert TrainedSettings.of(ISOVALUE).among(("dvr",)).places.shape == (0, 1)
 
 
 def test_nearest_is_by_the_distance_that_a_network_sees() -> None:
-    assert Trained.of(ISOVALUE).nearest(ISOVALUE.normalize((8.0,))) == "iso=4"
-    assert Trained.of(ISOVALUE).nearest(ISOVALUE.normalize((11.0,))) == "iso=16"  # 10 is midway
-    assert Trained.of(FUNCTIONS).nearest(np.array([0.75, 0.25, 0, 0])) == "tf-train-0"
-    assert Trained.of(FUNCTIONS).nearest(np.array([0.2, 0.25, 0, 0])) == "dvr"
+    assert TrainedSettings.of(ISOVALUE).nearest(ISOVALUE.normalize((8.0,))) == "iso=4"
+    assert TrainedSettings.of(ISOVALUE).nearest(ISOVALUE.normalize((11.0,))) == "iso=16"  # 10 is midway
+    assert TrainedSettings.of(FUNCTIONS).nearest(np.array([0.75, 0.25, 0, 0])) == "tf-train-0"
+    assert TrainedSettings.of(FUNCTIONS).nearest(np.array([0.2, 0.25, 0, 0])) == "dvr"
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,21 @@ import pytest
 from catalogs.store.catalog import Catalog
 from research.benchmarks.training.functions.__main__ import main
 from research.benchmarks.training.functions.asked import PEAK, TRAINED
-from research.benchmarks.training.functions.measured import FOLDER, Shown, load, mean_and_worst, rows_table, unseen
+from research.benchmarks.training.functions.measured import (
+    FOLDER,
+    FunctionScores,
+    load,
+    mean_and_worst,
+    rows_table,
+    unseen,
+)
 from research.benchmarks.training.functions.truth import FOLDER as PICTURES
 from surrogate.evaluation.metrics import score
 from tests.support.again import made, rendered, scene_file
 
 
-def row(function: str, psnr: float) -> Shown:
-    return Shown(function, psnr, psnr - 5.0, psnr - 3.0, 0.9, 20.0, 0.25, 24)
+def row(function: str, psnr: float) -> FunctionScores:
+    return FunctionScores(function, psnr, psnr - 5.0, psnr - 3.0, 0.9, 20.0, 0.25, 24)
 
 
 def test_the_mean_and_the_worst_are_of_the_functions_never_seen() -> None:

@@ -12,7 +12,7 @@ from catalogs.store.splits import Splits
 from catalogs.vocabulary.scene import Scene
 from research.benchmarks.training.functions.__main__ import base_of, functions_of
 from research.benchmarks.training.functions.asked import TRAINED
-from research.benchmarks.training.functions.truth import FOLDER, Wanted, truth
+from research.benchmarks.training.functions.truth import FOLDER, TruthRequest, truth
 from surrogate.evaluation.metrics import score
 from surrogate.evaluation.novelty import SeenValues
 from tests.support.again import made, rendered, scene_file
@@ -25,12 +25,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Catalog, Path]
     return Scene.load(scene), rendered(scene, folder / "runs"), folder / "runs" / "again"
 
 
-def wanted(run: tuple[Scene, Catalog, Path], members: int, views: int) -> Wanted:
+def wanted(run: tuple[Scene, Catalog, Path], members: int, views: int) -> TruthRequest:
     scene, catalog, _ = run
     surrogate = made(catalog)
     base = base_of(catalog, surrogate)
     functions = functions_of(scene, base, SeenValues.of_training(catalog, surrogate))
-    return Wanted.of(scene, catalog, base, functions, members, views)
+    return TruthRequest.of(scene, catalog, base, functions, members, views)
 
 
 def test_the_pictures_are_of_the_stored_field_under_the_function_asked_for(run) -> None:
@@ -76,4 +76,4 @@ def test_a_scene_without_fields_or_test_members_is_refused_before_anything_is_wr
     untested = catalog.with_splits(Splits({member.name: "train" for member in catalog.members}))
     for of, known, message in ((Scene.load(elsewhere), catalog, "has no fields"), (scene, untested, "0 test members")):
         with pytest.raises(ValueError, match=message):
-            Wanted.of(of, known, base, {}, 1, 1)
+            TruthRequest.of(of, known, base, {}, 1, 1)
