@@ -9,7 +9,7 @@ copied); the same input gives bitwise the same output for any number of threads.
             gaussians: means, scales, quats, opacities, colors; intrinsics: fx, fy, cx, cy; size: width, height; constants:
             those of `surrogate.splatting.Constants`, in its order
     backward(drawing, gradient, threads)
-            -> gradients by means, scales, quats, opacities, colors, and by the projected centres their lengths (N,)
+            -> gradients by means, scales, quats, opacities, colors
     image_loss(image, target, ssim_weight, threads, instruction_set="")
             -> mean absolute difference, mean SSIM, gradient of difference - ssim_weight SSIM by image (H, W, C)
             target: floats, or bytes that are 255 times as large; channels that only the image has are not compared

@@ -60,14 +60,12 @@ def draw(
     backend : "cpu" (C++ kernels, float32), "cuda" (gsplat, float32; see `surrogate.splatting.cuda` for what differs), "reference"
         (plain torch in the dtype of the means, slow: the definition) or "auto": "cuda" for tensors on a GPU, else "cpu".
     depth : also return the depth of the centres along the camera's axis, in world units, composited like a colour.
-    options : `threads` and `instruction_set` of cpu, `screen_gradients` of cpu and cuda: a tensor (N,) that receives, in
-        the backward pass, the length of the gradient by each projected centre in 1/px.
+    options : `threads` and `instruction_set` of cpu.
     """
     chosen = _backend(backend, primitives.means)
     rendering = chosen.render(primitives, camera, constants, **options)
     if not depth:
         return rendering
-    options.pop("screen_gradients", None)
     as_colors = primitives._replace(colors=_depths(primitives.means, camera)[:, None].expand(-1, 3))
     return rendering._replace(depth=chosen.render(as_colors, camera, constants, **options).color[..., 0])
 

@@ -20,8 +20,8 @@ from surrogate.splatting.threads import cores
 def render(primitives: Primitives, camera: Camera, constants: Constants, **options: Any) -> Rendering:
     """Draw Gaussians in float32.
 
-    The options are `threads`, by default the cores that this process may use; `instruction_set`, by default the best of
-    `kernels.instruction_sets()`; and `screen_gradients`, see `surrogate.splatting.draw`.
+    The options are `threads`, by default the cores that this process may use, and `instruction_set`, by default the best of
+    `kernels.instruction_sets()`.
 
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
     """
@@ -45,7 +45,6 @@ class _View:
     background: tuple[float, ...]
     threads: int | None = None
     instruction_set: str = ""
-    screen_gradients: Tensor | None = None
 
 
 class _Splat(torch.autograd.Function):
@@ -61,9 +60,7 @@ class _Splat(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        *arrays, screen = kernels.backward(ctx.drawing, _array(gradients[0]), ctx.threads)
-        if ctx.view.screen_gradients is not None:
-            ctx.view.screen_gradients.copy_(torch.from_numpy(screen))
+        arrays = kernels.backward(ctx.drawing, _array(gradients[0]), ctx.threads)
         return *(torch.from_numpy(a).to(t.dtype) for a, t in zip(arrays, ctx.saved_tensors, strict=True)), None
 
 

@@ -64,10 +64,8 @@ def usable_device(device: str | torch.device) -> torch.device:
     return found
 
 
-def render(
-    primitives: Primitives, camera: Camera, constants: Constants, *, screen_gradients: Tensor | None = None
-) -> Rendering:
-    """Draw Gaussians in float32 on the GPU that holds them; `screen_gradients` as in `surrogate.splatting.draw`.
+def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:
+    """Draw Gaussians in float32 on the GPU that holds them.
 
     Raises ValueError for tensors that are not on a GPU, an `alpha_floor` or `alpha_cap` that gsplat can't honour, and, naming the
     Gaussian and the attribute, for numbers that are not finite; ModuleNotFoundError where gsplat is missing.
@@ -82,7 +80,7 @@ def render(
             nothing + means.new_zeros(camera.height, camera.width, 3),
             nothing + means.new_zeros(camera.height, camera.width),
         )
-    drawn, alpha, record = rasterization(
+    drawn, alpha, _ = rasterization(
         means=means.float(),
         quats=_unit(quats.float()),
         scales=scales.float(),
@@ -100,13 +98,7 @@ def render(
         render_mode="RGB",
         rasterize_mode="classic",
     )
-    if screen_gradients is not None and record["means2d"].requires_grad:
-        record["means2d"].register_hook(lambda gradient: _keep_lengths(gradient[0], screen_gradients))
     return Rendering(drawn[0], alpha[0, ..., 0])
-
-
-def _keep_lengths(gradient: Tensor, lengths: Tensor) -> None:
-    lengths.copy_(gradient.norm(dim=-1))
 
 
 def _gsplat() -> Any:

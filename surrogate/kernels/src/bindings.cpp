@@ -102,9 +102,7 @@ std::vector<Output> backward(const BoundDrawing& bound, Input gradient, int thre
     const size_t count = bound.gaussians[0].shape(0);
     std::vector<Output> out;
     for (int k = 0; k < 5; ++k) out.push_back(new_array(shape_for(k, count)));
-    out.push_back(new_array({count}));
-    const GaussianGradients gradients{out[0].data(), out[1].data(), out[2].data(),
-                                      out[3].data(), out[4].data(), out[5].data()};
+    const GaussianGradients gradients{out[0].data(), out[1].data(), out[2].data(), out[3].data(), out[4].data()};
     nb::gil_scoped_release released;
     bound.drawing->backward(gradient.data(), threads, gradients);
     return out;

@@ -51,7 +51,6 @@ struct GaussianGradients {
     float* quats;
     float* opacities;
     float* colors;
-    float* screen;          // [N] length of the gradient by the projected centre, px^-1
 };
 
 // A Gaussian in a tile: `blocks` has a bit for each block of pixels that the ellipse touches.

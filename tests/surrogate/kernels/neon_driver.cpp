@@ -52,9 +52,8 @@ int main() {
     write(picture);
 
     std::vector<float> by_means(3 * count), by_scales(3 * count), by_quats(4 * count), by_opacities(count), by_colors(3 * count);
-    std::vector<float> screen(count);
     drawing.backward(gradient.data(), threads,
-                     {by_means.data(), by_scales.data(), by_quats.data(), by_opacities.data(), by_colors.data(), screen.data()});
+                     {by_means.data(), by_scales.data(), by_quats.data(), by_opacities.data(), by_colors.data()});
     for (const auto* values : {&by_means, &by_scales, &by_quats, &by_opacities, &by_colors}) write(*values);
 
     std::vector<float> by_picture(4 * pixels);

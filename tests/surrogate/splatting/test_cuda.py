@@ -129,18 +129,6 @@ def test_gsplat_is_told_what_our_arguments_mean(monkeypatch: pytest.MonkeyPatch)
     assert told["quats"][0].tolist() == [1.0, 0.0, 0.0, 0.0]
 
 
-def test_screen_gradients_are_the_lengths_of_gsplats(monkeypatch: pytest.MonkeyPatch) -> None:
-    def drawn(means: Tensor, **_: Any) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
-        means2d = means[None, :, :2] * 1.0
-        value = (means2d * torch.tensor([3.0, 4.0])).sum()
-        return value + torch.zeros(1, 4, 4, 3), torch.zeros(1, 4, 4, 1), {"means2d": means2d}
-
-    without_gpu(monkeypatch, drawn)
-    leaves, screen = [tensor.float().requires_grad_() for tensor in cloud(6)], torch.zeros(6)
-    render(*leaves, view(4, 4), backend="cuda", screen_gradients=screen).color.sum().backward()
-    assert screen.tolist() == pytest.approx([5.0 * 48] * 6)
-
-
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
