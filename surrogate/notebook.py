@@ -100,7 +100,7 @@ def _followed(visualization: Visualization) -> str:
         return f"any transfer function over field values {low:g} to {high:g}"
     bounds = ", ".join(_bounds(variation.space))
     own = "" if visualization.gaussians is None else f", {len(visualization.gaussians):,} Gaussians of its own"
-    return f"displacements of the transfer function: {bounds}" if variation.edits_base else bounds + own
+    return bounds + own
 
 
 def _trained(training: Mapping[str, Any]) -> list[tuple[str, str]]:

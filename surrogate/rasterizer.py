@@ -58,7 +58,7 @@ class Rasterizer:
         backend = values.get("backend", AUTO)
         if backend not in (AUTO, *BACKENDS):
             raise ValueError(f"backend must be one of {[AUTO, *sorted(BACKENDS)]}, got {backend!r}")
-        samples = {name: values.get(name, 1) for name in SAMPLES}  # earlier versions had one
+        samples = {name: values[name] for name in SAMPLES}
         for name, number in samples.items():
             if type(number) is not int or not 1 <= number <= MOST_SAMPLES:
                 raise ValueError(f"{name} must be an integer from 1 to {MOST_SAMPLES}, got {number!r}")

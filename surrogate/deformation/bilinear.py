@@ -4,9 +4,8 @@
 
 So E(p) holds L modes of deformation, each a change of all C parameters of a Gaussian, and z_i says how much of each
 mode Gaussian i follows.  Changing the parameters costs one small network for the whole ensemble and one product
-(N, L) x (L, C); there is no network per Gaussian.  It cannot express a Gaussian whose offset is not a combination of
-the L modes that all share.  The second hidden layer is added to the first (He et al. 2016): with it members between the trained
-ones are predicted better by far.  Deformations of before have none.
+(N, L) x (L, C).  The second hidden layer is added to the first (He et al. 2016): with it members between the trained ones are
+predicted better by far.
 
 With K `frequencies` the network sees sines and cosines of pi, ... 2^(K - 1) pi times each parameter too.
 """
@@ -34,8 +33,7 @@ from surrogate.settings import MOST_FREQUENCIES, TrainingSettings
 At = tuple[Deformation, Tensor]  # a deformation and normalized parameters (P,)
 FIELD_COLUMNS = 13  # of a Gaussian's parameters where it carries values of a field
 COLUMNS = (FIELD_COLUMNS, 14, 23)  # and with colours of degree 0 and 1
-TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out")
-MIDDLE = ("weights_middle", "biases_middle")  # of the second hidden layer
+TENSORS = ("latents", "weights_in", "biases_in", "weights_out", "biases_out", "weights_middle", "biases_middle")
 LATENT_SPREAD = 0.25  # standard deviation of the latents at the start
 VISUALIZATION_MODES, VISUALIZATION_WIDTH = 16, 64
 FIRST_SLOPES = 1.4  # of the hidden units, all parameters together; steeper ones predict members between worse
@@ -52,10 +50,9 @@ class BilinearDeformation:
     biases_in: Tensor  # [hidden]
     weights_out: Tensor  # [L * C, hidden]
     biases_out: Tensor  # [L * C]
+    weights_middle: Tensor  # [hidden, hidden], of the second hidden layer
+    biases_middle: Tensor  # [hidden]
     units: Tensor  # [C]
-    weights_middle: Tensor | None = None  # [hidden, hidden]
-    biases_middle: Tensor | None = None  # [hidden]
-    anchored: int = 0  # so many of the last parameters: where they are zero, nothing moves
     frequencies: int = 0  # K
 
     kind: ClassVar[str] = "bilinear"
@@ -70,7 +67,6 @@ class BilinearDeformation:
         parameters: int,
         settings: TrainingSettings,
         *,
-        anchored: int = 0,
         color_columns: int = 3,
         for_visualization: bool = False,
     ) -> BilinearDeformation:
@@ -79,7 +75,6 @@ class BilinearDeformation:
         Parameters
         ----------
         parameters : how many it is a function of.
-        anchored : so many of the last parameters; where they are zero it will never move anything.
         color_columns : how many of the colours' columns may move; of values all do.
         for_visualization : whether it has F_vis's own size and form.
         """
@@ -100,7 +95,6 @@ class BilinearDeformation:
             units=units,
             weights_middle=_float32(random.standard_normal((hidden, hidden)) / math.sqrt(hidden)),
             biases_middle=torch.zeros(hidden),
-            anchored=anchored,
             frequencies=frequencies,
         )
 
@@ -118,14 +112,8 @@ class BilinearDeformation:
                 f"frequencies must be a whole number from 0 to {MOST_FREQUENCIES}, K for a network of P (1 + 2 K) inputs, got "
                 f"{frequencies!r} for one of {inputs}"
             )
-        parameters = inputs // (1 + 2 * frequencies)
-        anchored = record.get("anchored", 0)
-        if type(anchored) is not int or not 0 <= anchored <= parameters:
-            raise ValueError(
-                f"anchored must be a whole number from 0 to {parameters}, all parameters, got {anchored!r}"
-            )
         whole = {name: _spread(tensors[name], units != 0.0, modes) for name in ("weights_out", "biases_out")}
-        return cls(**{**tensors, **whole}, units=units, anchored=anchored, frequencies=frequencies)
+        return cls(**{**tensors, **whole}, units=units, frequencies=frequencies)
 
     def embedding(self, parameters: Tensor) -> Tensor:
         """The modes (L, C) at normalized `parameters` (P,)."""
@@ -133,11 +121,7 @@ class BilinearDeformation:
 
     def _modes(self, parameters: Tensor) -> Tensor:
         given = parameters.to(self.weights_in.device)  # [P]
-        if self.anchored:
-            at_anchor = torch.cat([given[: -self.anchored], torch.zeros_like(given[-self.anchored :])])  # [P]
-            flat = torch.mv(self.weights_out, self._hidden(given) - self._hidden(at_anchor))  # [L * C]
-        else:
-            flat = torch.addmv(self.biases_out, self.weights_out, self._hidden(given))  # [L * C]
+        flat = torch.addmv(self.biases_out, self.weights_out, self._hidden(given))  # [L * C]
         return flat.view(self.latents.shape[1], len(self.units))
 
     def _hidden(self, given: Tensor) -> Tensor:
@@ -145,8 +129,6 @@ class BilinearDeformation:
         if self.frequencies:
             given = encode(given[None], self.frequencies)[0]  # [P (1 + 2 K)]
         hidden = torch.nn.functional.silu(torch.addmv(self.biases_in, self.weights_in, given))  # [hidden]
-        if self.weights_middle is None or self.biases_middle is None:
-            return hidden
         return hidden + torch.nn.functional.silu(torch.addmv(self.biases_middle, self.weights_middle, hidden))
 
     def offsets(self, gaussians: AnyGaussians, parameters: Tensor) -> Offsets:
@@ -255,8 +237,7 @@ class BilinearDeformation:
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that is trained, by name."""
-        found = {name: getattr(self, name) for name in (*TENSORS, *MIDDLE)}
-        return {name: tensor for name, tensor in found.items() if tensor is not None}
+        return {name: getattr(self, name) for name in TENSORS}
 
     def rates(self, settings: TrainingSettings) -> dict[str, float]:
         """Adam's rate for each of `tensors`: as the settings say up to `USUAL_SIZE` and `USUAL_WIDTH`, then less in proportion.
@@ -267,7 +248,7 @@ class BilinearDeformation:
         """
         fewer, narrower = min(1.0, USUAL_SIZE / self.latent_size), min(1.0, USUAL_WIDTH / len(self.biases_in))
         hidden = settings.embedding_rate * narrower
-        found = {
+        return {
             "latents": settings.latent_rate * fewer,
             "weights_in": hidden,
             "biases_in": hidden,
@@ -276,13 +257,11 @@ class BilinearDeformation:
             "weights_middle": hidden * narrower,
             "biases_middle": hidden,
         }
-        return {name: found[name] for name in self.tensors()}
 
     def record(self) -> dict[str, Any]:
         """The kind and the offset units (C,), which are not trained; zero for what holds still."""
-        anchored = {"anchored": self.anchored} if self.anchored else {}
         frequencies = {"frequencies": self.frequencies} if self.frequencies else {}
-        return {"kind": self.kind, "units": self.units.tolist()} | anchored | frequencies
+        return {"kind": self.kind, "units": self.units.tolist()} | frequencies
 
     def _columns(self, attribute: str) -> slice:
         names = list(GEOMETRY)
@@ -314,10 +293,8 @@ def _units(gaussians: AnyGaussians, color_columns: int) -> Tensor:
 
 def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tuple[int, int]:
     """How many modes and inputs of the network stored tensors have; raises ValueError where their shapes do not fit together."""
-    if set(tensors) not in ({*TENSORS}, {*TENSORS, *MIDDLE}):
-        raise ValueError(
-            f"a bilinear deformation must consist of {sorted(TENSORS)}, and may have {sorted(MIDDLE)}, got {sorted(tensors)}"
-        )
+    if set(tensors) != {*TENSORS}:
+        raise ValueError(f"a bilinear deformation must consist of {sorted(TENSORS)}, got {sorted(tensors)}")
     if tensors["latents"].ndim != 2 or tensors["weights_in"].ndim != 2:
         raise ValueError("latents and weights_in must have rows and columns")
     modes, (hidden, inputs) = tensors["latents"].shape[1], tensors["weights_in"].shape
@@ -325,8 +302,9 @@ def _checked_sizes(tensors: Mapping[str, Tensor], columns: int, kept: int) -> tu
         "biases_in": (hidden,),
         "weights_out": (modes * kept, hidden),
         "biases_out": (modes * kept,),
+        "weights_middle": (hidden, hidden),
+        "biases_middle": (hidden,),
     }
-    shapes |= {"weights_middle": (hidden, hidden), "biases_middle": (hidden,)} if MIDDLE[0] in tensors else {}
     for name, shape in shapes.items():
         if tuple(tensors[name].shape) != shape:
             raise ValueError(f"{name} must be of shape {shape}, got {tuple(tensors[name].shape)}")

@@ -80,16 +80,8 @@ class Visualization:
     def under(
         self, gaussians: AnyGaussians, simulation: Deformation, parameters: Tensor, function: TransferFunction
     ) -> Gaussians:
-        """The Gaussians at normalized simulation parameters (P,) under any transfer function.
-
-        Raises ValueError where F_vis does not know what values its Gaussians stand for.
-        """
-        if not isinstance(self.deformation, ValuesDeformation):
-            assert self.deformation is not None
-            raise ValueError(
-                f"this surrogate's F_vis is of kind {self.deformation.kind!r}, which knows only the displacements it learnt "
-                f'{self.variation.space.names}: train with visualization_deformation = "values" for any transfer function'
-            )
+        """The Gaussians at normalized simulation parameters (P,) under any transfer function, of a variation that edits one."""
+        assert isinstance(self.deformation, ValuesDeformation)
         return self.deformation.under(self.simulated(gaussians, simulation, parameters), function)
 
     def _wide(self, gaussians: Gaussians) -> Gaussians:

@@ -48,8 +48,8 @@ class DifferentiableSurrogate(torch.nn.Module):
 
     What has no gradient: intrinsics of the camera (under another focal length projected Gaussians are those of no rigid motion,
     and the kernels do not take others); a transfer function given as such, or by
-    displacements where the Gaussians carry values (ValueError); which Gaussian lies before which.  With a deformation of
-    kind "paper" the gradient by `means` leaves out the way through its network.  The kernels can be differentiated once.
+    displacements where the Gaussians carry values (ValueError); which Gaussian lies before which.  The kernels can be
+    differentiated once.
     """
 
     def __init__(

@@ -27,13 +27,8 @@ def stored(surrogate: Any) -> models.StoredModel:
     """What is stored of a `Surrogate`."""
     parts = {"gaussians": surrogate.gaussians.tensors(), "deformation": surrogate.deformation.stored()}
     parts |= {f"visualization{i}": v.stored() for i, v in enumerate(surrogate.visualizations)}
-    carried = isinstance(surrogate.gaussians, FieldGaussians)
-    continuous = all(v.variation.continuous for v in surrogate.visualizations)
-    earlier = models.WITHOUT_FIELDS if continuous else models.WITHOUT_SCALES
-    earlier = models.WITHOUT_VALUES if surrogate.space.logarithmic else earlier
-    surfaces = any(v.gaussians is not None for v in surrogate.visualizations)
     record = {
-        "schema": models.SCHEMA if carried or surfaces else earlier,
+        "schema": models.SCHEMA,
         "parameters": surrogate.space.to_json(),
         "normalization": surrogate.normalization.to_json(),
         "deformation": surrogate.deformation.record(),
@@ -49,7 +44,7 @@ def stored(surrogate: Any) -> models.StoredModel:
 def fields_of(model: models.StoredModel) -> Fields:
     """The fields of the `Surrogate` that was stored; raises ValueError naming the part that is damaged."""
     record = model.record
-    visualizations = _listed(record, "visualizations", [])
+    visualizations = _listed(record, "visualizations")
     names = ("gaussians", "deformation", *(f"visualization{i}" for i in range(len(visualizations))))
     parts: dict[str, dict[str, Tensor]] = {name: {} for name in names}
     for name, tensor in model.tensors.items():
@@ -98,9 +93,9 @@ def fields_of(model: models.StoredModel) -> Fields:
     }
 
 
-def _listed(record: Mapping[str, Any], name: str, default: Any = None) -> list[Any]:
+def _listed(record: Mapping[str, Any], name: str) -> list[Any]:
     with part(name):
-        found = record[name] if default is None else record.get(name, default)
+        found = record[name]
         if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
             raise ValueError(f"they must be a list of objects, got {type(found).__name__}")
     return found
@@ -126,8 +121,8 @@ def _check_visualization(visualization: Visualization, gaussians: int, parameter
         _check_fit(visualization.deformation, gaussians, parameters + len(variation.space))
     elif not carried or not variation.edits_base:
         raise ValueError(f"{variation.plural} can't be followed without a deformation")
-    if isinstance(visualization.deformation, ValuesDeformation) and not variation.edits_base:
-        raise ValueError(f"a deformation of kind 'values' can't follow {variation.plural}")
+    if visualization.deformation and isinstance(visualization.deformation, ValuesDeformation) != variation.edits_base:
+        raise ValueError(f"a deformation of kind {visualization.deformation.kind!r} can't follow {variation.plural}")
     if visualization.simulation is not None:
         _check_fit(visualization.simulation, gaussians, parameters)
     names = [variation.base, *(setting.appearance for setting in variation.settings)]

@@ -53,7 +53,7 @@ class Surrogate:
     encodings : of tensors that are stored in fewer bits, by the names they have in `model.safetensors`; the tensors themselves
         are what these decode to.  One that was replaced since is stored as it is.
     visualizations : how it follows an isovalue or a transfer function as well, and shows other fields.
-    training : how it came to be: `seconds`, `processor_seconds` (of all cores; None where not known), `steps`, `settings`, `curve`,
+    training : how it came to be: `seconds`, `processor_seconds` (of all cores), `steps`, `settings`, `curve`,
         `appearance`, `fingerprint`.
     """
 

@@ -71,7 +71,7 @@ def _dataset_seconds(folder: Path) -> float | None:
 def _summary(report: Mapping[str, Any]) -> Iterator[str]:
     from surrogate.evaluation.tables import terminal_line
     from surrogate.report.variations import variation_line
-    from surrogate.training.telling import UNKNOWN
+    from surrogate.training.messages import UNKNOWN
 
     for views, columns in report["images"].items():
         for parameters in columns:

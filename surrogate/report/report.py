@@ -19,7 +19,7 @@ from surrogate.report.page import page
 from surrogate.report.seeds import Scores, load_scores
 from surrogate.report.summary import fingerprint, summarize
 from surrogate.storage.records import read_json
-from surrogate.training.telling import learnt_line, members_line
+from surrogate.training.messages import learnt_line, members_line
 
 RECORD = "report.json"
 

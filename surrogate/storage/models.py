@@ -22,11 +22,6 @@ from surrogate.storage.files import opened_inside
 from surrogate.storage.tensors import MOST_BYTES, read_tensors, tensors_of
 
 SCHEMA = 6
-# 1 had no encodings, 2 no visualization parameters, 3 no fields, 4 no logarithmic scales, 5 no carried values and no surfaces with
-# Gaussians of their own
-WITHOUT_FIELDS = 3
-WITHOUT_SCALES = 4
-WITHOUT_VALUES = 5
 TENSORS, RECORD = "model.safetensors", "model.json"
 MOST_RECORD_BYTES = 16_000_000  # one of a hundred transfer functions has some 100 kB
 SEPARATOR = "/"  # between the name of an encoded tensor and that of its part
@@ -184,7 +179,7 @@ def _made(content: bytes, record: Mapping[str, Any], make: Callable[[StoredModel
             raise ValueError("it does not belong to the record, or is not whole: copy both again, or train anew")
         stored = tensors_of(content)
     with part("encodings"):
-        forms = record.get("encodings", {})
+        forms = record["encodings"]
         if not isinstance(forms, dict):
             raise ValueError(f"they must be formats by the names of tensors, got {forms!r}")
         tensors, encodings = _decoded(stored, forms)

@@ -80,7 +80,7 @@ def _begun(
     from surrogate.storage.runs import RECORD
     from surrogate.training.begin import Asked, begin, read_settings, seconds_of_process
     from surrogate.training.budget import Budget
-    from surrogate.training.telling import opening
+    from surrogate.training.messages import opening
 
     chosen = {} if file is None else read_settings(file)
     chosen |= values_of_words(words)
@@ -98,7 +98,7 @@ def _begun(
 
 def _train(opened: OpenRun, ranks: Ranks) -> None:
     from surrogate.model import Surrogate
-    from surrogate.training.telling import closing
+    from surrogate.training.messages import closing
 
     is_finished = ranks.by_first(lambda: Surrogate.exists(opened.model))
     surrogate, opened = _trained(opened, ranks)  # which looks whether it is this one
@@ -146,7 +146,7 @@ def show(run: Path) -> None:
     """Say what the surrogate in RUN is and how it was trained."""
     surrogate = load_surrogate(run / "surrogate")
     from surrogate.storage.runs import RunFolder
-    from surrogate.training.telling import about
+    from surrogate.training.messages import about
 
     with one_line_errors():
         for text in about(RunFolder.open(run), surrogate):

@@ -111,7 +111,7 @@ class Interruption:
 class Session:
     """One process that trains in `directory`, for `steps` steps over all stages, together with the others of `ranks`.
 
-    Earlier ones spent `before` seconds, and `processor_before` of all cores; None where that is not known.
+    Earlier ones spent `before` seconds, and `processor_before` of all cores.
     """
 
     settings: TrainingSettings
@@ -121,7 +121,7 @@ class Session:
     progress: ProgressReport
     interruption: Interruption
     before: float = 0.0
-    processor_before: float | None = 0.0
+    processor_before: float = 0.0
     ranks: Ranks = ALONE
 
     def __post_init__(self) -> None:
@@ -134,11 +134,9 @@ class Session:
         """That training has taken so far, in this process and those before."""
         return self.before + time.perf_counter() - self._started
 
-    def processor_seconds(self) -> float | None:
-        """The same, of all cores of all processes together; None where it is not known."""
-        own = time.process_time() - self._processor_started
-        everyone = sum(self.ranks.gathered(own))
-        return None if self.processor_before is None else self.processor_before + everyone
+    def processor_seconds(self) -> float:
+        """The same, of all cores of all processes together."""
+        return self.processor_before + sum(self.ranks.gathered(time.process_time() - self._processor_started))
 
     @property
     def pause_is_due(self) -> bool:

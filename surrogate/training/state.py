@@ -79,7 +79,7 @@ class TrainingState:
     visualizations : F_vis of each variation that has begun.
     losses : of the steps since the last point of `curve`.
     curve, choices : as in a model's `training`.
-    seconds, processor_seconds : that training has taken, and those of all cores; None where that is not known.
+    seconds, processor_seconds : that training has taken, and those of all cores.
     encodings : of the model's tensors, by name; no checkpoint holds them, for the last step chooses them.
     """
 
@@ -91,7 +91,7 @@ class TrainingState:
     curve: tuple[Mapping[str, Any], ...] = ()
     choices: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 0.0
-    processor_seconds: float | None = 0.0
+    processor_seconds: float = 0.0
     encodings: Mapping[str, Encoding] = field(default_factory=dict)
 
     def copy(self) -> TrainingState:
@@ -127,7 +127,7 @@ class TrainingState:
             loop=None if record["step"] is None else LoopMemory(record["step"], part_of(tensors, "loop")),
             visualizations=tuple(Visualization.load(part_of(tensors, f"visualization{i}"), v) for i, v in shown),
             seconds=record["seconds"],
-            processor_seconds=record.get("processor_seconds"),  # earlier versions did not know
+            processor_seconds=record["processor_seconds"],
             losses=tuple(record["losses"]),
             curve=tuple(record["curve"]),
             choices=tuple(record["choices"]),

@@ -63,7 +63,7 @@ def shared_visualization(
     source: Source,
     color_degree: int = 0,
 ) -> Visualization:
-    """An F_vis on the Gaussians of the base, whatever it shows: of surfaces as well, as earlier versions had it."""
+    """A visualization deformation that changes nothing yet, of the base's Gaussians, whatever the variation shows."""
     settings, edits = source.settings, variation.edits_base  # F_sim is frozen where the base is edited
     if edits and isinstance(gaussians, FieldGaussians):
         return Visualization(variation, None)

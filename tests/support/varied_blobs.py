@@ -12,9 +12,9 @@ import torch
 
 from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.appearance import TransferFunction
-from surrogate.deformation import BilinearDeformation
+from surrogate.deformation import BilinearDeformation, ValuesDeformation
 from surrogate.deformation.visualization import Visualization
-from surrogate.gaussians import Normalization
+from surrogate.gaussians import Gaussians, Normalization
 from surrogate.model import Surrogate
 from surrogate.rasterizer import Rasterizer
 from surrogate.settings import TrainingSettings
@@ -50,7 +50,7 @@ def varied_surrogate() -> Surrogate:
     simulation = moving(1, seed=1)
     visualizations = (
         Visualization(ISOVALUE, moving(2, seed=2), moving(1, seed=3)),
-        Visualization(FUNCTIONS, moving(5, seed=4, anchored=4)),
+        Visualization(FUNCTIONS, applied(gaussians)),
     )
     return Surrogate(
         gaussians,
@@ -70,14 +70,21 @@ def varied_surrogate() -> Surrogate:
     )
 
 
-def moving(parameters: int, *, seed: int, anchored: int = 0) -> BilinearDeformation:
+def moving(parameters: int, *, seed: int) -> BilinearDeformation:
     """A deformation that moves everything visibly."""
     settings = TrainingSettings(seed=seed, latent_size=4, hidden_width=8)
-    still = BilinearDeformation.create(BLOBS.gaussians(0.5), parameters, settings, anchored=anchored)
+    still = BilinearDeformation.create(BLOBS.gaussians(0.5), parameters, settings)
     random = torch.Generator().manual_seed(seed)
     return replace(
         still, latents=4.0 * still.latents, weights_out=0.7 * torch.randn(still.weights_out.shape, generator=random)
     )
+
+
+def applied(gaussians: Gaussians) -> ValuesDeformation:
+    """Weights of field values with which transfer functions change every Gaussian visibly."""
+    made = ValuesDeformation.create(gaussians, FUNCTION, np.linspace(0.0, 3.0, 8), STEPS.tolist())
+    random = torch.Generator().manual_seed(4)
+    return replace(made, weights=made.weights + 0.4 * torch.randn(made.weights.shape, generator=random))
 
 
 def varied_catalog(

@@ -104,7 +104,6 @@ DAMAGE = [
     (put("deformation", "units", [1.0] * 12), "deformation: units must be a list of 13 or 14 or 23 numbers"),
     (put("deformation", "units", [NAN] * 14), "deformation: units must be a finite number"),
     (put("deformation", "units", 0, 0.0), "deformation: weights_out must be of shape"),
-    (put("deformation", "anchored", -1), "deformation: anchored must be a whole number from 0 to 1"),
     (put("deformation", "kind", ["bilinear"]), "deformation: unknown deformation \\['bilinear'\\]"),
     (put("encodings", []), "encodings: they must be formats"),
     (put("encodings", {"gaussians.means": []}), "encodings: "),

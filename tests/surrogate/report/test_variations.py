@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from catalogs.store.catalog import Catalog
 from surrogate.cli import main
+from surrogate.deformation import BilinearDeformation, ValuesDeformation
 from surrogate.evaluation.cases import PARAMETERS, SETTINGS
 from surrogate.evaluation.evaluate import AT_NEAREST, Evaluation, VariedEvaluation, evaluate
 from surrogate.evaluation.perceptual import PerceptualMetrics
@@ -48,9 +49,12 @@ def wrong(tmp_path_factory: pytest.TempPathFactory) -> tuple[Surrogate, Catalog,
     """A surrogate that knows all there is but for F_vis, which is weaker than the truth's; images with alpha."""
     truth = varied_surrogate()
     catalog = varied_catalog(tmp_path_factory.mktemp("wrong") / "a.cdb", truth)
-    weaker = tuple(
-        replace(v, deformation=replace(v.deformation, units=0.6 * v.deformation.units))  # type: ignore[type-var]
-        for v in truth.visualizations
+    surfaces, functions = truth.visualizations
+    assert isinstance(surfaces.deformation, BilinearDeformation)
+    assert isinstance(functions.deformation, ValuesDeformation)
+    weaker = (
+        replace(surfaces, deformation=replace(surfaces.deformation, units=0.6 * surfaces.deformation.units)),
+        replace(functions, deformation=replace(functions.deformation, weights=0.6 * functions.deformation.weights)),
     )
     surrogate = replace(truth, visualizations=weaker)
     return surrogate, catalog, evaluate(surrogate, catalog)

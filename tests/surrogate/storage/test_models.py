@@ -1,4 +1,4 @@
-"""Models are read as they were written, also those of earlier schemas, and damaged ones are named."""
+"""Models are read as they were written, and damaged ones are named."""
 
 from __future__ import annotations
 
@@ -67,17 +67,6 @@ def test_a_tensor_that_was_replaced_is_stored_as_it_is(tmp_path: Path) -> None:
     assert sorted(loaded.encodings) == ["deformation.latents", "gaussians.colors", "gaussians.quats"]
 
 
-def test_a_model_of_the_first_schema_is_read(tmp_path: Path) -> None:
-    surrogate = some_surrogate(color_columns=12)
-    surrogate.save(tmp_path)
-    record = json.loads((tmp_path / "model.json").read_text())
-    del record["encodings"]
-    (tmp_path / "model.json").write_text(json.dumps(record | {"schema": 1}))
-    at = {"Re": 1830.0, "time": 0.4}
-    expected = surrogate.at(**at).render(CAMERA)
-    np.testing.assert_array_equal(Surrogate.load(tmp_path).at(**at).render(CAMERA), expected)
-
-
 @pytest.mark.parametrize(
     ("encodings", "complaint"),
     [
@@ -128,16 +117,3 @@ def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text("{")
     with pytest.raises(ValueError, match=r"model\.json is damaged: the file: "):
         Surrogate.load(tmp_path)
-
-
-def test_a_model_of_the_second_schema_is_read(tmp_path: Path) -> None:
-    surrogate = encoded(some_surrogate())
-    surrogate.save(tmp_path)
-    record = json.loads((tmp_path / "model.json").read_text())
-    assert record["schema"] == 3
-    del record["visualizations"]
-    (tmp_path / "model.json").write_text(json.dumps(record | {"schema": 2}))
-    loaded, at = Surrogate.load(tmp_path), {"Re": 1830.0, "time": 0.4}
-    np.testing.assert_array_equal(loaded.at(**at).render(CAMERA), surrogate.at(**at).render(CAMERA))
-    assert loaded.visualizations == ()
-    assert loaded.encodings.keys() == surrogate.encodings.keys()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from catalogs.store.catalog import Catalog
 from catalogs.vocabulary.variations import field_variation, transfer_function_family
 from surrogate import Surrogate, TrainingSettings, train
 from surrogate.cli import main
-from surrogate.deformation import BilinearDeformation
 from surrogate.evaluation.cases import PARAMETERS
 from surrogate.evaluation.evaluate import evaluate
 from surrogate.evaluation.metrics import psnr
@@ -25,7 +23,6 @@ from surrogate.report.variations import variation_line
 from surrogate.storage.checkpoints import fingerprint
 from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
-from surrogate.training.state import Fitted
 from surrogate.training.visualizations import new_visualization, visualization_stage
 from tests.support.comparing import same
 from tests.support.field_blobs import BLOBS, FieldBlobs, summary
@@ -139,18 +136,6 @@ def test_one_without_fields_does_not_know_the_word(catalog: Catalog, run: Path) 
     plain = replace(Surrogate.load(run / "surrogate"), visualizations=())
     with pytest.raises(ValueError, match=r"unknown \['appearance'\]"):
         plain.at(p=0.3, appearance="speed-dvr")
-
-
-def test_older_programs_are_told_by_the_schema(run: Path, tmp_path: Path) -> None:
-    surrogate = Surrogate.load(run / "surrogate")
-    assert json.loads((run / "surrogate" / "model.json").read_text())["schema"] == 6  # for the Gaussians carry values
-    surrogate = replace(surrogate, visualizations=())
-    surrogate.save(tmp_path)
-    assert json.loads((tmp_path / "model.json").read_text())["schema"] == 6
-    colors = Fitted(surrogate.gaussians, surrogate.deformation).at(torch.zeros(1))
-    plain = BilinearDeformation.create(colors, 1, TrainingSettings())
-    replace(surrogate, gaussians=colors, deformation=plain).save(tmp_path)
-    assert json.loads((tmp_path / "model.json").read_text())["schema"] == 3
 
 
 def test_the_command_draws_a_field(run: Path, tmp_path: Path) -> None:
