@@ -1,4 +1,4 @@
-"""What the derivatives of the C++ kernels can't do, said in one place."""
+"""The limit of the C++ kernels' derivatives: they can be differentiated once."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import torch
 
 
 def require_no_second_derivative(of: str = "deformed", instead: str = "offsets") -> None:
-    """Raise RuntimeError in a backward pass that is itself to be differentiated, where a kernel would count as constant.
+    """Raise RuntimeError in a backward pass that is itself to be differentiated, where a kernel would count as a constant.
 
     torch's `once_differentiable` lets such a pass through where the gradient that comes in is itself a constant.  `of` names the
     function whose derivative it is, `instead` one that torch computes.

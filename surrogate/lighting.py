@@ -1,4 +1,4 @@
-"""The light on isosurfaces: known from the catalog, so that Gaussians need to learn only where their surface faces."""
+"""Lighting of isosurfaces, known from the catalog, so that Gaussians learn only the orientation of their surface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from surrogate.splatting.kernel_function import KernelFunction, kernel_takes
 from surrogate.splatting.threads import cores
 
 STRENGTHS = ("ambient", "diffuse", "specular", "specular_power")
-LEAST_FACING = 1e-6  # below which a power of it need not have a finite derivative
+LEAST_FACING = 1e-6  # a power of a smaller number may have no finite derivative
 CLOSE, MOSTLY = (
     8.0 / 255.0,
     0.9,
@@ -44,14 +44,14 @@ class Lighting:
 
     @classmethod
     def of(cls, appearances: Sequence[Appearance]) -> Lighting | None:
-        """The light that all appearances share; None where they are not all isosurfaces, or not lit alike."""
+        """The common lighting of all appearances; None where they are not all isosurfaces, or are lit differently."""
         surfaces = [a for a in appearances if isinstance(a, Isosurface)]
         found = {cls(a.color, *(float(getattr(a, name)) for name in STRENGTHS)) for a in surfaces}
         return found.pop() if len(found) == 1 and len(surfaces) == len(appearances) else None
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Lighting:
-        """The lighting that `to_json` described; raises ValueError for a strength or a colour that can't be."""
+        """The lighting described by `to_json` values; raises ValueError for an invalid strength or colour."""
         if set(values) != {"color", *STRENGTHS}:
             raise ValueError(f"lighting must consist of {['color', *STRENGTHS]}, got {sorted(values)}")
         red, green, blue = (fraction(c, "lighting color") for c in row(values["color"], 3, "lighting color"))
@@ -68,7 +68,7 @@ class Lighting:
     def colors(self, normals: Tensor, directions: Tensor) -> Tensor:
         """Straight RGB (N, 3), at most 1, of surfaces with `normals` (N, 3) seen along unit `directions` (N, 3).
 
-        A normal shorter than 1 stands for a surface that faces many ways: it turns as dark as one that faces away.
+        A normal shorter than 1 means a surface of mixed orientations: it is shaded as dark as one that faces away.
         """
         facing = (normals * directions).sum(dim=1, keepdim=True).abs().clamp(LEAST_FACING, 1.0)  # [N, 1]
         color = normals.new_tensor(self.color)  # [3]
@@ -94,7 +94,7 @@ class Lighting:
         return kernel(means, normals)
 
     def explains(self, pixels: NDArray[np.floating]) -> bool:
-        """Whether opaque `pixels` (M, 3) in [0, 1] are such as this light leaves on the surface; not where there are none."""
+        """True if this lighting explains opaque `pixels` (M, 3) in [0, 1] of the surface; False without pixels."""
         facing = torch.linspace(0.0, 1.0, 128)[:, None]  # [128, 1]
         shades = self.colors(facing, torch.ones_like(facing)).numpy()  # [128, 3]
         nearest = np.abs(pixels[:, None] - shades).max(axis=2).min(axis=1)  # [M]

@@ -1,7 +1,7 @@
-"""Random numbers keyed by (seed, purpose, step): what is drawn needs no history.
+"""Random numbers keyed by (seed, purpose, step), independent of history.
 
-A resumed run draws exactly what an undisturbed one would have, and no generator state needs saving; numpy's counter-based
-Philox is the generator, kept behind one function so that two purposes never share a stream.
+A resumed run draws exactly the numbers of an uninterrupted one, and no generator state is saved. The generator is
+numpy's counter-based Philox, behind one function so that two purposes never share a stream.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The ceiling: what as many Gaussians reach that are fitted to one unseen member alone, without a deformation.
+"""The per-member upper bound: the same number of Gaussians fitted to one unseen member alone, without a deformation.
 
-A surrogate falls short of it on the same images by what it loses in predicting the member instead of seeing it.  The ceiling falls
-short of a perfect picture because of the Gaussians, their number and the training views.  It is no strict bound: as many steps on
-the fewer views of one member may overfit.  It learns from a test member, so no choice may be made by it.
+A surrogate falls short of it because it predicts the member instead of learning from it. The bound itself is limited by
+the Gaussians, their number and the training views. It is not strict: as many steps on the fewer views of one member may
+overfit. It learns from a test member, so no choice may depend on it.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage
 from surrogate.training.visualizations import lighting_of
 
-REPORT_STEPS = 50  # between two looks at the progress
+REPORT_STEPS = 50  # between progress reports
 
 
 @dataclass(frozen=True, eq=False)
 class UpperBoundSubject:
-    """What is fitted alone: one member under one appearance, of `variation` unless it is the base."""
+    """One member under one appearance that is fitted alone; `variation` is None for the base."""
 
     member: Member
     appearance: str
@@ -50,17 +50,17 @@ class UpperBoundSubject:
 
     @property
     def varied(self) -> dict[str, float | str]:
-        """Its visualization parameters by name; none for the base."""
+        """Visualization parameters by name; empty for the base."""
         setting = None if self.variation is None else self.variation.setting(self.appearance)
         return {} if self.variation is None or setting is None else self.variation.arguments(setting)
 
     def cases(self, split: str = "test") -> list[Case]:
-        """Its images at the views of a split."""
+        """The member's images at the views of a split."""
         return [Case(self.member, view, self.appearance, self.varied) for view in self.views(split)]
 
     def views(self, split: str) -> list[int]:
         """Numbers of the views of a split."""
-        return [view for view, kept in enumerate(self.member.view_splits) if kept == split]
+        return [view for view, assigned in enumerate(self.member.view_splits) if assigned == split]
 
 
 @one_torch_thread()
@@ -72,20 +72,20 @@ def measure_ceiling(
     *,
     progress: Callable[[StudyProgress], None] = lambda _: None,
 ) -> list[dict[str, Any]]:
-    """An entry for the base appearance and for the middle unseen setting of every variation, as `load_ceilings` has them.
+    """Measure the bound for the base appearance and for the middle unseen setting of every variation.
 
-    Each says which `member` and `appearance` was fitted, the `psnr` (dB) and `ssim` at its test views, and what `surrogate`
-    reaches on exactly these images; without it, what is known of an earlier one, or None.  Each is kept in `records`, the folder
-    of the scene's records, once it is finished; what is there of the same settings, catalog and code is not fitted again.
+    An entry has the `member` and `appearance` that was fitted, the `psnr` (dB) and `ssim` at its test views, and those
+    of the `surrogate` on the same images. Without a surrogate, the latter come from an earlier record, or are None.
+    Finished entries are stored in the scene's `records`, and skipped while settings, catalog and code stay the same.
 
-    Raises ValueError where no member of the catalog has views to learn from and others to be judged by.
+    Raises ValueError where no member has both training and test views.
     """
     source, mark = Source(settings, catalog), fingerprint(settings, catalog)
     forms = {subject: _settings(source, subject, surrogate) for subject in subjects(source)}
     keys = {subject: _key(mark, subject, form) for subject, form in forms.items()}
-    found = {subject: _finished(records, key, surrogate) for subject, key in keys.items()}
-    watch, left = StudyWatch(progress), sum(record is None for record in found.values())
-    for subject, record in found.items():
+    stored = {subject: _finished(records, key, surrogate) for subject, key in keys.items()}
+    watch, left = StudyWatch(progress), sum(record is None for record in stored.values())
+    for subject, record in stored.items():
         if record is None:
             watch.begin(subject.appearance, left := left - 1)
             begun = time.process_time()
@@ -95,8 +95,8 @@ def measure_ceiling(
         if surrogate is not None or "surrogate" not in record.values:
             record = replace(record, values={**record.values, "surrogate": _reached(surrogate, source, subject)})
             record.save(_path(records, subject.appearance))
-        found[subject] = record
-    return [entry_of(record) for record in found.values() if record is not None]
+        stored[subject] = record
+    return [entry_of(record) for record in stored.values() if record is not None]
 
 
 def _path(records: Path, appearance: str) -> Path:
@@ -104,17 +104,17 @@ def _path(records: Path, appearance: str) -> Path:
 
 
 def _finished(records: Path, key: Mapping[str, Any], surrogate: Surrogate | None) -> Record | None:
-    """The record of these settings, this catalog and this code; without a surrogate, of whichever colour degree one had."""
+    """The record with the same settings, catalog and code; without a surrogate, of any colour degree."""
     needed = {name: value for name, value in key.items() if surrogate is not None or name != "color_degree"}
-    found = Record.load(_path(records, key["appearance"]), KIND, VERSION, needed)
-    return None if found is None or found.provenance.code != code(__name__) else found
+    record = Record.load(_path(records, key["appearance"]), KIND, VERSION, needed)
+    return None if record is None or record.provenance.code != code(__name__) else record
 
 
 def subjects(source: Source) -> list[UpperBoundSubject]:
-    """The middle test member under the base appearance, and one under the middle unseen setting of each variation that is shown.
+    """The middle test member under the base appearance, and one under the middle unseen setting of each variation.
 
-    Where no test member has views to learn from, it is the training member with the most test views: what it reaches alone says
-    what views and Gaussians allow, but nothing of unseen parameters.
+    Where no test member has training views, the training member with the most test views is taken. It shows the limits
+    of views and Gaussians, but not of unseen parameters.
     """
     members = [m for m in source.catalog.members if {"train", "test"} <= set(m.view_splits)]
     shown = [m for m in members if m.split == "test" and source.appearance in m.appearances]
@@ -124,20 +124,19 @@ def subjects(source: Source) -> list[UpperBoundSubject]:
         shown = [m for m in seen if m.view_splits.count("test") == most]
     if not shown:
         raise ValueError(
-            f"catalog {source.catalog.path} has no member with views to learn from and views that test: there is none that "
-            "could be fitted alone"
+            f"catalog {source.catalog.path} has no member with both training and test views: none can be fitted alone"
         )
-    found = [UpperBoundSubject(central_member(shown, source.catalog.plan.space), source.appearance)]
+    chosen = [UpperBoundSubject(central_member(shown, source.catalog.plan.space), source.appearance)]
     for variation in source.variations:
         appearance = _middle_setting(variation)
         shown = [m for m in members if m.split == "test" and appearance in m.appearances]
         if shown:
-            found.append(UpperBoundSubject(central_member(shown, source.catalog.plan.space), appearance, variation))
-    return found
+            chosen.append(UpperBoundSubject(central_member(shown, source.catalog.plan.space), appearance, variation))
+    return chosen
 
 
 def line(entry: Mapping[str, Any]) -> str:
-    """An entry in a line."""
+    """An entry as one line for the terminal."""
     reached = entry["surrogate"]
     beside = "" if reached is None else f"   the surrogate {reached['psnr']:.2f} dB   SSIM {reached['ssim']:.4f}"
     own = f"{entry['psnr']:6.2f} dB   SSIM {entry['ssim']:.4f}"
@@ -145,7 +144,7 @@ def line(entry: Mapping[str, Any]) -> str:
 
 
 def _middle_setting(variation: Variation) -> str:
-    """The name of the appearance in the middle of those that test, by isovalue where that is what varies."""
+    """The name of the middle test appearance, by isovalue where that is what varies."""
     names = variation.named("test")
     settings = [s for s in variation.settings if s.appearance in names]
     ordered = sorted(settings, key=lambda s: s.values) if len(variation.space) == 1 else settings
@@ -153,10 +152,10 @@ def _middle_setting(variation: Variation) -> str:
 
 
 def _settings(source: Source, subject: UpperBoundSubject, surrogate: Surrogate | None) -> TrainingSettings:
-    """Stage 1 alone, with the Gaussians, the steps and the colour degree that the surrogate has for such a picture."""
+    """Settings of stage 1 alone, with the surrogate's Gaussians, steps and colour degree."""
     settings, lit = source.settings, _lighting(source, subject) is not None
     steps = settings.visualization_steps if subject.variation is not None else 0
-    if not lit:  # which stands on the base's Gaussians
+    if not lit:  # which is built on the base's Gaussians
         steps += settings.canonical_steps + settings.deformation_steps
     return settings.changed(
         gaussians=settings.count_on_surfaces if lit else settings.gaussians,
@@ -168,21 +167,22 @@ def _settings(source: Source, subject: UpperBoundSubject, surrogate: Surrogate |
 
 
 def _lighting(source: Source, subject: UpperBoundSubject) -> Lighting | None:
-    """The light on the surfaces that the subject is one of."""
+    """The light on the subject's surfaces; None without any."""
     return None if subject.variation is None else lighting_of(subject.variation, source)
 
 
 def _color_degree(settings: TrainingSettings, subject: UpperBoundSubject, surrogate: Surrogate | None) -> int:
-    """What the surrogate's colours have; without one the settings', and 1 where it is left to be chosen: no less than it may be."""
+    """The surrogate's colour degree; without a surrogate that of the settings, and 1 where it is "auto", the most that
+    it may become."""
     if surrogate is not None:
         mine = [v for v in surrogate.visualizations if subject.variation and v.variation.kind == subject.variation.kind]
         return max([surrogate.gaussians.color_degree, *(v.color_degree for v in mine)])
-    asked = [settings.color_degree, *([settings.visualization_color_degree] if subject.variation else [])]
-    return max(1 if degree == "auto" else degree for degree in asked)
+    degrees = [settings.color_degree, *([settings.visualization_color_degree] if subject.variation else [])]
+    return max(1 if degree == "auto" else degree for degree in degrees)
 
 
 def _key(mark: str, subject: UpperBoundSubject, form: TrainingSettings) -> dict[str, Any]:
-    """What an entry must agree in to be taken for finished."""
+    """The key of a finished entry."""
     return {
         "mark": mark,
         "member": subject.member.name,
@@ -199,7 +199,7 @@ def _key(mark: str, subject: UpperBoundSubject, form: TrainingSettings) -> dict[
 def _fitted_alone(
     settings: TrainingSettings, source: Source, subject: UpperBoundSubject, watch: StudyWatch
 ) -> dict[str, Any]:
-    """Fit the subject, and judge it at its test views."""
+    """Fit the subject, and score it at its test views."""
     started, count = time.perf_counter(), watch.counter("steps")
     still = fitted_alone(settings, source, subject, lambda done, steps: count("fitting", done, steps))
     return {
@@ -216,7 +216,7 @@ def fitted_alone(
     subject: UpperBoundSubject,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> DeformedGaussians:
-    """The subject by stage 1 alone; `progress` is told how many of how many steps are done."""
+    """Fit the subject by stage 1 alone; `progress` receives the finished and the total steps."""
     catalog = source.catalog
     rows = [ImageRow(subject.member, view, subject.appearance) for view in subject.views("train")]
     data = TrainingData(load_examples(catalog, rows, source.normalization), (), catalog.plan.background)
@@ -235,7 +235,7 @@ def fitted_alone(
 
 
 def _reached(surrogate: Surrogate | None, source: Source, subject: UpperBoundSubject) -> dict[str, Any] | None:
-    """What the surrogate makes of the same images; None where it does not follow this appearance."""
+    """Scores of the surrogate on the same images; None where it does not follow this appearance."""
     if surrogate is None or surrogate.training["appearance"] != source.appearance:
         return None
     if not set(subject.varied) <= set(surrogate.visualization_names):
@@ -248,6 +248,6 @@ def _reached(surrogate: Surrogate | None, source: Source, subject: UpperBoundSub
 
 
 def means_of(at: Callable[..., DeformedGaussians], catalog: Catalog, cases: Sequence[Case]) -> dict[str, float | None]:
-    """What Gaussians reach on images: "psnr" (dB) and "ssim", None where there are none."""
-    [found] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, cases)
-    return {metric: mean(found.values(), metric) for metric in ("psnr", "ssim")}
+    """Mean "psnr" (dB) and "ssim" of images; None where there are none."""
+    [scores] = score_cases(SurrogatePredictor(at, catalog.plan.background), catalog, cases)
+    return {metric: mean(scores.values(), metric) for metric in ("psnr", "ssim")}

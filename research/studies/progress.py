@@ -1,4 +1,4 @@
-"""Where a study of several trainings stands, and how long all of them still take."""
+"""Progress of a study of several trainings, with an estimate of the remaining time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from catalogs.progress import Count, Rate, duration, joined
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """Where a study stands.
+    """Progress of a study.
 
     Attributes
     ----------
-    name : of the current training, such as "seed 5".
-    number, count : of the current training among those that had to be done.
-    work : where its training or scoring stands, in words.
-    seconds_left : for all of them; None before it is known.
+    name : name of the current training, such as "seed 5".
+    number, count : number of the current training, and of all trainings of this run.
+    work : progress of its training or scoring, in words.
+    seconds_left : estimate for all trainings; None before it is known.
     """
 
     name: str
@@ -34,9 +34,9 @@ class StudyProgress:
 
 
 class StudyWatch:
-    """Turns the progress of one training after the other into that of a study.
+    """Combines the progress of successive trainings into that of a study.
 
-    `usual` is how many seconds each of those that follow is expected to take; None for as long as the current one.
+    `usual` is the expected time in seconds of each later training; None for that of the current one.
     """
 
     def __init__(self, progress: Callable[[StudyProgress], None], usual: float | None = None) -> None:
@@ -45,21 +45,21 @@ class StudyWatch:
         self._begun, self._taken = 0.0, 0.0
 
     def begin(self, name: str, following: int) -> None:
-        """The next training begins, before so many others."""
+        """Begin the next training, before `following` others."""
         self._name, self._number, self._following = name, self._number + 1, following
         self._begun = time.perf_counter()
 
     def end(self) -> None:
-        """The current training is over; those that follow are expected to take as long as it and those before, on average."""
+        """End the current training; later ones are expected to take the mean time of all so far."""
         self._taken += time.perf_counter() - self._begun
         self._usual = self._taken / self._number
 
     def expect(self, seconds: float) -> None:
-        """Expect those that follow to take so long each."""
+        """Set the expected time in seconds of each later training."""
         self._usual = seconds
 
     def counter(self, unit: str = "images") -> Callable[[str, int, int], None]:
-        """What tells how many of how many are done in a stage of the current training, which takes as long as those."""
+        """A function that reports finished and total units of a stage of the current training."""
         rate = Rate()
         rate(0)
 
@@ -70,7 +70,7 @@ class StudyWatch:
         return count
 
     def tell(self, work: object, seconds_left: float | None) -> None:
-        """Tell where the current training stands, and how many seconds it still takes."""
+        """Report the progress of the current training, and the seconds that it still takes."""
         whole = None
         if seconds_left is not None:
             current = time.perf_counter() - self._begun + seconds_left

@@ -1,4 +1,4 @@
-"""Trainings of a study that the workers of an engine make, such as a Dask cluster's."""
+"""Trainings of a study on the workers of an engine, such as a Dask cluster's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAME = "on the cluster"
 
 @dataclass(frozen=True)
 class OnOneCore(Generic[T]):
-    """A training as a worker makes it, which is one of as many as its machine has cores."""
+    """A training on one core, for machines that run as many workers as they have cores."""
 
     training: Callable[[], T]
 
@@ -32,10 +32,10 @@ def train_on(
     done: Callable[[T], None],
     progress: Callable[[StudyProgress], None] = lambda _: None,
 ) -> None:
-    """Run picklable trainings by name, each of which keeps its own record; `done` is given what each returns.
+    """Run picklable trainings by name, each of which stores its own record; `done` receives each return value.
 
-    A training whose worker dies is begun once more, so that it must first look for its record.  Raises RuntimeError naming those
-    that failed, once all others have ended.
+    A training whose worker dies is started again, so it must first look for its record. Raises RuntimeError naming the
+    failed ones after all others have ended.
     """
     begun, failures, ended = time.perf_counter(), dict[str, BaseException](), 0
 
@@ -53,7 +53,7 @@ def train_on(
     tasks = {name: OnOneCore(training) for name, training in trainings.items()}
     engine.run(tasks, settled, failures.__setitem__, tick)
     if failures:
-        told = "; ".join(f"{name}: {type(error).__name__}: {error}" for name, error in failures.items())
+        reasons = "; ".join(f"{name}: {type(error).__name__}: {error}" for name, error in failures.items())
         raise RuntimeError(
-            f"{len(failures)} of {len(trainings)} trainings failed, and the same command tries them again: {told}"
+            f"{len(failures)} of {len(trainings)} trainings failed, and the same command tries them again: {reasons}"
         )

@@ -1,1 +1,1 @@
-"""What the images that training never learnt from say of a surrogate, beside trivial predictors."""
+"""Evaluation of a surrogate on images that training never used, beside trivial predictors."""

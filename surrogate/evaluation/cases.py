@@ -24,11 +24,11 @@ MOST_VARIED = 300  # of a cell of a variation
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An image of the data set that is to be predicted.
+    """An image of the data set to be predicted.
 
     Attributes
     ----------
-    member, view, appearance : where its picture is stored.
+    member, view, appearance : identify the stored image.
     varied : the visualization parameters by name; empty for the base appearance.
     """
 
@@ -135,5 +135,5 @@ def drawn_evenly(cases: Sequence[Case], most: int = MOST_VARIED) -> list[Case]:
 
 
 def _asked(variation: Variation, splits: Sequence[str]) -> dict[str, dict[str, float | str]]:
-    """What a surrogate is asked for, by appearance."""
+    """Visualization parameters of a surrogate, by appearance."""
     return {s.appearance: variation.arguments(s) for s in variation.settings if s.split in splits}

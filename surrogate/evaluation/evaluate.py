@@ -1,4 +1,4 @@
-"""How good and how fast a surrogate is, on the images that it never learnt from, beside the trivial predictors."""
+"""Accuracy and speed of a surrogate on images that it never learnt from, beside the trivial predictors."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ CaseGroups = Mapping[str, Sequence[Case]]
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """What the surrogate is compared with.
+    """A predictor that the surrogate is compared with.
 
     Attributes
     ----------
-    scores : of the images that it can predict: at unseen parameters by row of `VIEWS`, or under unseen settings by column of
-        `PARAMETERS`; and "validation".
-    degrees : between a wanted view and the stored one that stands in for it, at worst.
-    shown : per column, the fewest and the most trained settings that a predicted member shows.
+    scores : scores of the images that it can predict: at unseen parameters by row of `VIEWS`, or under unseen settings
+        by column of `PARAMETERS`; and "validation".
+    degrees : largest angle between a view and the stored view that stands in for it.
+    shown : per column, the fewest and the most trained settings of a predicted member.
     """
 
     name: str
@@ -63,16 +63,16 @@ class Baseline:
 
 @dataclass(frozen=True, eq=False)
 class VariedEvaluation:
-    """How well a surrogate follows one variation.
+    """Scores of a surrogate under one variation.
 
     Attributes
     ----------
-    deformation : the kind of F_vis; "applied" where the Gaussians carry values, to which functions are applied.
+    deformation : the kind of appearance deformation; "applied" where transfer functions are applied to carried values.
     cells : scored images, of unseen views, by row of `SETTINGS` and column of `PARAMETERS`.
     validation : of validation members under validation settings, from all but test views.
     milliseconds : of a "visualization_change" and of a "view_change" after it.
-    at_center : the same cells as the surrogate shows them at the centre of the simulation's parameters, under their own settings;
-        empty without such parameters.
+    at_center : the same cells for the surrogate frozen at the centre of the simulation's parameters, under the images'
+        own settings; empty without such parameters.
     """
 
     variation: Variation
@@ -91,18 +91,18 @@ class VariedEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything that a report says.
+    """All results of an evaluation, as a report shows them.
 
     Attributes
     ----------
     cells : scored images of the base appearance, by row of `VIEWS` and column of `PARAMETERS`.
-    validation : of validation members (else validation views): what choices are made on.
+    validation : scores of validation members, otherwise validation views, on which choices are made.
     baselines : trivial predictors at unseen parameters.
     milliseconds : of a "parameter_change" and a "view_change".
     variations : of the visualization parameters that the surrogate follows.
-    unavailable : why a perceptual metric can't be had on this machine, by its name.
-    at_center : the same cells as the surrogate shows every member at the centre of its parameters, which says how much these
-        matter; empty without parameters.
+    unavailable : the reason why a perceptual metric is missing on this machine, by its name.
+    at_center : the same cells for the surrogate frozen at the centre of its parameters, which shows the value of
+        parameter dependence; empty without parameters.
     """
 
     cells: Cells = field(repr=False)
@@ -116,7 +116,7 @@ class Evaluation:
 
 @one_torch_thread()
 def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> Evaluation:
-    """Score `surrogate` on the images of `catalog` that it was made for."""
+    """Score `surrogate` on the test and validation images of `catalog`."""
     engine = _Engine(surrogate, catalog, progress, PerceptualMetrics.load())
     appearance = str(surrogate.training["appearance"])
     cells, watched = base_cells(catalog, appearance), base_validation(catalog, appearance)
@@ -136,7 +136,7 @@ def evaluate(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambd
 
 @dataclass(frozen=True, eq=False)
 class _Engine:
-    """Scores the surrogate, and what it is compared with, on groups of images of one catalog."""
+    """Scores the surrogate and its baselines on groups of images of one catalog."""
 
     surrogate: Surrogate
     catalog: Catalog
@@ -146,7 +146,8 @@ class _Engine:
     def cells(
         self, stage: str, cells: CaseCells, validation: Sequence[Case], looked_into: Sequence[Sequence[Case]]
     ) -> tuple[Cells, list[Scored]]:
-        """The surrogate's test images by cell, and validation images; a few of `looked_into` by perceptual metrics too."""
+        """Scores of the surrogate's test images by cell, and of validation images; some of `looked_into` by perceptual
+        metrics too."""
         few = {group[i] for group in looked_into for i in spread(len(group), MOST_PERCEPTUAL)}
         cases, told = [*all_cases(cells), *validation], partial(self.progress, stage)
         predictor = SurrogatePredictor(self.surrogate.at, self.catalog.plan.background)
@@ -154,7 +155,7 @@ class _Engine:
         return by_cell(cells, found), [found[case] for case in validation]
 
     def at_center(self, stage: str, cells: CaseCells) -> Cells:
-        """The same test images as the surrogate shows them with the simulation's parameters at their centre."""
+        """Scores of the same test images, with the simulation's parameters at their centre."""
         middle, told = self.surrogate.space.middle, partial(self.progress, stage)
         if not middle:
             return {}
@@ -167,7 +168,7 @@ class _Engine:
         return by_cell(cells, found)
 
     def baselines(self, stage: str, predictor: Predictor, groups: CaseGroups, **known: Any) -> list[Baseline]:
-        """What a predictor makes of named groups of images, where it can; `known` is said of all its names."""
+        """Scores of a predictor on named groups of images, where it can predict them; `known` is stated for all its names."""
         cases, told = [case for group in groups.values() for case in group], partial(self.progress, stage)
         scores = score_cases(predictor, self.catalog, cases, progress=told)
         return [
@@ -176,7 +177,7 @@ class _Engine:
         ]
 
     def variation(self, visualization: Visualization) -> VariedEvaluation:
-        """How well the surrogate follows one variation."""
+        """Scores of the surrogate under one variation."""
         variation, members = visualization.variation, self.catalog.members
         cells, judged = variation_cells(self.catalog, variation), variation_validation(self.catalog, variation)
         few = [group for row in cells.values() for group in row.values()]
@@ -200,7 +201,8 @@ class _Engine:
         return self.baselines("trivial predictors", mixtures, groups, degrees=degrees)
 
     def setting_baselines(self, variation: Variation, groups: CaseGroups) -> list[Baseline]:
-        """What stored pictures of trained settings, and the surrogate's own, make of unseen ones; fields are all trained."""
+        """Baselines at unseen settings from stored images of trained settings, and from the surrogate at the nearest
+        one; empty for fields."""
         if not variation.continuous:
             return []
         stage, pictures = "trivial predictors of settings", SettingPictures(variation)
@@ -219,7 +221,7 @@ class _Engine:
         return [*of_member, *self.baselines(stage, unmoved, unseen), *joint]
 
     def joint_baselines(self, variation: Variation, groups: CaseGroups) -> list[Baseline]:
-        """What training members under trained settings make of unseen members under unseen settings."""
+        """Baselines at unseen members under unseen settings, from training members under trained settings."""
         space, members = self.surrogate.space, self.catalog.members
         pictures, cases = TrainedPictures.of(variation, space, members), [case for of in groups.values() for case in of]
         if pictures is None or not cases or not len(space):

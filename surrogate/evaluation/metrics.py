@@ -1,6 +1,6 @@
-"""How alike two pictures are: PSNR, PSNR of the foreground, and SSIM, each of one image; means are taken over images.
+"""Image metrics: PSNR, PSNR of the foreground, and SSIM, each of one image; means are taken over images.
 
-Pictures are compared as a person sees them: composited on the background (white where images have alpha) and cut to [0, 1].
+Images are compared as displayed: composited on the background (white where images have alpha) and clipped to [0, 1].
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Score:
 
     Attributes
     ----------
-    psnr_foreground : nan where neither picture has a foreground.
+    psnr_foreground : nan where neither image has a foreground.
     squared_error : mean over pixels and channels, as in `psnr` but not cut.
     covered : share of the truth's pixels that are foreground.
     """
@@ -49,7 +49,7 @@ class Score:
 
 
 def composite(rgba: NDArray[Any], background: Sequence[float]) -> NDArray[np.float32]:
-    """Premultiplied RGBA (H, W, 4) on a background colour, cut to [0, 1]: (H, W, 3) float32."""
+    """Premultiplied RGBA (H, W, 4) on a background colour, clipped to [0, 1]: (H, W, 3) float32."""
     pixels = rgba.astype(np.float32) / 255.0 if rgba.dtype == np.uint8 else rgba
     behind = np.asarray(background, dtype=np.float32)
     return np.clip(pixels[..., :3] + (1.0 - pixels[..., 3:]) * behind, 0.0, 1.0).astype(np.float32)
@@ -61,25 +61,25 @@ def decibels(squared_error: float, most: float = MOST_DECIBELS) -> float:
 
 
 def psnr(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
-    """PSNR in dB of two pictures of equal shape with values in [0, 1]."""
+    """PSNR in dB of two images of equal shape with values in [0, 1]."""
     return decibels(mean_squared_error(truth, prediction))
 
 
 def mean_squared_error(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
-    """Mean over all pixels and channels of two pictures of equal shape."""
+    """Mean squared error over all pixels and channels of two images of equal shape."""
     difference = truth.astype(np.float64) - prediction
     return float(np.mean(difference * difference))
 
 
 def ssim(truth: NDArray[np.float32], prediction: NDArray[np.float32]) -> float:
-    """Mean structural similarity of two pictures (H, W, C); see `DEFINITIONS`."""
+    """Mean structural similarity of two images (H, W, C); see `DEFINITIONS`."""
     shown, wanted = (np.ascontiguousarray(image, dtype=np.float32) for image in (prediction, truth))
     _, similarity, _ = kernels.image_loss(shown, wanted, 1.0, 1)
     return float(similarity)
 
 
 def foreground(rgba: NDArray[Any], background: Sequence[float] | None) -> NDArray[np.bool_]:
-    """Which pixels (H, W) of a picture show something; `background` is None where its alpha says so."""
+    """Mask (H, W) of the pixels that show something; `background` is None where alpha decides."""
     pixels = rgba.astype(np.float32) / 255.0 if rgba.dtype == np.uint8 else rgba
     if background is None:
         return pixels[..., 3] > ALPHA_VISIBLE + 1e-6
@@ -87,7 +87,7 @@ def foreground(rgba: NDArray[Any], background: Sequence[float] | None) -> NDArra
 
 
 def score(truth: NDArray[Any], prediction: NDArray[Any], background: Sequence[float] | None) -> Score:
-    """Compare premultiplied RGBA pictures (H, W, 4), uint8 or float32.
+    """Compare premultiplied RGBA images (H, W, 4), uint8 or float32.
 
     `background` is the colour behind opaque images, None where images have alpha.
     """

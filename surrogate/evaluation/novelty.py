@@ -1,7 +1,8 @@
-"""How far a transfer function lies from the trained ones, in terms of what it makes visible.
+"""Novelty of a transfer function: the share of what it makes visible that no trained function showed.
 
-A field value fills some share of a member's volume (its histogram in the sidecar), and a function gives it an extinction: their
-product is how much of what is seen stands at that value.  New is what no trained function showed at least a quarter as strongly.
+A field value fills some share of a member's volume, known from the histogram in the sidecar. A function gives the value
+an extinction. Their product is the visible amount of that value. It is new as far as no trained function showed at
+least a quarter of it.
 """
 
 from __future__ import annotations
@@ -18,17 +19,17 @@ from catalogs.vocabulary.appearance import TransferFunction, VolumeRendering, fi
 from surrogate.appearance.averages import MOST_OPAQUE
 from surrogate.model import Surrogate
 
-MAGNIFIED = 4.0  # times the trained extinction: what a function shows up to this often, training is taken to have shown
-SAMPLES = 8  # of a function within a bin of the histogram
+MAGNIFIED = 4.0  # times the trained extinction, up to which a value counts as shown by training
+SAMPLES = 8  # samples of a function within a bin of the histogram
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SeenValues:
-    """What training showed of every field value.
+    """Visibility of every field value in training.
 
     Attributes
     ----------
-    edges : (K + 1,) field values; the first and the last bin hold what lies beyond the histograms of the members.
+    edges : (K + 1,) field values; the first and the last bin hold values beyond the members' histograms.
     frequency : (K,) shares of the volume, mean over members.
     extinctions : (K,) per world unit, the largest of all trained functions.
     """
@@ -39,7 +40,8 @@ class SeenValues:
 
     @classmethod
     def of(cls, summaries: Sequence[FieldSummary], functions: Sequence[TransferFunction]) -> SeenValues | None:
-        """What `functions` show of members with these summaries, whose histograms have the same bins; None without either."""
+        """Values that `functions` show of members with these summaries, whose histograms have equal bins; None if
+        either is empty."""
         if not summaries or not functions:
             return None
         inner = summaries[0].bin_edges
@@ -53,28 +55,28 @@ class SeenValues:
 
     @classmethod
     def of_training(cls, catalog: Catalog, surrogate: Surrogate) -> SeenValues | None:
-        """What the training of `surrogate` showed of the members of `catalog` that it learnt from.
+        """Values that the training of `surrogate` showed of its training members in `catalog`.
 
-        None where it learnt from no volume rendering, or the members left no summaries.
+        None where no training image is a volume rendering, or the members have no summaries.
         """
         functions, field = trained_functions(catalog, surrogate)
         learnt = [member.summary(field) for member in catalog.members if member.split == "train"] if functions else []
         return cls.of([summary for summary in learnt if summary is not None], functions)
 
     def visible(self, function: TransferFunction) -> NDArray[np.float64]:
-        """The share of each bin (K,) in what `function` shows; zeros where it shows nothing."""
+        """Share of each bin (K,) in the visible amount under `function`; zeros where it shows nothing."""
         shown = self.frequency * extinctions(function, self.edges)  # [K]
         return shown / total if (total := float(shown.sum())) > 0.0 else shown
 
     def novelty(self, function: TransferFunction) -> float:
-        """The share, 0 to 1, of what `function` shows that training did not: 0 for one that shows nothing at all."""
+        """Share, 0 to 1, of the visible amount under `function` that training did not show; 0 if it shows nothing."""
         asked = extinctions(function, self.edges)  # [K]
         shown = float(self.frequency @ asked)
         new = np.maximum(asked - MAGNIFIED * self.extinctions, 0.0)  # [K]
         return float(self.frequency @ new) / shown if shown > 0.0 else 0.0
 
     def quantile(self, function: TransferFunction, share: float) -> float:
-        """The field value below which this share of what `function` shows stands; raises ValueError where it shows nothing."""
+        """The field value below which `share` of the visible amount lies; raises ValueError where `function` shows nothing."""
         cumulative = np.concatenate([[0.0], np.cumsum(self.visible(function))])  # [K + 1]
         if cumulative[-1] <= 0.0:
             raise ValueError(f"{function} shows nothing of these members, so it has no quantiles")
@@ -82,9 +84,9 @@ class SeenValues:
 
 
 def trained_functions(catalog: Catalog, surrogate: Surrogate) -> tuple[list[TransferFunction], str]:
-    """The transfer functions whose pictures a surrogate learnt from, that of its base first, and the field that they show.
+    """The trained transfer functions, that of the base first, and the name of the field that they show.
 
-    Without any where the base is no volume rendering.
+    Empty where the base appearance is another kind than a volume rendering.
     """
     known = {a.name: a for a in catalog.plan.appearances if isinstance(a, VolumeRendering)}
     base = known.get(str(surrogate.training.get("appearance", "")))
@@ -108,6 +110,6 @@ def _shares(summary: FieldSummary) -> NDArray[np.float64]:
     counted = float(summary.histogram.sum())
     inside = summary.histogram * ((1.0 - summary.clipped_fraction) / counted) if counted else 0.0 * summary.histogram
     below, above = summary.minimum < summary.bin_edges[0], summary.maximum > summary.bin_edges[-1]
-    # Which side they lie on is not kept: half of them on each, where there are both.
+    # Their side is unknown: half of them go to each side, where both exist.
     end = summary.clipped_fraction / max(1, below + above)
     return np.array([end * below, *inside, end * above])

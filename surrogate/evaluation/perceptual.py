@@ -1,13 +1,13 @@
-"""How alike two pictures are to an eye: MS-SSIM, LPIPS and FLIP, each where its package and its weights are installed.
+"""Perceptual metrics MS-SSIM, LPIPS and FLIP, each where its package and its weights are installed.
 
-Pictures are compared as in `evaluation.metrics`: composited on the background and cut to [0, 1].  Nothing here reaches the
-network: the AlexNet that LPIPS needs is read from a file that you name in `GS_SURROGATE_LPIPS_WEIGHTS` or from torch's
-cache, and without one LPIPS is missing, with the reason.  The packages come with `pip install 'gs-surrogate[metrics]'`.
+Images are compared as in `evaluation.metrics`: composited on the background and clipped to [0, 1]. Nothing is
+downloaded: LPIPS reads AlexNet's weights from the file named in `GS_SURROGATE_LPIPS_WEIGHTS`, or from torch's cache.
+Without them LPIPS is missing, with the reason. The packages come with `pip install 'gs-surrogate[metrics]'`.
 
-Limits: torchvision is avoided, because its wheel on PyPI is built for CUDA and does not load beside a torch for CPUs; so
-AlexNet's five convolutions are spelt out here, and the heads of LPIPS are those that torchmetrics carries, byte for byte
-the file `weights/v0.1/alex.pth` of the package lpips 0.1.4.  FLIP holds Python's lock while it runs and brings its own
-threads, so two threads score no faster than one; OMP_NUM_THREADS says how many it takes.
+Limits: torchvision is avoided, because its CUDA wheel on PyPI does not load beside a CPU torch. AlexNet's five
+convolutions are therefore written here. The heads of LPIPS come from torchmetrics; they are byte for byte the file
+`weights/v0.1/alex.pth` of the package lpips 0.1.4. FLIP holds Python's lock while it runs and starts its own threads,
+so two threads score no faster than one. OMP_NUM_THREADS limits them.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ Measure = Callable[[Picture, Picture], float]
 
 
 class _Unavailable(Exception):
-    """Why a metric can't be had here, in one line that a report can print."""
+    """The reason why a metric is unavailable, in one line for reports."""
 
 
 @dataclass(frozen=True)
 class Perceptual:
-    """The perceptual metrics of one image: None where this machine lacks the metric, nan where the image is too small."""
+    """The perceptual metrics of one image: None where the metric is unavailable, nan where the image is too small."""
 
     ms_ssim: float | None
     lpips: float | None
@@ -84,11 +84,11 @@ class Perceptual:
 
 @dataclass(frozen=True, eq=False)
 class PerceptualMetrics:
-    """The metrics that this machine has, by name; any number of threads may score at once.
+    """The metrics available on this machine, by name; any number of threads may score at once.
 
     Attributes
     ----------
-    unavailable : one line for each metric that is missing: what is missing and where to get it.
+    unavailable : for each missing metric one line about what is missing and where to get it.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class PerceptualMetrics:
 
     @classmethod
     def load(cls) -> PerceptualMetrics:
-        """Find out which metrics this machine has, and read the weights of LPIPS; nothing is downloaded."""
+        """Find the available metrics, and read the weights of LPIPS; nothing is downloaded."""
         measures, unavailable = {}, {}
         for name, loader in (("ms_ssim", _load_ms_ssim), ("lpips", _load_lpips), ("flip", _load_flip)):
             try:
@@ -112,7 +112,7 @@ class PerceptualMetrics:
         return cls(measures, unavailable)
 
     def score(self, truth: Picture, prediction: Picture) -> Perceptual:
-        """Compare two pictures (H, W, 3) with values in [0, 1] by every metric that there is."""
+        """Compare two images (H, W, 3) with values in [0, 1] by every available metric."""
         if truth.ndim != 3 or truth.shape[2] != 3 or truth.shape != prediction.shape:
             raise ValueError(f"pictures must both be (H, W, 3), got truth {truth.shape}, prediction {prediction.shape}")
         pair = [np.ascontiguousarray(image, dtype=np.float32) for image in (truth, prediction)]
@@ -176,7 +176,7 @@ def _weights_path() -> Path:
     if path.is_file():
         return path
     if named:
-        raise _Unavailable(f"{WEIGHTS_VARIABLE} names {path}, which is no file")
+        raise _Unavailable(f"{WEIGHTS_VARIABLE} names {path}, which is not a file")
     raise _Unavailable(
         f"no AlexNet weights: put {WEIGHTS_ADDRESS} at {path} or name a copy in {WEIGHTS_VARIABLE} "
         "(nothing is downloaded for you)"
@@ -212,7 +212,7 @@ def _read(path: Path) -> Mapping[str, Any]:
             with safetensors.safe_open(path, framework="pt") as file:
                 return {name: file.get_tensor(name) for name in file.keys() if name.startswith("features.")}  # noqa: SIM118
         return dict(torch.load(path, map_location="cpu", weights_only=True))
-    except Exception as error:  # whatever a wrong file raises, the other metrics are still worth having
+    except Exception as error:  # a bad file must not take the other metrics with it
         raise _Unavailable(f"{path} can't be read as a state dict of tensors ({type(error).__name__})") from error
 
 

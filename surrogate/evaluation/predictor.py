@@ -1,4 +1,4 @@
-"""What predicts images: the protocol that the surrogate and everything that it is compared with follow."""
+"""Predictors of images: the protocol that the surrogate and its baselines follow."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ Draw = Callable[[Case], Iterable[NDArray[Any]]]
 
 
 class Predictor(Protocol):
-    """Makes pictures for simulation parameters, visualization parameters and a camera.
+    """Predicts images for simulation parameters, visualization parameters and a camera.
 
-    A predictor may be several that share work, such as rules that mix the same stored pictures: it then has as many `names`,
-    and makes as many pictures of each case.
+    A predictor may combine several that share work, such as rules that mix the same stored images. It then has as many
+    `names`, and predicts as many images of each case.
     """
 
     @property
     def names(self) -> Sequence[str]:
-        """The name of each picture that `batches` makes of a case."""
+        """The name of each image that `batches` predicts of a case."""
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
         """Cases that are cheap to predict together, and a function that predicts one of them.
 
-        The function returns a premultiplied RGBA picture (H, W, 4), uint8 or float32, for each name; two threads call it.
+        The function returns a premultiplied RGBA image (H, W, 4), uint8 or float32, for each name; two threads call it.
         Cases that can't be predicted are left out.
         """
 
@@ -41,9 +41,9 @@ class SurrogatePredictor:
 
     Attributes
     ----------
-    at : `Surrogate.at`, or another way from parameters by name to Gaussians.
+    at : `Surrogate.at`, or another function from parameters by name to Gaussians.
     background : the colour behind opaque images; None for images with alpha.
-    asked : the parameters at which a case is drawn, as a rule its own.
+    asked : returns the parameters at which a case is rendered, by default its own.
     """
 
     at: Callable[..., DeformedGaussians]

@@ -20,9 +20,9 @@ from surrogate.evaluation.predictor import Draw, Predictor
 
 MEAN_ERROR = "psnr_of_mean_error"
 METRICS = ("psnr", MEAN_ERROR, "psnr_foreground", "ssim")  # of every image
-PERCEPTUAL_METRICS = ("ms_ssim", "lpips", "flip")  # of some, because they take long
+PERCEPTUAL_METRICS = ("ms_ssim", "lpips", "flip")  # of some images, because they are slow
 
-MOST_OF_MEAN = 120.0  # dB; below that is the rounding of float32
+MOST_OF_MEAN = 120.0  # dB, at the rounding of float32
 
 DEFINITIONS = {
     MEAN_ERROR: "10 log10(1 / E), E the mean over images of their mean squared errors: a few bad images weigh more than in a "
@@ -35,14 +35,14 @@ Progress = Callable[[int, int], None]  # done, total
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """How well one image of the data set was predicted; perceptual metrics only where they were asked for."""
+    """Scores of one predicted image; perceptual metrics only where requested."""
 
     target: Case
     score: Score
     perceptual: Perceptual | None = None
 
     def value(self, metric: str) -> float:
-        """A metric of `score` or `perceptual`, by name; nan without."""
+        """A metric of `score` or `perceptual`, by name; nan if missing."""
         found = getattr(self.perceptual if metric in PERCEPTUAL_METRICS else self.score, metric, None)
         return math.nan if found is None else float(found)
 
@@ -66,7 +66,7 @@ def compare(
     background: Sequence[float] | None,
     perceptual: PerceptualMetrics | None = None,
 ) -> Scored:
-    """Score a prediction of `case`; both pictures are premultiplied RGBA (H, W, 4), uint8 or float32."""
+    """Score a prediction of `case`; both images are premultiplied RGBA (H, W, 4), uint8 or float32."""
     pair = (composite(image, background or WHITE) for image in (truth, picture))
     return Scored(case, score(truth, picture, background), None if perceptual is None else perceptual.score(*pair))
 
@@ -80,9 +80,9 @@ def score_cases(
     looked_at: Collection[Case] = (),
     progress: Progress = lambda *_: None,
 ) -> list[dict[Case, Scored]]:
-    """Score a predictor on images of `catalog`: for each of its names the scores of the cases that it can predict, in order.
+    """Score a predictor on images of `catalog`: for each of its names the scores of all predictable cases, in order.
 
-    Images that are `looked_at` are compared by `perceptual` metrics too.
+    Images in `looked_at` are also scored by `perceptual` metrics.
     """
 
     def scored(case: Case, draw: Draw) -> list[Scored]:
@@ -93,7 +93,7 @@ def score_cases(
     found: dict[Case, list[Scored]] = {}
     waiting: Iterable[tuple[Case, list[Scored]]] = ()
     with ThreadPoolExecutor(2) as pool:
-        for batch, draw in predictor.batches(cases):  # the next one is prepared while this one is scored
+        for batch, draw in predictor.batches(cases):  # the next batch is prepared while this one is scored
             found |= waiting
             progress(len(found), len(cases))
             waiting = zip(batch, pool.map(scored, batch, repeat(draw)), strict=True)
@@ -103,7 +103,7 @@ def score_cases(
 
 
 def by_cell(cells: CaseCells, found: Mapping[Case, Scored]) -> Cells:
-    """The scores of the images of cells, all of which were `found`."""
+    """The scores by cell; `found` has all their images."""
     return each_cell(cells, lambda group: [found[case] for case in group])
 
 

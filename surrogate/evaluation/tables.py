@@ -1,4 +1,4 @@
-"""Tables of metrics, as JSON values and in Markdown: what reports, studies and the page of results share."""
+"""Tables of metrics, as JSON values and in Markdown, for reports, studies and the page of results."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ def cell_means(cells: Cells, metric: str) -> dict[str, dict[str, float | None]]:
 
 
 def cell_tables(cells: Cells, metrics: Sequence[str] = ALL_METRICS) -> dict[str, Any]:
-    """The means of metrics by row and column, and how many images they are of."""
+    """The means of metrics by row and column, and their numbers of images."""
     return {metric: cell_means(cells, metric) for metric in metrics} | {"images": each_cell(cells, len)}
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """A number as tables show it."""
+    """A number formatted for tables."""
     return NOTHING if value is None else f"{value:.{digits}f}"
 
 
 def metric_number(metric: str, value: float | None) -> str:
-    """A metric's mean as tables show it."""
+    """A metric's mean formatted for tables."""
     if metric == "covered":
         return NOTHING if value is None else f"{100.0 * value:.1f} %"
     return number(value, 2 if metric in DECIBELS else 4)
 
 
 def signed_number(value: float | None) -> str:
-    """A difference in dB as tables show it; empty for none."""
+    """A difference in dB formatted for tables; empty for None."""
     return "" if value is None else f"{value:+.2f}"
 
 
 def spread_number(metric: str, spread: Mapping[str, float | None] | None) -> str:
-    """The mean of a metric over seeds and its standard deviation, as tables show them."""
+    """The mean of a metric over seeds and its standard deviation, formatted for tables."""
     if spread is None or spread["mean"] is None:
         return NOTHING
     mean, deviation = (metric_number(metric, value) for value in (spread["mean"], spread["deviation"]))
@@ -69,7 +69,7 @@ def spread_number(metric: str, spread: Mapping[str, float | None] | None) -> str
 
 
 def plain_spread(spread: Mapping[str, float], digits: int) -> str:
-    """The mean of a size or time over seeds and its standard deviation, as tables show them."""
+    """The mean of a size or time over seeds and its standard deviation, formatted for tables."""
     return f"{spread['mean']:,.{digits}f} ± {spread['deviation']:,.{digits}f}"
 
 
@@ -79,7 +79,7 @@ def terminal_line(label: str, psnr: float, ssim: float) -> str:
 
 
 def document(*blocks: str) -> str:
-    """Headings, paragraphs and tables as a page of Markdown; empty ones are left out."""
+    """Join headings, paragraphs and tables to a Markdown page; empty ones are left out."""
     return "\n\n".join(filter(None, blocks)) + "\n"
 
 
@@ -94,7 +94,7 @@ def table_of(entries: Iterable[Entry], *columns: tuple[str, Callable[[Entry], st
 
 
 def metric_column(heading: str, *path: str) -> tuple[str, Callable[[Any], str]]:
-    """A column for `table_of`: the mean that stands at `path` in an entry, of the metric that the path names."""
+    """A column for `table_of`: the mean at `path` in an entry, of the metric that the path names."""
     [metric] = set(path) & set(HEADINGS)
     return heading, lambda entry: metric_number(metric, reduce(getitem, path, entry))
 
@@ -105,7 +105,7 @@ def cell_table(
     metrics: Sequence[str] = ALL_METRICS,
     form: Callable[[str, Any], str] = metric_number,
 ) -> str:
-    """The `cell_tables` of a record, with a row for each cell; `names` head what its rows and columns are."""
+    """The `cell_tables` of a record, with a row for each cell; `names` are the headings of rows and columns."""
     return table(
         (*names, *(HEADINGS[m] for m in metrics), "images"),
         (
@@ -117,7 +117,7 @@ def cell_table(
 
 
 def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]) -> str:
-    """What stands below a `cell_table`: how many images the perceptual metrics looked at, and why a column is empty."""
+    """Remarks below a `cell_table`: the number of images behind perceptual metrics, and reasons for empty columns."""
     counts = [count for columns in record["perceptual_images"].values() for count in columns.values()]
     if not any(counts):
         return ""
@@ -133,7 +133,7 @@ def perceptual_remarks(record: Mapping[str, Any], unavailable: Mapping[str, str]
 
 
 def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]:
-    """The surrogate at the centre of its parameters beside itself, with a row for each cell; nothing where that is not known."""
+    """The surrogate frozen at the centre of its parameters beside itself, with a row for each cell; empty if unknown."""
     center = record.get("at_center")
     if center is None:
         return []
@@ -164,7 +164,7 @@ def center_table(record: Mapping[str, Any], names: tuple[str, str]) -> list[str]
 
 
 def validation_line(record: Mapping[str, Any], what: str) -> str:
-    """How well a record's validation images are shown, and how many of them decided something; `what` says which they are."""
+    """Scores of a record's validation images, and the number of images behind choices; `what` describes them."""
     found, decided = record["validation"], record.get("decided_on") or {}
     uses = [
         f"{decided[use]} such images {verb}"
@@ -176,7 +176,7 @@ def validation_line(record: Mapping[str, Any], what: str) -> str:
 
 
 def timing_row(record: Mapping[str, Any], name: str, label: str) -> tuple[str, str]:
-    """A row about one of the times that a record has."""
+    """A table row for one of the times in a record."""
     lowest, highest = record["milliseconds_spread"][name]
     return label, f"{record['milliseconds'][name]:.2f} ms (median; {lowest:.2f} to {highest:.2f})"
 

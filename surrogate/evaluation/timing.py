@@ -1,4 +1,4 @@
-"""How long a change of parameters and a change of view take."""
+"""Times of a parameter change and of a view change."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Milliseconds:
 
     @classmethod
     def of(cls, seconds: Sequence[float]) -> Milliseconds:
-        """The summary of measurements, at least one."""
+        """The summary of one or more measurements."""
         return cls(1e3 * float(np.median(seconds)), 1e3 * min(seconds), 1e3 * max(seconds))
 
 
 def measure(
     surrogate: Surrogate, members: Sequence[Member], settings: Sequence[Mapping[str, float | str]] = ({},)
 ) -> tuple[Milliseconds, Milliseconds]:
-    """Times of deforming to the parameters of members under `settings`, both in turn, and of drawing one view after each."""
+    """Times of deforming to the parameters of members under `settings`, in turn, and of rendering one view after each."""
     changes, views = [], []
     for i in range(TIMED):
         member = members[i % len(members)]

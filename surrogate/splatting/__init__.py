@@ -1,4 +1,4 @@
-"""Gaussians and a camera in, a picture out: one signature over every backend."""
+"""Splatting of Gaussians to an image: one signature for every backend."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ AUTO = "auto"  # the backend of the device that holds the Gaussians
 def render(
     means: Tensor, scales: Tensor, quats: Tensor, opacities: Tensor, colors: Tensor, camera: Camera, **options: Any
 ) -> Rendering:
-    """Draw N Gaussians as `camera` sees them; differentiable in all five tensors.
+    """Render N Gaussians as seen by `camera`; differentiable in all five tensors.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ def render(
 
     Returns
     -------
-    Rendering of premultiplied colour (H, W, 3), alpha (H, W) and, where asked for, premultiplied depth (H, W): divided by
-    alpha it is the mean depth of what a pixel shows.  Depth costs a second drawing.
+    Rendering of premultiplied colour (H, W, 3), alpha (H, W) and, with `depth`, premultiplied depth (H, W). Divided by
+    alpha, it is the mean depth of a pixel. Depth costs a second rendering pass.
 
-    A gradient by the camera's pose is had by moving the Gaussians: with a rigid motion R, t of the world in torch, draw
-    R means + t and the quaternions multiplied by that of R.
+    For a gradient by the camera's pose, move the Gaussians by a rigid motion R, t in torch. Render the means R means +
+    t with the quaternions multiplied by that of R.
 
     Sorting by centres is an approximation: Gaussians that interpenetrate are not integrated along the ray.
     """
@@ -53,12 +53,13 @@ def draw(
     depth: bool = False,
     **options: Any,
 ) -> Rendering:
-    """What `render` does, of Gaussians and constants in records.
+    """Render Gaussians and constants in records; see `render`.
 
     Parameters
     ----------
-    backend : "cpu" (C++ kernels, float32), "cuda" (gsplat, float32; see `surrogate.splatting.cuda` for what differs), "reference"
-        (plain torch in the dtype of the means, slow: the definition) or "auto": "cuda" for tensors on a GPU, else "cpu".
+    backend : "cpu" (C++ kernels, float32), "cuda" (gsplat, float32; see `surrogate.splatting.cuda` for the
+        differences), "reference" or "auto". The reference is plain torch in the dtype of the means: slow, but it
+        defines the result. "auto" is "cuda" for tensors on a GPU, otherwise "cpu".
     depth : also return the depth of the centres along the camera's axis, in world units, composited like a colour.
     options : `threads` and `instruction_set` of cpu.
     """
@@ -79,10 +80,10 @@ def draw_over(
     backend: str = AUTO,
     **options: Any,
 ) -> Tensor:
-    """The picture of `draw` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4).
+    """The image of `draw` over a `background` colour (3,), with alpha as its fourth channel: (H, W, 4).
 
-    What training compares.  It is the same as `Rendering.over` and a concatenation, but the cpu backend writes it, and reads
-    its gradient, in one pass.
+    Training compares these images. The result equals `Rendering.over` and a concatenation, but the cpu backend writes
+    it, and reads its gradient, in one pass.
     """
     chosen = _backend(backend, primitives.means)
     if chosen is cpu:

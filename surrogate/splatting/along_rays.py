@@ -1,9 +1,9 @@
-"""Opacities of Gaussians of an absorbing medium, which depend on where they are seen from: by the C++ kernel, and by its twin.
+"""View-dependent opacities of Gaussians of an absorbing medium, by a C++ kernel and a reference implementation.
 
-A ray through the centre of a Gaussian of density rho crosses an optical depth of sqrt(2 pi) rho sigma(d), where
-sigma(d) = 1 / |S^-1 R^T d| is the standard deviation along the ray's direction d (absorption, Max 1995, equation 1, over the line
-integral of a Gaussian, Zwicker et al. 2002, "EWA Splatting", section 3.2).  The same density is opaque along a needle and faint
-from its side: one opacity for all directions would be right for balls only.
+A ray through the centre of a Gaussian of density rho crosses an optical depth of sqrt(2 pi) rho sigma(d). Here sigma(d)
+= 1 / |S^-1 R^T d| is the standard deviation along the ray's direction d. This is absorption (Max 1995, equation 1) over
+the line integral of a Gaussian (Zwicker et al. 2002, "EWA Splatting", section 3.2). The same density is opaque along a
+needle and faint from its side: one opacity for all directions would suit spheres only.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from surrogate.splatting.reference import rotations
 from surrogate.splatting.rendering import Constants
 from surrogate.splatting.threads import cores
 
-MOST_DEPTH = 80.0  # no light passes, to any digit
+MOST_DEPTH = 80.0  # exp(-80) is zero to every digit
 
 
 def opacities_along_rays(
@@ -31,10 +31,10 @@ def opacities_along_rays(
 ) -> Tensor:
     """Opacities (N,) at the centres of N Gaussians as seen from `position` (3,); differentiable by the four tensors.
 
-    A Gaussian of equal scales has the sigmoid of its logit from everywhere.  Others have the optical depth of a ball of the same
-    volume times sigma(d) over its radius: 1 - exp(-softplus(logit) sigma(d) / (s_1 s_2 s_3)^(1/3)).  At the very place of a
-    centre there is no direction, and it counts as a ball.  On a CPU in float32 the kernel does it, else
-    `opacities_along_rays_reference`, and also where a gradient by `position` is asked for.
+    An isotropic Gaussian has the sigmoid of its logit from everywhere. Others have the optical depth of a ball of the
+    same volume times sigma(d) over its radius: 1 - exp(-softplus(logit) sigma(d) / (s_1 s_2 s_3)^(1/3)). At the centre
+    itself there is no direction, and the Gaussian counts as a ball. The kernel computes on a CPU in float32; otherwise,
+    and where a gradient by `position` is needed, `opacities_along_rays_reference` does.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def opacities_along_rays(
 def opacities_along_rays_reference(
     means: Tensor, log_scales: Tensor, quats: Tensor, opacity_logits: Tensor, position: Tensor
 ) -> Tensor:
-    """The same in plain torch, on any device and in any float dtype: the definition that the kernel is tested against."""
+    """The reference implementation in plain torch, on any device and in any float dtype."""
     rays = means - position  # [N, 3]
     directions = rays / torch.where(
         (rays == 0.0).all(dim=1, keepdim=True), 1.0, rays.norm(dim=1, keepdim=True)

@@ -18,9 +18,9 @@ from surrogate.splatting.threads import cores
 
 
 def render(primitives: Primitives, camera: Camera, constants: Constants, **options: Any) -> Rendering:
-    """Draw Gaussians in float32.
+    """Render Gaussians in float32.
 
-    The options are `threads`, by default the cores that this process may use, and `instruction_set`, by default the best of
+    The options are `threads`, by default all available cores, and `instruction_set`, by default the best of
     `kernels.instruction_sets()`.
 
     Raises ValueError naming the Gaussian and the attribute where a number is not finite.
@@ -38,7 +38,7 @@ def render_over(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """All that a drawing depends on beside the Gaussians."""
+    """The inputs of rendering beside the Gaussians."""
 
     camera: Camera
     constants: Constants
@@ -53,7 +53,7 @@ class _Splat(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Any) -> Tensor:
         *tensors, view = inputs
-        ctx.save_for_backward(*tensors)  # only so that torch refuses a backward after one was changed in place
+        ctx.save_for_backward(*tensors)  # so that torch refuses a backward pass after an in-place change
         ctx.view, ctx.threads = view, view.threads or cores()
         ctx.drawing = _drawn([_array(tensor) for tensor in tensors], view, ctx.threads)
         return torch.from_numpy(ctx.drawing.picture)

@@ -1,12 +1,11 @@
 """Splatting on a GPU by gsplat (Ye et al. 2024, "gsplat: An Open-Source Library for Gaussian Splatting"), the extra `[cuda]`.
 
-What differs from the other backends, because it is compiled into gsplat's kernels:
+Differences from the other backends, which are compiled into gsplat's kernels:
 
 - The alpha floor is 1/255 and the alpha cap 0.999: other values are refused.
-- A Gaussian after which less than 1e-4 of the light would be left is not drawn at all, where the others draw it and then stop: at
-  most a tenth of a pixel's light, and only behind a Gaussian that is itself almost opaque.
-- Determinants of projected covariances are differences in float32: needles longer than some hundred times their width lose digits.
-- Gradients are summed by atomic additions, so that two runs differ in their last bits.
+- A Gaussian after which less than 1e-4 of the light would be left is not drawn at all, where the others draw it and
+then\n  stop. The difference is at most a tenth of a pixel's light, and only behind a Gaussian that is itself almost
+opaque.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ NEEDED = "1.5.3"
 
 
 def unusable() -> str:
-    """Why this backend can't be used here; empty where it can."""
+    """The reason why this backend can't be used here; empty where it can."""
     if importlib.util.find_spec("gsplat") is None:
         return f"gsplat >= {NEEDED} is not installed: pip install 'gs-surrogate[cuda]'"
     if not torch.cuda.is_available():
@@ -65,10 +64,10 @@ def usable_device(device: str | torch.device) -> torch.device:
 
 
 def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:
-    """Draw Gaussians in float32 on the GPU that holds them.
+    """Render Gaussians in float32 on the GPU that holds them.
 
-    Raises ValueError for tensors that are not on a GPU, an `alpha_floor` or `alpha_cap` that gsplat can't honour, and, naming the
-    Gaussian and the attribute, for numbers that are not finite; ModuleNotFoundError where gsplat is missing.
+    Raises ValueError for tensors that are not on a GPU, for an `alpha_floor` or `alpha_cap` that gsplat lacks, and for
+    non-finite numbers, naming the Gaussian and the attribute. Raises ModuleNotFoundError where gsplat is missing.
     """
     _check_constants(constants)
     _check_tensors(primitives)
@@ -140,7 +139,7 @@ def _on_gpu(tensor: Tensor) -> bool:
 
 
 def _unit(quats: Tensor) -> Tensor:
-    """Quaternions (N, 4) of length 1; one shorter than 1e-12 is no rotation, and has no gradient."""
+    """Quaternions (N, 4) of length 1; those shorter than 1e-12 give no rotation and no gradient."""
     largest = quats.abs().amax(dim=1, keepdim=True)  # [N, 1], so that no square over- or underflows
     long_enough = largest > Constants.shortest_quaternion
     scaled = quats / torch.where(long_enough, largest, 1.0)  # [N, 4]

@@ -1,4 +1,4 @@
-"""Colours of Gaussians that depend linearly on the direction they are seen in: by the C++ kernel, and by its twin.
+"""View-dependent colours of Gaussians in spherical harmonics of degree 1, by a C++ kernel and a reference implementation.
 
 Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering", section 2.1: colours in real spherical harmonics,
 here of degrees 0 and 1.
@@ -19,8 +19,8 @@ SH_C1 = 0.4886025119029199  # sqrt(3 / (4 pi)), the factor of the real spherical
 def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threads: int | None = None) -> Tensor:
     """Colours (N, 3), not clamped, of N Gaussians as seen from `position` (3,); differentiable by means and coefficients.
 
-    At the very place of a mean there is no direction, and the constant coefficient is the colour.  On a CPU in float32 the kernel
-    does it, else `directional_colors_reference`, and also where a gradient by `position` is asked for.
+    At the mean itself there is no direction, and the constant coefficient is the colour. The kernel computes on a CPU
+    in float32; otherwise, and where a gradient by `position` is needed, `directional_colors_reference` does.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ def directional_colors(means: Tensor, colors: Tensor, position: Tensor, *, threa
 
 
 def directional_colors_reference(means: Tensor, colors: Tensor, position: Tensor) -> Tensor:
-    """The same in plain torch, on any device and in any float dtype: the definition that the kernel is tested against."""
+    """The reference implementation in plain torch, on any device and in any float dtype."""
     x, y, z = (SH_C1 * directions(means, position)).split(1, dim=1)  # [N, 1] each
     constant, by_y, by_z, by_x = colors.split(3, dim=1)  # [N, 3] each
     return constant - y * by_y + z * by_z - x * by_x
 
 
 def directions(means: Tensor, position: Tensor) -> Tensor:
-    """Unit vectors (N, 3) from `position` (3,) to `means` (N, 3), zero at the very place, in plain torch."""
+    """Unit vectors (N, 3) from `position` (3,) to `means` (N, 3), zero at `position` itself, in plain torch."""
     rays = means - position  # [N, 3]
     nowhere = (rays == 0.0).all(dim=1, keepdim=True)  # [N, 1]
     lengths = torch.where(nowhere, 1.0, rays.norm(dim=1, keepdim=True))  # [N, 1]

@@ -1,4 +1,4 @@
-"""A C++ kernel and the kernel of its gradient as one function that torch differentiates."""
+"""A C++ kernel and the kernel of its gradient as one differentiable torch function."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from surrogate.derivatives import require_no_second_derivative
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KernelFunction:
-    """Of several tensors, on a CPU in float32.
+    """A differentiable function of several tensors, on a CPU in float32.
 
     Attributes
     ----------
-    name, reference : of the function, and of its twin, which has second derivatives.
-    forward : the result, called with the tensors' arrays.
-    gradient : the gradients by them, called with that by the result and the arrays.
+    name, reference : names of the function, and of its reference implementation, which has second derivatives.
+    forward : computes the result from the tensors' arrays.
+    gradient : computes the gradients by the tensors, from the gradient by the result and the arrays.
     """
 
     name: str
@@ -61,5 +61,5 @@ class _Differentiable(torch.autograd.Function):
 
 
 def kernel_takes(position: Tensor, *tensors: Tensor) -> bool:
-    """Whether kernels can look at the tensors from `position` (3,): on a CPU in float32, with no gradient by the position."""
+    """True if kernels can evaluate the tensors from `position` (3,): on a CPU in float32, without a gradient by the position."""
     return not position.requires_grad and all(t.is_cpu and t.dtype == torch.float32 for t in tensors)

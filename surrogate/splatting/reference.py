@@ -1,4 +1,4 @@
-"""The definition of splatting, in plain torch: slow, readable, differentiable, at any precision.
+"""The reference implementation of splatting in plain torch: slow, readable, differentiable, at any precision.
 
 Gaussians are projected by EWA splatting (Zwicker, Pfister, van Baar & Gross 2002; Kerbl et al. 2023, section 4) and
 composited front to back in the order of their centres' depth:
@@ -32,7 +32,7 @@ PIXELS_AT_ONCE = 2048
 
 
 class Splats(NamedTuple):
-    """The M Gaussians that are drawn, front to back."""
+    """The M visible Gaussians, front to back."""
 
     centers: Tensor  # [M, 2], px
     axes: Tensor  # [M, 2, 3], projected principal axes, px
@@ -45,7 +45,7 @@ class Splats(NamedTuple):
 
 
 def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rendering:
-    """Draw Gaussians in the dtype of their means."""
+    """Render Gaussians in the dtype of their means."""
     splats = project(primitives, camera, constants)
     parts = [
         composite(alphas_at(pixels, splats, constants), splats.colors)
@@ -56,7 +56,7 @@ def render(primitives: Primitives, camera: Camera, constants: Constants) -> Rend
 
 
 def project(primitives: Primitives, camera: Camera, constants: Constants) -> Splats:
-    """Those of N Gaussians that lie beyond the near plane and are more opaque than the alpha floor, projected and sorted."""
+    """The Gaussians beyond the near plane that are more opaque than the alpha floor, projected and sorted."""
     means, scales, quats, opacities, colors = primitives
     rotation = torch.as_tensor(camera.rotation.copy()).to(means)  # [3, 3]
     translation = torch.as_tensor(camera.world_to_camera[:3, 3].copy()).to(means)  # [3]
@@ -81,7 +81,7 @@ def project(primitives: Primitives, camera: Camera, constants: Constants) -> Spl
 def rotations(quats: Tensor) -> Tensor:
     """Rotation matrices (N, 3, 3) of quaternions (N, 4) in the order w, x, y, z, of any length but (nearly) zero.
 
-    One shorter than 1e-12 is no rotation, and has no gradient.
+    A quaternion shorter than 1e-12 gives no rotation and no gradient.
     """
     lengths = quats.norm(dim=1, keepdim=True)  # [N, 1]
     long_enough = lengths > Constants.shortest_quaternion
@@ -96,14 +96,14 @@ def rotations(quats: Tensor) -> Tensor:
 
 
 def alphas_at(pixels: Tensor, splats: Splats, constants: Constants) -> Tensor:
-    """What each splat covers of each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
+    """Alpha of each splat at each of P pixel centres (P, 2), in px: (P, M), zero where it is not drawn."""
     alphas = densities_at(pixels, splats)  # [P, M]
     alphas = torch.where(alphas >= constants.alpha_floor, alphas.clamp(max=constants.alpha_cap), 0.0)
     return torch.where(transmittances(alphas) >= constants.min_transmittance, alphas, 0.0)
 
 
 def densities_at(pixels: Tensor, splats: Splats) -> Tensor:
-    """Opacity times Gaussian of each splat at each of P pixel centres (P, 2), in px: (P, M), whatever is drawn of it."""
+    """Opacity times Gaussian of each splat at each of P pixel centres (P, 2), in px: (P, M), before any threshold."""
     across, down = splats.axes.unbind(1)  # [M, 3] each
     determinants = torch.linalg.cross(across, down).square().sum(1) + splats.dilation * (
         across.square().sum(1) + down.square().sum(1) + splats.dilation
@@ -116,13 +116,13 @@ def densities_at(pixels: Tensor, splats: Splats) -> Tensor:
 
 
 def transmittances(alphas: Tensor) -> Tensor:
-    """The light (P, M) that reaches each splat through those before it, whose alphas are (P, M)."""
+    """Transmittance (P, M) in front of each splat, from alphas (P, M)."""
     through = torch.cumprod(1.0 - alphas, dim=1)  # [P, M]
     return torch.cat([torch.ones_like(through[:, :1]), through[:, :-1]], dim=1)
 
 
 def composite(alphas: Tensor, colors: Tensor) -> Tensor:
-    """Premultiplied colours and alpha (P, 4) of pixels that M splats of `colors` (M, 3) cover by `alphas` (P, M)."""
+    """Premultiplied colours and alpha (P, 4) of M splats with `colors` (M, 3) and `alphas` (P, M)."""
     weights = transmittances(alphas) * alphas  # [P, M]
     return torch.cat([weights @ colors, weights.sum(dim=1, keepdim=True)], dim=1)
 

@@ -1,4 +1,4 @@
-"""What every backend takes and gives: Gaussians as they are drawn, the constants that define a picture, and the picture."""
+"""Inputs and outputs of every backend: Gaussians, rendering constants, and the image."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from catalogs.vocabulary.words import one_line
 
 @dataclass(frozen=True)
 class Constants:
-    """What a picture of Gaussians depends on beside them and the camera; every backend draws by one such record.
+    """Rendering constants, the same for every backend.
 
     Attributes
     ----------
-    near : Gaussians whose centre is nearer than this, in world units along the camera's axis, are not drawn: the projection has a
+    near : Gaussians with nearer centres, in world units along the camera's axis, are not drawn: the projection has a
         pole at 0.
-    dilation : variance in pixels squared added to each projected Gaussian, so that one smaller than a pixel is seen at all; it
-        also makes such Gaussians larger than they are.  The usual 0.3 costs volumes a decibel, and ten at other sizes.
-    alpha_floor : alphas below it are left out, which bounds each Gaussian's extent: one step of an 8-bit picture.
-    alpha_cap : alphas are cut to it, because one of 1 would let nothing through and have no derivative; below 1.
-    min_transmittance : a pixel that lets less light through takes no further Gaussian: at most a fortieth of an 8-bit step.
+    dilation : variance in pixels squared added to each projected Gaussian, so that those smaller than a pixel stay
+        visible; it also makes them larger than they are. The usual 0.3 costs volumes a decibel, and ten at other sizes.
+    alpha_floor : smaller alphas are left out, which bounds each Gaussian's extent; one step of an 8-bit image.
+    alpha_cap : alphas are clipped to it, because an alpha of 1 would block all light and have no derivative; below 1.
+    min_transmittance : pixels with a lower transmittance take no further Gaussian; at most a fortieth of an 8-bit step.
     frame_margin : the projection is linearised at most this fraction of the frame beyond its border, as by Kerbl et al. 2023.
-    shortest_quaternion : a shorter one is no rotation, and has no gradient.
+    shortest_quaternion : a shorter one gives no rotation and no gradient.
     """
 
     near: float = 0.02
@@ -38,7 +38,7 @@ class Constants:
 
 
 class Primitives(NamedTuple):
-    """N Gaussians as they are drawn.
+    """N Gaussians in constrained parameters, ready to be rendered.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Primitives(NamedTuple):
 
 
 class Rendering(NamedTuple):
-    """A picture: premultiplied `color` (H, W, 3), `alpha` (H, W) and, where asked for, premultiplied `depth` (H, W)."""
+    """An image: premultiplied `color` (H, W, 3), `alpha` (H, W) and, if requested, premultiplied `depth` (H, W)."""
 
     color: Tensor  # [H, W, 3]
     alpha: Tensor  # [H, W]
@@ -70,6 +70,6 @@ class Rendering(NamedTuple):
         return one_line(self)
 
     def over(self, background: Sequence[float] | Tensor) -> Tensor:
-        """The picture (H, W, 3) over a background colour (3,)."""
+        """The image (H, W, 3) over a background colour (3,)."""
         behind = background if isinstance(background, Tensor) else self.color.new_tensor(background)  # [3]
         return self.color + (1.0 - self.alpha).unsqueeze(-1) * behind

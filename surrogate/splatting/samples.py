@@ -1,7 +1,7 @@
-"""Several samples in a pixel: a finer picture is drawn, and each pixel is the mean of its own.
+"""Supersampling: a finer image is rendered, and each pixel is the mean of its samples.
 
-A Gaussian is seen where the centre of a pixel is, but a picture of a surface is the mean over its pixels.  Where edges are as
-sharp as pixels, one sample learns how they fall on the centres of the views that it is trained on, and others look worse.
+A rendered Gaussian is sampled at pixel centres, but an image of a surface is the mean over its pixels. Where edges are
+as sharp as pixels, one sample fits the pixel centres of the training views, and other views look worse.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from catalogs.vocabulary.cameras import Camera
 
-MOST_SAMPLES = 4  # along a side: the finer picture takes the square of it of the memory
+MOST_SAMPLES = 4  # along a side; memory grows with its square
 
 
 def finer(camera: Camera, samples: int) -> Camera:
@@ -19,9 +19,9 @@ def finer(camera: Camera, samples: int) -> Camera:
 
 
 def averaged(picture: Tensor, samples: int) -> Tensor:
-    """Means (H, W) or (H, W, C) of squares of `samples` pixels a side of a picture (H * samples, W * samples) or with C channels.
+    """Means (H, W) or (H, W, C) of squares of `samples` pixels a side of an image (H * samples, W * samples[, C]).
 
-    Differentiable.  Sums of slices, since torch's mean over both axes takes ten times as long.
+    Differentiable. Slices are summed, since torch's mean over both axes takes ten times as long.
     """
     if samples == 1:
         return picture
@@ -32,7 +32,7 @@ def averaged(picture: Tensor, samples: int) -> Tensor:
 
 
 def _sum(numbers: Tensor) -> Tensor:
-    """Over the second of three axes."""
+    """The sum over the second of three axes."""
     first, *others = numbers.unbind(1)
     for other in others:
         first = first + other

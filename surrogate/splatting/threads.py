@@ -1,4 +1,4 @@
-"""How many threads the kernels take, and torch beside them."""
+"""Numbers of threads of the kernels and of torch."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _kernel_threads: ContextVar[int | None] = ContextVar("kernel threads", default=N
 
 
 def cores() -> int:
-    """How many threads a kernel takes: as many as this process may use cores, but one in a forked child.
+    """Number of kernel threads: the cores available to this process, or one in a forked child.
 
-    Within `kernel_threads` that many.  Who forks shares the cores among the children already.  Processes that `torchrun` starts on
-    a machine share its cores.
+    `kernel_threads` overrides it. A process that forks shares its cores among the children already. Processes that
+    `torchrun` starts on one machine share its cores.
     """
     told = _kernel_threads.get()
     if told is not None:
@@ -31,7 +31,7 @@ def cores() -> int:
 
 @contextmanager
 def kernel_threads(count: int) -> Iterator[None]:
-    """Let kernels that this thread calls take so many threads: who runs several processes on a machine shares its cores."""
+    """Set the number of threads of kernels that this thread calls, to share cores between processes."""
     token = _kernel_threads.set(count)
     try:
         yield
@@ -41,7 +41,7 @@ def kernel_threads(count: int) -> Iterator[None]:
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """Run torch's own operations on so many threads; the splatting kernels use all cores all the same."""
+    """Run torch's own operations on `count` threads; the splatting kernels still use all cores."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:
@@ -54,23 +54,24 @@ def torch_threads(count: int) -> Iterator[None]:
 def one_torch_thread() -> Iterator[None]:
     """Run torch's own operations on one thread.
 
-    They are small here (20,000 rows), and OpenMP's threads spin while they wait: on a machine with anything else to do,
-    a step of 2 ms became one of 200.
+    They are small here (20,000 rows), and OpenMP's threads spin while they wait: on a busy machine a step of 2 ms took
+    200.
     """
     with torch_threads(1):
         yield
 
 
 def _one_after_fork() -> None:
-    """Let a forked child compute with one thread in torch: its parent's are gone, and OpenMP would wait for ever."""
+    """Limit torch to one thread in a forked child: its parent's threads are gone, and OpenMP would wait forever."""
     torch.set_num_threads(1)
 
 
 def _begin_alone() -> None:
     """Call the vector mathematics of MKL once, from one thread.
 
-    It chooses its code for the processor at its first call.  Two threads that come first at once get a version of lower
-    accuracy, in one start of a hundred: torch.exp then differed by 2e-5, and with it the first picture of a process.
+    MKL chooses its code for the processor at the first call. When the first calls of two threads coincide, they get a version of
+    lower accuracy, in one start of a hundred. torch.exp then differed by 2e-5, and with it the first image of a
+    process.
     """
     torch.zeros(1).exp_()
 

@@ -1,1 +1,1 @@
-"""What each choice of training is worth: one scene, trained once per variant and seed in equal time, then judged."""
+"""Ablation: one scene, trained once per variant and seed in equal time, and judged on validation images."""

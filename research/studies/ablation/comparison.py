@@ -1,4 +1,4 @@
-"""Each variant compared with the default, or with the one whose steps it takes: means over seeds, and differences with errors."""
+"""Variants compared with the default, or with the variant whose steps they take: means over seeds, and differences with errors."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ SURE = 2.0  # standard errors
 
 @dataclass(frozen=True, eq=False)
 class VariantRow:
-    """One variant.
+    """The results of one variant.
 
     Attributes
     ----------
-    results : of the seeds that have one.
-    failures : of the others.
+    results : the successful results, by seed.
+    failures : the failed results.
     psnr : mean over the seeds, dB; None without any.
     spread : standard deviation of a seed's PSNR; None for fewer than two.
-    reference : name of what it is compared with: the default, or the variant whose steps it takes.
-    difference : of the mean from the reference's, dB; None where one of them is missing.  Where steps are taken from the reference,
-        as many as it had with the same seed, of the seeds that both have.
+    reference : name of the variant that it is compared with: the default, or the variant whose steps it takes.
+    difference : difference from the reference's mean, dB; None where one is missing. Where steps are taken from the
+        reference, it is that of the seeds that both have.
     error : standard error of that difference; None where either has fewer than two seeds.
     """
 
@@ -40,7 +40,7 @@ class VariantRow:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the difference exceeds two standard errors."""
+        """True if the difference exceeds two standard errors."""
         return self.difference is not None and self.error is not None and abs(self.difference) > SURE * self.error
 
     def mean(self, name: str) -> float:
@@ -49,7 +49,7 @@ class VariantRow:
 
 
 def compared(results: Sequence[AblationResult], variants: Sequence[Variant]) -> list[VariantRow]:
-    """A row for each of `variants` that the results are of, the best first; failures stand last."""
+    """A row for each of `variants` that has results, the best first and failures last."""
     known = {variant: [one for one in results if one.variant == variant.name] for variant in variants}
     rows = rows_of({variant: found for variant, found in known.items() if found})
     return sorted(rows, key=lambda row: -math.inf if row.psnr is None else row.psnr, reverse=True)
@@ -79,7 +79,7 @@ def rows_of(known: Mapping[Variant, Sequence[AblationResult]]) -> list[VariantRo
 
 
 def _unpaired(own: Mapping[int, float], others: Mapping[int, float]) -> tuple[float | None, float | None]:
-    """Difference and standard error of two means over seeds; a seed says nothing that two variants would have in common."""
+    """Difference and standard error of two means over independent seeds."""
     if not own or not others:
         return None, None
     difference = statistics.fmean(own.values()) - statistics.fmean(others.values())
@@ -87,7 +87,7 @@ def _unpaired(own: Mapping[int, float], others: Mapping[int, float]) -> tuple[fl
 
 
 def _paired(own: Mapping[int, float], others: Mapping[int, float]) -> tuple[float | None, float | None]:
-    """Mean difference of the seeds that both have, and its standard error."""
+    """Mean difference of the common seeds, and its standard error."""
     differences = [own[seed] - others[seed] for seed in own if seed in others]
     if not differences:
         return None, None
@@ -96,7 +96,8 @@ def _paired(own: Mapping[int, float], others: Mapping[int, float]) -> tuple[floa
 
 
 def standard_error(some: Sequence[float], others: Sequence[float]) -> float | None:
-    """Of the difference of two means whose samples may vary differently (Welch 1947); None for fewer than two samples of either."""
+    """Standard error of the difference of two means with unequal variances (Welch 1947); None for fewer than two
+    samples of either."""
     if min(len(some), len(others)) < 2:
         return None
     return math.sqrt(sum(statistics.variance(values) / len(values) for values in (some, others)))

@@ -1,4 +1,4 @@
-"""What an ablation trains: the base appearance from the start, or F_vis alone on a finished surrogate."""
+"""Experiments of an ablation: training of the base appearance, or of F_vis alone on a finished surrogate."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from surrogate.training.session import ProgressReport, TrainingProgress
 from surrogate.training.source import DECISION_IMAGES, Source
 from surrogate.training.visualizations import in_common, new_visualization, visualization_stage
 
-BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # of a scene's results and records
-# Settings with which all time is given to training itself.
+BASE_FOLDER, VISUALIZATION_FOLDER = "ablation", "ablation-visualization"  # below a scene's results and records
+# Settings that leave all time to training itself.
 NOTHING_ELSE: dict[str, Any] = {
     "fit_to_need": False,
     "validation_interval": 0,
     "validation_images": 0,
     "checkpoint_seconds": 86400.0,
 }
-REPORT_STEPS = 50  # between two looks at the progress
+REPORT_STEPS = 50  # between progress reports
 WITHOUT_VALIDATION = (
     "and an ablation must not be judged on test images: at least one member or view of split validation is needed"
 )
@@ -48,13 +48,13 @@ WITHOUT_VALIDATION = (
 class BaseExperiment:
     """Stages 1 and 2 of a scene's settings, with all time given to training itself.
 
-    `variants`, the first of which the others are compared with, depart from the settings `base`, which are those of the `scene` but
-    for what ablations need; `mark` changes with all else that results depend on.  `cases` are the validation images that judge
-    them, and `folder` is where results and records of a scene lie.
+    `variants` depart from the settings `base`, which are those of the `scene` but for the needs of ablations. The
+    others are compared with the first of them. `mark` changes with everything else that results depend on. `cases` are
+    the validation images, and `folder` is the subfolder of a scene's results and records.
 
-    Nothing is chosen during training, since a choice takes time and may fall differently from run to run: colours are of degree 0
-    where they are left to be chosen, and "auto" is replaced by what it stands for.
-    Raises ValueError for a catalog without validation images.
+    Nothing is chosen during training, since a choice takes time and may differ from run to run. Colours have degree 0
+    where it is "auto", and other "auto" settings are resolved beforehand. Raises ValueError for a catalog without
+    validation images.
     """
 
     variants, folder = VARIANTS, BASE_FOLDER
@@ -68,19 +68,19 @@ class BaseExperiment:
         self.cases = [Case(row.member, row.view, row.appearance) for row in rows]
 
     def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
-        """How long a step of these settings takes here and now, measured in about `seconds`."""
+        """Step times of these settings on this machine, measured in about `seconds`."""
         return measure_step_times(settings, self.catalog, seconds)
 
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """The surrogate of these settings, trained in the folder `work`."""
+        """Train a surrogate with these settings in the folder `work`."""
         return train(settings, self.catalog, work, progress=progress)
 
 
 class VisualizationExperiment:
     """Stage 3 of a scene's settings on the F_sim of its finished `surrogate`, the same for all variants.
 
-    The colour degree is the one that was chosen then, and nothing else is chosen.
-    Raises ValueError where the catalog varies nothing, has no validation images of it, or the surrogate has no F_vis.
+    The colour degree is that of the surrogate, and nothing else is chosen. Raises ValueError where the catalog varies
+    nothing, has no validation images of its variations, or the surrogate has no F_vis.
     """
 
     variants, folder = VISUALIZATION_VARIANTS, VISUALIZATION_FOLDER
@@ -109,7 +109,7 @@ class VisualizationExperiment:
         self.mark = f"{fingerprint(self.base, catalog)} on {surrogate.training.get('fingerprint')}"
 
     def step_times(self, settings: TrainingSettings, seconds: float) -> StepTimes:
-        """As of `BaseExperiment`; the images are loaded once for all, so that takes no variant's time."""
+        """See `BaseExperiment`; the images are loaded once for all variants, so their loading is not timed."""
         learnt = self._data
 
         @one_torch_thread()
@@ -121,7 +121,7 @@ class VisualizationExperiment:
 
     @one_torch_thread()
     def trained(self, settings: TrainingSettings, work: Path, progress: ProgressReport) -> Surrogate:
-        """As of `BaseExperiment`; nothing is written into `work`, and an interrupted training begins anew."""
+        """See `BaseExperiment`; nothing is written into `work`, and an interrupted training starts again."""
         found = []
         for one in self._data:
             visualization, run = self._begun(settings, *one)
@@ -135,7 +135,7 @@ class VisualizationExperiment:
 
     @property
     def cases(self) -> list[Case]:
-        """As of `BaseExperiment`."""
+        """See `BaseExperiment`."""
         return [case for variation in self._source.variations for case in self._cases(variation)]
 
     @cached_property
@@ -165,21 +165,21 @@ Experiment = BaseExperiment | VisualizationExperiment
 
 @one_torch_thread()
 def score(experiment: Experiment, surrogate: Surrogate) -> list[Scored]:
-    """How well a surrogate shows the validation images."""
+    """Scores of a surrogate on the validation images."""
     predictor = SurrogatePredictor(surrogate.at, experiment.catalog.plan.background)
     [found] = score_cases(predictor, experiment.catalog, experiment.cases)
     return list(found.values())
 
 
 def _is_of(surrogate: Surrogate, source: Source) -> bool:
-    """Whether what the surrogate knows means the same in the catalog."""
+    """True if the surrogate's parameters and box are those of the catalog."""
     own, there = surrogate.normalization, source.normalization
     same_box = own.extent == there.extent and (own.center == there.center).all()
     return bool(same_box) and surrogate.space == source.space
 
 
 def base_settings(settings: TrainingSettings, catalog: Catalog) -> TrainingSettings:
-    """What all variants of `BaseExperiment` depart from."""
+    """The common settings that all variants of `BaseExperiment` depart from."""
     start = settings.initialization
     if start == "auto":
         start = "random" if Source(settings, catalog).points is None else "in-situ"

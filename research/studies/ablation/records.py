@@ -1,4 +1,4 @@
-"""The result of one fit, each in a record of its own."""
+"""Results of an ablation's fits, each in a record of its own."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from surrogate.storage.records import Provenance, Record
 
 KIND, VERSION = "ablation", 1
 KEY = ("variant", "seed", "budget", "mark", "scene", "settings")
-DECIDING = "research.studies.ablation.timing"  # beside training and evaluation: it decides how many steps are taken
+DECIDING = "research.studies.ablation.timing"  # decides the number of steps, beside training and evaluation
 TIME_TOLERANCE = 0.15  # of the budget
 
 
 @dataclass(frozen=True)
 class AblationResult:
-    """What came of one variant and seed.
+    """The result of one variant and seed.
 
     Attributes
     ----------
-    budget : seconds that a fit of the study is given.
-    mark : the fingerprint of the catalog and of the settings that all variants depart from.
-    settings : the variant's, before steps were fitted to the budget, as JSON values.
+    budget : seconds for each fit of the study.
+    mark : fingerprint of the catalog and of the common settings.
+    settings : the variant's settings before steps were fitted to the budget, as JSON values.
     scene : the scene's settings.
-    canonical_steps, deformation_steps, visualization_steps : that were taken.
+    canonical_steps, deformation_steps, visualization_steps : steps of each stage.
     seconds : of training, from its first image to its last step, by `research.studies.ablation.timing.clock`.
     psnr, ssim : means over the `images` validation images; psnr in dB.
-    gaussians : how many there were.
-    step_times : seconds before the first step, and of a step in each stage, as they were measured before.
-    error : why there is no result; "" where there is one.
+    gaussians : number of Gaussians.
+    step_times : seconds before the first step, and per step in each stage, as measured beforehand.
+    error : the reason for a missing result; "" if there is one.
     """
 
     variant: str
@@ -67,44 +67,44 @@ class AblationResult:
 
     @property
     def is_timely(self) -> bool:
-        """Whether training took about as long as planned; not where the machine was busier or idler than when steps were timed."""
+        """True if training took about the planned time; False where the machine's load has changed since steps were timed."""
         return abs(self.seconds / self.budget - 1.0) <= TIME_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
 class Records:
-    """The results of one study: those in `folder` of the variants of `experiment`, given `budget` seconds each."""
+    """The results of one study in `folder`, of the variants of `experiment`, with `budget` seconds each."""
 
     folder: Path
     experiment: Experiment
     budget: float
 
     def settings(self, variant: Variant, seed: int) -> TrainingSettings:
-        """The variant's, before steps are fitted to the budget; seeds are counted from the scene's."""
+        """The variant's settings before steps are fitted to the budget; seeds are counted from the scene's."""
         return variant.settings(self.experiment.base).changed(seed=self.experiment.base.seed + seed)
 
     def result(self, variant: Variant, seed: int, **found: Any) -> AblationResult:
         """A result of this study."""
         try:
             settings = self.settings(variant, seed).to_json()
-        except ValueError:  # such settings can't be: `found` holds the error
+        except ValueError:  # invalid settings: `found` holds the error
             settings = {}
         scene = self.experiment.scene.to_json()
         return AblationResult(variant.name, seed, self.budget, self.experiment.mark, settings, scene, **found)
 
     def save(self, result: AblationResult) -> None:
-        """Keep a result, at once and whole."""
+        """Store a result atomically."""
         Record.of(KIND, VERSION, result, KEY).save(self._path(result.variant, result.seed))
 
     def find(self, variant: Variant, seed: int) -> AblationResult | None:
-        """What this study knows of a variant and seed, a failure included; None for nothing, or for what is out of date."""
+        """The current result of a variant and seed, a failure included; None without one."""
         wanted = asdict(self.result(variant, seed))
         key = {name: wanted[name] for name in KEY}
         record = Record.load(self._path(variant.name, seed), KIND, VERSION, key)
         return None if record is None else record.to(AblationResult)
 
     def all(self) -> list[AblationResult]:
-        """All that this study knows, by seed."""
+        """All current results of this study, by seed."""
         named = {variant.name: variant for variant in self.experiment.variants}
         there = load_results(self.folder, mark=self.experiment.mark, budget=self.budget)
         found = [self.find(named[one.variant], one.seed) for one in there if one.variant in named]

@@ -1,4 +1,4 @@
-"""A study from start to end: fits that have no result yet, each kept at once, shared out between processes, and a page of all."""
+"""An ablation from start to end: missing fits are shared between processes, stored, and written as a page."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from surrogate.storage.checkpoints import locked
 from surrogate.storage.records import Provenance
 from surrogate.training.session import TrainingProgress
 
-PROBE = 0.1  # of the budget, spent on measuring the speed first
-LONGEST = 10.0  # budgets, that a fit may take whose steps are given
-WORK = "fits"  # where each is trained, and locked by the process that does
+PROBE = 0.1  # fraction of the budget for measuring the speed first
+LONGEST = 10.0  # budgets that a fit with given steps may take
+WORK = "fits"  # subfolders, locked by the process that trains there
 MODEL = "surrogate"
 LOCK = ".page.lock"
 
@@ -48,7 +48,7 @@ def ablate(
     tell: Callable[[AblationResult], None] = lambda _: None,
     **options: Any,
 ) -> list[VariantRow]:
-    """Fit what is missing, writing ablation.md and ablation.png into `folder` after every fit; returns the rows of the table.
+    """Run all missing fits, writing ablation.md and ablation.png into `folder` after each; returns the rows of the table.
 
     `options` and errors are those of `AblationStudy`, `engine` and its errors those of `AblationStudy.run`.
     """
@@ -57,7 +57,7 @@ def ablate(
     durable.remove_abandoned(folder)
 
     def write_page() -> list[VariantRow]:
-        with durable.locked(folder / LOCK):  # or the last process to write might not know the last result
+        with durable.locked(folder / LOCK):  # so that the last page has every result
             rows = compared(study.records.all(), experiment.variants)
             table.write(scene, folder, study.records.budget, rows)
         return rows
@@ -71,12 +71,12 @@ def ablate(
 
 
 class AblationStudy:
-    """The variants of `experiment`, each trained in `folder` for `seconds` with each of so many `seeds`.
+    """The variants of `experiment`, each trained in `folder` for `seconds` with each of the `seeds`.
 
-    Results are kept in `records`, by default `folder`; one of the same settings and code is not made again, unless it is a failure.
-    `only` names variants, by default all; `longest` is how many seconds a fit may take whose steps another one gives.  With
-    `again`, a fit that took noticeably more or less time than it should is repeated.
-    Raises ValueError for an unknown variant, and for times or seeds that are not positive.
+    Results are stored in `records`, by default `folder`; those of the same settings and code are skipped unless they
+    failed. `only` names variants, by default all. `longest` is the limit in seconds of a fit that takes another's
+    steps. With `again`, fits that missed their time noticeably are repeated. Raises ValueError for an unknown variant,
+    and for times or seeds that are not positive.
     """
 
     def __init__(
@@ -108,14 +108,14 @@ class AblationStudy:
         progress: Callable[[StudyProgress], None] = lambda _: None,
         tell: Callable[[AblationResult], None] = lambda _: None,
     ) -> None:
-        """Fit what is missing; `tell` is given each result once it is kept, failures included.
+        """Run all missing fits; `tell` receives each stored result, failures included.
 
-        An interruption loses the current fit only.  What another process is fitting is left to it, with what takes the steps of
-        that, and looked at again after the others: that process may have been killed.  With an `engine` its workers fit, which must
-        see all folders; RuntimeError is raised in the end where fits could not be made there.
+        An interruption loses the current fit only. Fits of another process, and those that take their steps, come last,
+        since that process may have been killed. With an `engine`, its workers fit; they must see all folders.
+        RuntimeError is raised at the end where fits failed there.
         """
         watch = StudyWatch(progress, (1.0 + PROBE) * self.records.budget)
-        # Every variant once before any has its second seed.
+        # every variant once before any second seed
         left, fitted = [(variant, seed) for seed in range(self.seeds) for variant in self.variants], True
         self._rejected = {one: self.records.find(*one) for one in left if self._is_to_be_repeated(*one)}
         if engine is not None:
@@ -131,7 +131,7 @@ class AblationStudy:
         progress: Callable[[StudyProgress], None],
         tell: Callable[[AblationResult], None],
     ) -> None:
-        """Let workers fit what is missing; those that take the steps of others come after all others."""
+        """Run missing fits on workers; variants that take the steps of others come last."""
         for following in (False, True):
             wanted = [one for one in all_of if bool(one[0].steps_of) == following and not self._is_finished(*one)]
             fits = {f"{variant.name}, seed {seed}": partial(self._fitted, variant, seed) for variant, seed in wanted}
@@ -140,7 +140,7 @@ class AblationStudy:
     def _fitted(
         self, variant: Variant, seed: int, watch: StudyWatch | None = None, following: int = 0
     ) -> AblationResult | None:
-        """The result of a fit, kept; None where another process is at it, or has just made it.  So many fits follow it."""
+        """Run and store one fit, before `following` others; None where another process runs it or has just done so."""
         watch = watch or StudyWatch(lambda _: None)
         with self._claimed(variant, seed) as work:
             if work is None:
@@ -154,9 +154,9 @@ class AblationStudy:
     def _passed_over(
         self, left: Sequence[_One], watch: StudyWatch, tell: Callable[[AblationResult], None]
     ) -> tuple[list[_One], bool]:
-        """Fit what is missing; what was left to other processes, and whether anything was fitted."""
+        """Run missing fits; returns those left to other processes, and True if anything was fitted."""
         passed, fitted = [], False
-        # Asked anew each time: one may take the steps of one before it.
+        # checked each time: a fit may take the steps of an earlier one
         while left := [one for one in left if not self._is_finished(*one)]:
             (variant, seed), *left = left
             result = self._fitted(variant, seed, watch, len(left))
@@ -168,7 +168,7 @@ class AblationStudy:
         return passed, fitted
 
     def _keep(self, variant: Variant, result: AblationResult) -> None:
-        """Save a result, but no failure in the place of one that can still be used."""
+        """Store a result, unless it is a failure that would replace a usable one."""
         before = self.records.find(variant, result.seed)
         usable = before is not None and not before.error and not variant.steps_of
         if not (result.error and usable):
@@ -176,7 +176,7 @@ class AblationStudy:
 
     @contextlib.contextmanager
     def _claimed(self, variant: Variant, seed: int) -> Iterator[Path | None]:
-        """Where to train, while no other process does; None where one does or has just done so."""
+        """The folder to train in, locked; None where another process trains or has just finished."""
         folder = self._folder(variant.name, seed)
         with contextlib.ExitStack() as stack:
             try:
@@ -192,7 +192,7 @@ class AblationStudy:
         return folder
 
     def _is_to_be_repeated(self, variant: Variant, seed: int) -> bool:
-        """Asked at the start: what failed is tried again, as the reason may be gone, but only once by all processes together."""
+        """True if a failed or untimely fit is to be repeated, once by all processes together; determined at the start."""
         result = self.records.find(variant, seed)
         if result is None:
             return False
@@ -209,7 +209,7 @@ class AblationStudy:
         return like is not None and like.steps == result.steps
 
     def _is_awaited(self, variant: Variant, seed: int) -> bool:
-        """Whether another process is fitting that whose steps a variant takes."""
+        """True if another process runs the fit whose steps a variant takes."""
         if not variant.steps_of or self._like(variant, seed) is not None:
             return False
         try:
@@ -219,16 +219,16 @@ class AblationStudy:
             return True
 
     def _like(self, variant: Variant, seed: int) -> AblationResult | None:
-        """The result whose steps a variant takes, if there is one."""
+        """The result whose steps a variant takes; None without one."""
         found = self.records.find(next(v for v in self._experiment.variants if v.name == variant.steps_of), seed)
         return None if found is None or found.error else found
 
     def _attempted(self, variant: Variant, seed: int, work: Path, watch: StudyWatch) -> AblationResult:
         begun, found = time.process_time(), {}
         try:
-            shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+            shutil.rmtree(work, ignore_errors=True)  # left by a killed process
             found = self._fit(variant, seed, work, watch)
-        except Exception as error:  # whatever it is, the other variants may do without
+        except Exception as error:  # the other variants can still be compared
             found = {"error": _sentence(error)}
         finally:
             shutil.rmtree(work, ignore_errors=True)
@@ -283,6 +283,6 @@ class AblationStudy:
 
 
 def _sentence(error: Exception) -> str:
-    """What went wrong, in one line."""
+    """An error in one line."""
     text = " ".join(str(error).split())
     return text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"

@@ -1,4 +1,4 @@
-"""What a study found, as a page with a table and a plot."""
+"""The results of an ablation as a page with a table and a plot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SURE_COLOR, OTHER_COLOR, DEFAULT_COLOR = "tab:red", "0.45", "tab:blue"
 
 
 def write(scene: str, folder: Path, budget: float, rows: Sequence[VariantRow]) -> None:
-    """Write the page and its plot into `folder`, where there are any rows."""
+    """Write the page and its plot into `folder`, if there are any rows."""
     if not rows:
         return
     drawn = plot(rows)
@@ -30,7 +30,7 @@ def write(scene: str, folder: Path, budget: float, rows: Sequence[VariantRow]) -
 
 
 def plot(rows: Sequence[VariantRow]) -> bytes | None:
-    """A PNG file: PSNR over variants, the best on top, a bar at each mean; None where nothing has a result."""
+    """PSNR by variant as PNG, the best on top, with a bar at each mean; None without any result."""
     from matplotlib.figure import Figure
 
     shown = [row for row in rows if row.results]
@@ -73,7 +73,7 @@ def page(scene: str, budget: float, rows: Sequence[VariantRow], pictured: bool) 
 
 
 def verdict(rows: Sequence[VariantRow]) -> str:
-    """Which differences are more than chance, in a sentence."""
+    """The significant differences, in a sentence."""
     compared = [row for row in rows if row.reference == DEFAULT and not row.variant.steps_of]
     sure = [f"{row.variant.name} ({row.difference:+.2f} dB)" for row in compared if row.is_sure]
     if all(row.error is None for row in compared):
@@ -84,7 +84,7 @@ def verdict(rows: Sequence[VariantRow]) -> str:
 
 
 def equal_steps(rows: Sequence[VariantRow]) -> list[str]:
-    """A sentence for each variant that took as many steps as another."""
+    """A sentence for each variant that took the steps of another."""
     return [
         f"After equally many steps ({row.mean('steps'):,.0f}), {row.variant.name} differs from {row.reference} by "
         f"{row.difference:+.2f}{_plus_minus(row.error)} dB."
@@ -94,7 +94,7 @@ def equal_steps(rows: Sequence[VariantRow]) -> list[str]:
 
 
 def unequal_times(rows: Sequence[VariantRow]) -> list[str]:
-    """A sentence naming the fits whose time was so far from the budget that a difference may be due to that."""
+    """A sentence naming the fits whose time was too far from the budget for a fair comparison."""
     timed = [result for row in rows for result in row.results if not row.variant.steps_of]
     off = [f"{r.variant} seed {r.seed} ({r.seconds:,.1f} s)" for r in timed if not r.is_timely]
     if not off:
@@ -130,7 +130,7 @@ def decibels_cell(row: VariantRow) -> str:
 
 
 def difference_cell(row: VariantRow) -> str:
-    """The difference in dB from the row's reference, its standard error, and from what if not from the default."""
+    """The difference in dB from the row's reference with its standard error, naming any reference other than the default."""
     if row.difference is None:
         return NOTHING
     otherwise = f" from {row.reference}" if row.variant.steps_of else ""

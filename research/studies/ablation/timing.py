@@ -1,4 +1,4 @@
-"""How long a step of a variant takes here and now, and how many steps fit into a time."""
+"""Step times of a variant on this machine, and the number of steps that fit into a time."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from surrogate.training.loop import StageRun
 from surrogate.training.source import Source
 from surrogate.training.stages import canonical_stage, new_deformation, simulation_stage
 
-IMAGES = 96  # that the probe learns from, and that the time to load all is estimated by
+IMAGES = 96  # training images of the probe, from which the time to load all is estimated
 WARM_STEPS, FEWEST_TIMED = 2, 3
-ROUGHLY = 0.15  # of the probe, for a first guess of how many steps it can take
-SETTLED = 0.5  # of a stage's steps, after which they are timed
+ROUGHLY = 0.15  # fraction of the probe for a first estimate of its number of steps
+SETTLED = 0.5  # fraction of a stage's steps that is not timed
 FEWEST_STEPS = 4
 STAGES = ("canonical_steps", "deformation_steps", "visualization_steps")  # settings of `steps_of`
 
@@ -27,8 +27,8 @@ STAGES = ("canonical_steps", "deformation_steps", "visualization_steps")  # sett
 def clock(settings: TrainingSettings) -> Callable[[], float]:
     """Seconds since some moment: of all cores together on a CPU, and on the wall where a GPU computes.
 
-    Two cores that compute for a minute count as two, so a study is best given one core (`taskset`, or a batch system's affinity):
-    it then takes as long as it says, and as many can run side by side as there are cores.
+    Two cores that compute for a minute count as two, so a study is best given one core (`taskset`, or a batch system's
+    affinity). It then takes the stated time, and as many studies as there are cores can run side by side.
     """
     return time.process_time if chosen_device(settings.device).type == "cpu" else time.perf_counter
 
@@ -42,12 +42,12 @@ class StepTimes(NamedTuple):
     visualization: float = 0.0
 
     def seconds(self, settings: TrainingSettings) -> float:
-        """How long the stages of `settings` will take."""
+        """Expected seconds of all stages of `settings`."""
         return self.start + sum(steps * seconds for steps, seconds in zip(steps_of(settings), self[1:], strict=True))
 
 
 def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
-    """Of the three stages."""
+    """Numbers of steps of the three stages."""
     return settings.canonical_steps, settings.deformation_steps, settings.visualization_steps
 
 
@@ -55,8 +55,8 @@ def steps_of(settings: TrainingSettings) -> tuple[int, int, int]:
 def measure_step_times(settings: TrainingSettings, catalog: Catalog, seconds: float) -> StepTimes:
     """The step times of `settings`, measured in a training of about `seconds` that goes through all stages.
 
-    The first steps of a stage say little: a step takes longer or shorter as Gaussians grow, fade and are relocated (from a random
-    start twice as long in the end).
+    The first steps of a stage are not representative: steps get slower or faster as Gaussians grow, fade and are
+    relocated. From a random start they take twice as long in the end.
     """
     source, now = Source(settings, catalog), clock(settings)
     data, loading = _some_data(source)
@@ -76,10 +76,10 @@ def settled(
     trained: Callable[[TrainingSettings, Callable[[StageRun], float]], StepTimes],
     first: float,
 ) -> StepTimes:
-    """The step times of `settings`, measured in the second half of each stage of a training of about `seconds`.
+    """Step times of `settings`, measured in the second half of each stage of a training of about `seconds`.
 
-    `trained` goes through the stages of some settings and times each by the function that it is given.  How many steps such a
-    training has is estimated from the first `first` seconds of each stage.
+    `trained` goes through the stages of some settings and times each by a given function. The length of such a training
+    is estimated from the first `first` seconds of each stage.
     """
     roughly = trained(settings, lambda run: _first_steps(run, first))
     short = scheduled(settings, (1.0 - ROUGHLY) * seconds, roughly._replace(start=0.0))
@@ -87,9 +87,9 @@ def settled(
 
 
 def scheduled(settings: TrainingSettings, seconds: float, times: StepTimes) -> TrainingSettings:
-    """`settings` with as many steps as fit into `seconds`, shared out between the stages as before.
+    """`settings` with as many steps as fit into `seconds`, divided between the stages as before.
 
-    Raises ValueError where the time is over before the first step.
+    Raises ValueError where the time ends before the first step.
     """
     if times.start >= seconds:
         raise ValueError(
@@ -101,7 +101,7 @@ def scheduled(settings: TrainingSettings, seconds: float, times: StepTimes) -> T
 
 
 def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
-    """`settings` with so many steps, shared out between the stages as before; none that is there loses all."""
+    """`settings` with `steps` steps, divided between the stages as before; no stage loses all its steps."""
     before, total = steps_of(settings), max(steps, FEWEST_STEPS)
     shares = [max(round(part * total / sum(before)), 1) if part else 0 for part in before]
     shares[before.index(max(before))] += total - sum(shares)
@@ -109,10 +109,10 @@ def with_steps(settings: TrainingSettings, steps: int) -> TrainingSettings:
 
 
 def _some_data(source: Source) -> tuple[TrainingData, float]:
-    """Some training images, evenly spread, and how long it would have taken to load all."""
+    """Some training images, evenly spread, and the estimated time to load all."""
     rows = training_rows(source.catalog, [source.appearance])
     some = rows[:: -(-len(rows) // IMAGES)]
-    load_examples(source.catalog, some[:2], source.normalization)  # what only the first image costs
+    load_examples(source.catalog, some[:2], source.normalization)  # pays the cost of the first image
     now = clock(source.settings)
     begun = now()
     examples = load_examples(source.catalog, some, source.normalization)
@@ -123,7 +123,7 @@ def _some_data(source: Source) -> tuple[TrainingData, float]:
 def _timed(
     settings: TrainingSettings, gaussians: AnyGaussians, data: TrainingData, timed: Callable[[StageRun], float]
 ) -> tuple[float, float]:
-    """Seconds of a step in each stage, one after the other from a copy of `gaussians`; 0 for a stage that is not there."""
+    """Seconds per step in each stage, one after the other from a copy of `gaussians`; 0 for a missing stage."""
     device, canonical, deformation = chosen_device(settings.device), 0.0, 0.0
     gaussians = gaussians.copy().to(device)
     if settings.canonical_steps:
@@ -136,7 +136,7 @@ def _timed(
 
 
 def _first_steps(run: StageRun, seconds: float) -> float:
-    """Seconds of a step, over some of the first."""
+    """Seconds per step over the first steps."""
     for _ in range(WARM_STEPS):
         run.advance()
     now = clock(run.settings)
@@ -148,7 +148,7 @@ def _first_steps(run: StageRun, seconds: float) -> float:
 
 
 def _last_steps(run: StageRun) -> float:
-    """Seconds of a step once the stage has settled, taking all its steps."""
+    """Seconds per step in the settled part of a stage, taking all its steps."""
     first, now = int(SETTLED * run.stage.steps), clock(run.settings)
     while run.step < first:
         run.advance()

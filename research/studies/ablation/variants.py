@@ -1,4 +1,4 @@
-"""What is changed, one thing at a time: settings as data."""
+"""Variants of an ablation, one change at a time: settings as data."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ class Variant:
 
     Attributes
     ----------
-    name : what it is called, on the command line and in file names.
-    why : what it is meant to tell, in one sentence.
+    name : name on the command line and in file names.
+    why : the question that it answers, in one sentence.
     changes : values of `TrainingSettings`.
-    factors : what numbers of `TrainingSettings` are multiplied by.
-    steps_of : name of the variant whose number of steps it takes, whatever time that needs; "" for as many as fit into the budget.
+    factors : factors on numbers of `TrainingSettings`.
+    steps_of : name of the variant whose number of steps it takes, whatever time that needs; "" for as many as fit into
+        the budget.
     """
 
     name: str
@@ -31,7 +32,7 @@ class Variant:
     steps_of: str = ""
 
     def settings(self, base: TrainingSettings) -> TrainingSettings:
-        """`base` with the changes; raises ValueError for values that can't be."""
+        """`base` with the changes; raises ValueError for invalid values."""
         scaled: dict[str, Any] = {name: _scaled(base.to_json()[name], factor) for name, factor in self.factors.items()}
         moved: dict[str, Any] = {}
         if self.changes.get("canonical_steps") == 0:  # learnt jointly, in as many steps
@@ -47,7 +48,7 @@ class Variant:
 
 
 def selected(names: Iterable[str], among: Sequence[Variant]) -> list[Variant]:
-    """The variants of these names, all for none, in the table's order, with what they are compared with and depend on.
+    """The variants of these names, by default all, in the table's order, with the variants that they depend on.
 
     Raises ValueError for an unknown name.
     """
@@ -69,14 +70,14 @@ def _shown(value: Any) -> str:
 
 
 def _each(setting: str, why: str, named: Mapping[str, Any], *, scaled: bool = False) -> list[Variant]:
-    """A variant for each value of a setting, or with `scaled` each factor of it, by name."""
+    """A variant by name for each value of a setting, or with `scaled` for each factor on it."""
     changes: list[tuple[str, dict[str, Any]]] = [(name, {setting: value}) for name, value in named.items()]
     return [Variant(name, why, factors=of) if scaled else Variant(name, why, of) for name, of in changes]
 
 
 AS_GIVEN = "what the scene's settings give; all others are compared with it"
 
-# The first is what the others are compared with.
+# the others are compared with the first
 VARIANTS = (
     Variant(DEFAULT, AS_GIVEN),
     Variant("no-relocation", "what moving dead Gaussians is worth", {"relocation_interval": 0}),

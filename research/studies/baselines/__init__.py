@@ -1,1 +1,1 @@
-"""Published systems that learn pictures of ensembles, written anew from their papers and official codes, to be compared with."""
+"""Published systems that learn images of ensembles, reimplemented from their papers and official codes for comparison."""

@@ -1,4 +1,4 @@
-"""Gaussians that hold still, fitted to the pictures of all members at once: where methods that deform Gaussians start from.
+"""Canonical Gaussians fitted to the images of all members at once: the start of methods that deform Gaussians.
 
 Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering", with relocation in place of densification, so
 that their number is known beforehand.
@@ -33,12 +33,12 @@ from surrogate.training.sampling import ShuffledEpochs
 
 COUNT, STEPS = 20_000, 10_000
 DEGREE = 3  # of the colours' spherical harmonics
-DEGREES_PER_TRAINING = 30  # they are raised by one every 1000 of 30,000 steps
+DEGREES_PER_TRAINING = 30  # degrees increase every 1000 of 30,000 steps
 MEAN_RATE = 1.6e-4  # of the extent of the cameras
 RATES = {"log_scales": 5e-3, "quats": 1e-3, "opacity_logits": 5e-2, "base_colors": 2.5e-3, "directional": 2.5e-3 / 20.0}
 FINAL_FACTOR = 0.01  # of the means' rate, reached exponentially
 RELOCATION_INTERVAL = TrainingSettings().relocation_interval
-COLOR_SAMPLES = 16  # pictures that the first colour is the mean of
+COLOR_SAMPLES = 16  # images whose mean is the initial colour
 BLACK = (0.0, 0.0, 0.0)
 
 Leaves: TypeAlias = dict[str, Tensor]
@@ -65,7 +65,7 @@ class HarmonicGaussians:
 
     @classmethod
     def of_tensors(cls, tensors: Mapping[str, Tensor]) -> HarmonicGaussians:
-        """The Gaussians that had these `tensors()`; others are left alone.  Raises KeyError naming one that is missing."""
+        """The Gaussians with these `tensors()`; other names are ignored. Raises KeyError naming a missing one."""
         return cls(**{field.name: tensors[field.name] for field in fields(cls)})
 
     def tensors(self) -> dict[str, Tensor]:
@@ -82,7 +82,7 @@ class HarmonicGaussians:
     def draw_over(self, camera: Camera, background: Sequence[float], *, degree: int = DEGREE) -> Tensor:
         """Colours over `background` (3,) and alpha, (H, W, 4); differentiable in all tensors.
 
-        Raises `Diverged` where a number of them is not finite.
+        Raises `Diverged` where a number is not finite.
         """
         position = torch.from_numpy(camera.position).to(self.means)  # [3]
         colors = self.colors_from(position, degree)  # [N, 3]
@@ -97,9 +97,9 @@ class HarmonicGaussians:
 
     @torch.no_grad()
     def picture(self, camera: Camera, background: Sequence[float] | None) -> NDArray[np.float32]:
-        """The premultiplied RGBA picture (H, W, 4) in [0, 1]; over a `background` (3,), where there is one, of alpha 1.
+        """The premultiplied RGBA image (H, W, 4) in [0, 1]; over a `background` (3,), if given, with alpha 1.
 
-        Colours are cut to what an RGBA picture can hold: no channel exceeds alpha.
+        Colours are clipped to valid RGBA: no channel exceeds alpha.
         """
         picture = self.draw_over(camera, BLACK if background is None else background)  # [H, W, 4]
         if background is not None:
@@ -108,7 +108,7 @@ class HarmonicGaussians:
 
 
 def prepare(pictures: TrainingImages, seed: int, *, count: int = COUNT, steps: int = STEPS) -> dict[str, Tensor]:
-    """Tensors of the `count` Gaussians that show the pictures of all members best without moving, learnt in so many steps."""
+    """Tensors of `count` frozen Gaussians that fit the images of all members best, learnt in `steps` steps."""
     leaves = leaves_of(initial(pictures, seed, count))
     adam = optimizer(leaves, extent_of(pictures.cameras))
     order = ShuffledEpochs(len(pictures), seed)
@@ -124,7 +124,7 @@ def prepare(pictures: TrainingImages, seed: int, *, count: int = COUNT, steps: i
 
 
 def initial(pictures: TrainingImages, seed: int, count: int) -> HarmonicGaussians:
-    """Gaussians on the pictures' points, else anywhere in their box, that look alike from everywhere."""
+    """Gaussians on the images' points, otherwise anywhere in their box, with the same colour from everywhere."""
     points = None
     if pictures.points is not None and len(pictures.points):
         colors = None if pictures.point_colors is None else _float64(pictures.point_colors)
@@ -139,9 +139,9 @@ def initial(pictures: TrainingImages, seed: int, count: int) -> HarmonicGaussian
 
 
 def extent_of(cameras: Sequence[Camera]) -> float:
-    """What 3DGS measures lengths by: 1.1 times the largest distance of a camera from the middle of all (official code).
+    """The unit of length of 3DGS: 1.1 times the largest distance of a camera from the middle of all (official code).
 
-    At least 1, half the box: of a single camera it would be 0, and nothing would move.
+    At least 1, half the box: for a single camera it would be 0, and nothing would move.
     """
     positions = np.array([camera.position for camera in cameras])  # [V, 3]
     return max(1.0, 1.1 * float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max()))
@@ -162,23 +162,23 @@ def of_leaves(leaves: Mapping[str, Tensor]) -> HarmonicGaussians:
 
 
 def optimizer(leaves: Leaves, extent: float, rate: float = 1.0) -> Adam:
-    """Adam with the rates of 3DGS times `rate`; a Gaussian that a picture does not show stays as it is."""
+    """Adam with the rates of 3DGS times `rate`; Gaussians outside an image stay as they are."""
     rates = {name: rate * own for name, own in {"means": MEAN_RATE * extent, **RATES}.items()}
     return Adam(leaves, rates)
 
 
 def decay(fraction: float) -> float:
-    """What the rate of the means is multiplied by after a fraction of the steps."""
+    """The factor on the rate of the means after a fraction of the steps."""
     return FINAL_FACTOR**fraction
 
 
 def degree_at(fraction: float) -> int:
-    """The degree of the harmonics that colours have after a fraction of the steps."""
+    """The degree of the colours' harmonics after a fraction of the steps."""
     return min(DEGREE, int(DEGREES_PER_TRAINING * fraction))
 
 
 def example(pictures: TrainingImages, picture: int) -> Example:
-    """A picture as the surrogate's own training compares it: opaque ones have no alpha."""
+    """An image as the surrogate's own training compares it: opaque ones have no alpha."""
     pixels = pictures.pixels[picture][..., : 4 if pictures.background is None else 3]  # [H, W, 3 or 4]
     return Example(pictures.camera(picture), pictures.parameters[picture], np.ascontiguousarray(pixels))
 
@@ -190,7 +190,7 @@ def compared(pictures: TrainingImages, picture: int) -> Tensor:
 
 @torch.no_grad()
 def revive(leaves: Leaves, adam: Adam, seed: int, step: int) -> None:
-    """Move Gaussians that are invisible to where others are, in place."""
+    """Move invisible Gaussians to visible ones, in place."""
     opacities = leaves["opacity_logits"].sigmoid()  # [N]
     relocation = plan_relocation(opacities, generator(seed, "relocation", step))
     if relocation is not None:

@@ -11,13 +11,14 @@ XCompact3D and its isosurfaces).  `surrogate.deformation.field` is a lighter var
 - The rate of the network, 1e-4, and that of the means fall to a tenth, exponentially.  `stage2_canonical_lr_scale`, 0.001, is
   applied to the means alone; all else of the canonical Gaussians goes on at the constant rates of 3DGS (`Recipe`).
 - The loss is 0.8 L1 + 0.2 (1 - SSIM) of one picture a step; the penalty of the offsets, L_deform, is off.
-- Pictures are drawn in proportion to the power 1.5 of the loss that they had last, 1 for one that was never drawn; these chances
-  are renewed after every fortieth of the training (2,000 of 80,000 steps), and are equal before that.
+- Images are sampled with chances proportional to the power 1.5 of their last loss, or to 1 before they were sampled.\n
+These chances are renewed after every fortieth of the training (2,000 of 80,000 steps), and are equal before that.
 
-What differs: the canonical Gaussians are those of `research.studies.baselines.canonical`, with Adam's moments of zero; SSIM has
-zeros beyond the border, where theirs leaves the border out; the loss compares alpha too, where pictures have any, as that of the
-canonical Gaussians does.  Isovalues and transfer functions are parameters like those of the simulation, of one joint network; the
-authors train a second network for them.  Both sizes of a plan are the published one.
+Differences: the canonical Gaussians are those of `research.studies.baselines.canonical`, with Adam's moments of zero.
+SSIM has zeros beyond the border, where theirs leaves the border out. The loss compares alpha too, where images have
+any, as that of the canonical Gaussians does. Isovalues and transfer functions are parameters like those of the
+simulation, of one joint network; the authors train a second network for them. Both sizes of a plan are the published
+one.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ from surrogate.deformation.positional import encode
 from surrogate.randomness import generator
 from surrogate.training.losses import image_loss
 
-COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "harmonics": 48}  # that each head moves
+COLUMNS = {"means": 3, "log_scales": 3, "quats": 4, "opacity_logits": 1, "harmonics": 48}  # moved by each head
 STILL_AT_FIRST = ("adapter", *COLUMNS)  # networks whose last layer starts at 0
 MARGIN = 1.1  # of `extent_of` beyond the farthest camera
 FINAL_FACTOR = 0.1  # of the rates that fall
 OFFICIAL_STEPS = 80_000  # of the second stage
-RENEWAL = 2_000  # of these steps, after which the chances of the pictures are renewed
+RENEWAL = 2_000  # of these steps between renewals of the images' chances
 GAUSSIAN_EPSILON = 1e-15  # of Adam; the network has torch's 1e-8
 
 Networks: TypeAlias = Mapping[str, Tensor]
@@ -55,7 +56,7 @@ Networks: TypeAlias = Mapping[str, Tensor]
 
 @dataclass(frozen=True)
 class GSSurrogateArchitecture:
-    """How many parameters the ensemble has, how wide the layers are, and the frequencies of the positional encodings."""
+    """Numbers of parameters, widths of the layers, and frequencies of the positional encodings."""
 
     parameters: int
     feature_width: int = 128
@@ -64,7 +65,7 @@ class GSSurrogateArchitecture:
     parameter_frequencies: int = 2
 
     def widths(self) -> dict[str, tuple[int, ...]]:
-        """The columns that each perceptron takes, then those that its layers give; encoders, adapter, backbone, then heads."""
+        """Input columns of each perceptron, then the outputs of its layers; encoders, adapter, backbone, then heads."""
         feature, hidden = self.feature_width, self.hidden_width
         return {
             "position": (3 * (1 + 2 * self.position_frequencies), hidden, hidden, feature),
@@ -75,10 +76,10 @@ class GSSurrogateArchitecture:
         }
 
     def initial(self, random: np.random.Generator) -> dict[str, Tensor]:
-        """The networks' tensors by name, with which nothing moves: `adapter.1.weights` are those of the adapter's second layer.
+        """Initial tensors of the networks by name, which move nothing; `adapter.1.weights` are those of the adapter's second layer.
 
-        Weights and biases are uniform within 1 / sqrt(columns), as of `torch.nn.Linear`, or 0.  All layers but the last of a
-        perceptron, and that of the backbone too, have the `gains` and `shifts` of a LayerNorm.
+        Weights and biases are uniform within 1 / sqrt(columns), as in `torch.nn.Linear`, or 0. All layers but the last
+        of a perceptron, and that of the backbone too, have the `gains` and `shifts` of a LayerNorm.
         """
         tensors: dict[str, Tensor] = {}
         for network, widths in self.widths().items():
@@ -96,15 +97,15 @@ class GSSurrogateArchitecture:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How it is trained; the defaults are those of the authors' code.
+    """Training of the network; the defaults are those of the authors' code.
 
     Attributes
     ----------
-    rate : Adam's, of the network.
-    mean_factor : on the rate that the canonical means have in 3DGS.
-    other_factor : on the rates of all else of the canonical Gaussians; 0.001 holds all of them nearly still.
-    ssim_weight : of 1 - SSIM in the loss, in which L1 has the rest.
-    mining_power : of the losses in proportion to which pictures are drawn; 0 draws all alike.
+    rate : Adam's rate for the network.
+    mean_factor : factor on the rate of the canonical means in 3DGS.
+    other_factor : factor on the other rates of the canonical Gaussians; 0.001 nearly freezes them.
+    ssim_weight : weight of 1 - SSIM in the loss; L1 has the rest.
+    mining_power : power of the losses that gives the sampling chances; 0 samples all images alike.
     """
 
     rate: float = 1e-4
@@ -114,13 +115,13 @@ class Recipe:
     mining_power: float = 1.5
 
     def loss(self, drawn: Tensor, picture: Tensor) -> Tensor:
-        """Of a drawn picture (H, W, 4) against (H, W, 3 or 4), as `image_loss` takes them."""
+        """The loss of a rendered image (H, W, 4) against (H, W, 3 or 4), as in `image_loss`."""
         share = 1.0 - self.ssim_weight
         return share * image_loss(drawn, picture, ssim_weight=self.ssim_weight / share)
 
 
 def rates(recipe: Recipe, plan: Plan, extent: float, step: int) -> dict[str, float]:
-    """Adam's rates in a step, of the canonical Gaussians' leaves by name and of the "network"; `extent` as of `extent_of`."""
+    """Adam's rates in a step, for the canonical Gaussians' leaves by name and for the "network"; `extent` as of `extent_of`."""
     decay = FINAL_FACTOR ** (step / plan.steps)
     found = {name: recipe.other_factor * rate for name, rate in canonical.RATES.items()}
     found["means"] = recipe.mean_factor * canonical.MEAN_RATE * extent / MARGIN * decay
@@ -152,7 +153,7 @@ def offsets(
 ) -> dict[str, Tensor]:
     """The heads' outputs (N, columns) by name, float32, from `places` (N, 3) in units of the extent and parameters (P,) in [-1, 1].
 
-    The opacity's has passed a tanh: its logit changes by less than 1.
+    The opacity's output has passed a tanh: its logit changes by less than 1.
     """
     encoded = encode(places, architecture.position_frequencies)  # [N, 63]
     condition = encode((parameters[None] + 1.0) / 2.0, architecture.parameter_frequencies)  # [1, 5 P]
@@ -163,7 +164,7 @@ def offsets(
 
 
 class GSSurrogate:
-    """A training of the second stage: of the network, and of the canonical Gaussians with it."""
+    """Training of the second stage: of the network, and of the canonical Gaussians with it."""
 
     def __init__(
         self,
@@ -173,7 +174,7 @@ class GSSurrogate:
         architecture: GSSurrogateArchitecture | None = None,
         recipe: Recipe | None = None,
     ) -> None:
-        """Begin with the `prepared` tensors of `HarmonicGaussians`, on their device; raises KeyError where one is missing."""
+        """Start from the `prepared` tensors of `HarmonicGaussians`, on their device; raises KeyError where one is missing."""
         self._pictures, self._plan, self._recipe = pictures, plan, recipe or Recipe()
         self._architecture = architecture or GSSurrogateArchitecture(pictures.parameters.shape[1])
         self._extent = canonical.extent_of(pictures.cameras)
@@ -191,7 +192,7 @@ class GSSurrogate:
         self._step = 0
 
     def advance(self) -> float:
-        """One of the planned steps; returns its loss."""
+        """One training step; returns its loss."""
         picture = self._mining.drawn(self._step)
         gaussians = self._deformed(self._pictures.parameters[picture])
         drawn = gaussians.draw_over(self._pictures.camera(picture), self._pictures.behind)  # [H, W, 4]
@@ -244,7 +245,7 @@ class GSSurrogate:
 
 
 class HardMining:
-    """Pictures drawn in proportion to a power of their last losses, by chances that are renewed from time to time."""
+    """Image sampling with chances proportional to a power of the last losses, renewed from time to time."""
 
     def __init__(self, pictures: int, plan: Plan, power: float) -> None:
         self._seed, self._power = plan.seed, power
@@ -253,22 +254,22 @@ class HardMining:
         self._cumulative = np.arange(1.0, pictures + 1.0)  # [pictures]
 
     def drawn(self, step: int) -> int:
-        """The picture of a step."""
+        """The image of a step."""
         place = generator(self._seed, "hard examples", step).random() * self._cumulative[-1]
         return min(int(np.searchsorted(self._cumulative, place, side="right")), len(self._losses) - 1)
 
     def tell(self, step: int, picture: int, loss: float) -> None:
-        """Take note of the loss of the picture of a step; the chances follow after some."""
+        """Record the loss of the image of a step; the chances follow at the next renewal."""
         self._losses[picture] = loss
         if step and step % self._interval == 0:
             self._cumulative = np.cumsum(np.maximum(self._losses, 1e-12) ** self._power)
 
     def state(self) -> State:
-        """Losses and chances (pictures,)."""
+        """Losses and chances (images,)."""
         return {"losses": torch.from_numpy(self._losses), "cumulative": torch.from_numpy(self._cumulative)}
 
     def restore(self, state: State) -> None:
-        """Go on from what another one had as its `state`."""
+        """Resume from another sampler's `state`."""
         self._losses, self._cumulative = state["losses"].numpy().copy(), state["cumulative"].numpy().copy()
 
 

@@ -1,8 +1,8 @@
 """The planes of 4DGS-HD: features of places and parameters, and networks that make offsets of Gaussians from them.
 
-Wu et al. 2024, "4D Gaussian Splatting for Real-Time Dynamic Scene Rendering" (settings of its synthetic scenes): a plane lies over
-every two of the axes x, y, z and time, here the parameters of an ensemble.  Time is one axis there and takes [0, 1], half of a grid
-on [-1, 1]; here there are any number of axes and each takes all of [-1, 1].
+Wu et al. 2024, "4D Gaussian Splatting for Real-Time Dynamic Scene Rendering" (settings of its synthetic scenes). A
+plane lies over every two of the axes x, y, z and time, here the parameters of an ensemble. Time is one axis there and
+takes [0, 1], half of a grid on [-1, 1]; here each of any number of axes takes all of [-1, 1].
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class HexPlaneDeformation:
     ----------
     levels : the planes.
     networks : weights and biases by name.
-    box : (2, 3), where the planes end; beyond it features are as at its border.
+    box : (2, 3), the extent of the planes; beyond it features are as at its border.
     precision : of the networks.
     """
 
@@ -60,7 +60,8 @@ class HexPlaneDeformation:
     def create(
         cls, parameters: int, box: Tensor, random: Generator, *, moved: Sequence[str] = GEOMETRY, naive: bool = False
     ) -> HexPlaneDeformation:
-        """The start for so many `parameters`: planes of space U(0.1, 0.5), those with a parameter 1; networks as Xavier's.
+        """Initial planes and networks for `parameters` parameters: planes of space from U(0.1, 0.5), those with a
+        parameter 1; networks as Xavier's.
 
         With `naive` all planes start as those of space, as the official code's do unless there is one parameter: features, products
         of all planes, then vanish.  `moved` are names of `OUTPUTS`.
@@ -77,7 +78,7 @@ class HexPlaneDeformation:
         return torch.cat([level_features(level, places, parameters) for level in self.levels], dim=1)
 
     def offsets(self, means: Tensor, parameters: Tensor) -> dict[str, Tensor]:
-        """What is added to each attribute that moves, (N, columns)."""
+        """Offsets (N, columns) of each attribute that moves."""
         features = self.features(means, parameters)  # [N, 2 C]
         moved = [name for name in OUTPUTS if f"{name}_in.weights" in self.networks]
         with torch.autocast(means.device.type, dtype=torch.bfloat16, enabled=self.precision == "bfloat16"):
@@ -93,7 +94,7 @@ class HexPlaneDeformation:
         return HarmonicGaussians(**tensors)
 
     def planes(self) -> dict[str, Tensor]:
-        """All planes by name, without kinds of which there are none."""
+        """All planes by name; empty kinds are left out."""
         named = {f"planes.{i}.{kind}": t for i, level in enumerate(self.levels) for kind, t in level._asdict().items()}
         return {name: planes for name, planes in named.items() if planes.numel()}
 
@@ -102,7 +103,7 @@ class HexPlaneDeformation:
 
 
 def initial_level(size: int, parameters: int, random: Generator, *, naive: bool = False) -> PlaneLevel:
-    """The planes of resolution `size`, before the first step."""
+    """Initial planes of resolution `size`."""
     few, pairs = PARAMETER_RESOLUTION, parameters * (parameters - 1) // 2
 
     def with_parameter(*shape: int) -> Tensor:
@@ -174,7 +175,7 @@ def _on_lines(lines: Tensor, rows: Tensor, shares: Tensor) -> Tensor:
 
 
 def _starts(tables: Tensor) -> Tensor:
-    """Where each of the tables (3, ..., C) begins among the rows of all, (3, 1)."""
+    """First row of each of the tables (3, ..., C) among the rows of all, (3, 1)."""
     return torch.arange(3, device=tables.device, dtype=torch.int32).unsqueeze(1) * (
         tables[0].numel() // tables.shape[-1]
     )
@@ -188,7 +189,7 @@ def _gathered(table: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
 
 
 def penalty(levels: Sequence[PlaneLevel]) -> Tensor:
-    """What keeps planes smooth and those with a parameter near 1, each plane's mean added up (official code).
+    """Penalty that keeps planes smooth and those with a parameter near 1, each plane's mean added up (official code).
 
     Second differences of planes of space are along their rows only, those of others along each parameter.
     """
@@ -228,7 +229,7 @@ class _Roughness(torch.autograd.Function):
 
 
 def box_of(means: Tensor, volume: Tensor) -> Tensor:
-    """The box (2, 3) of `means` (N, 3), as far as it lies in that of the volume: a straggler shall not stretch the planes."""
+    """The box (2, 3) of `means` (N, 3) within that of the volume, so that a straggler does not stretch the planes."""
     low = torch.maximum(means.amin(dim=0), volume[0])  # [3]
     high = torch.minimum(means.amax(dim=0), volume[1])  # [3]
     found = (high - low > 1e-3).all()

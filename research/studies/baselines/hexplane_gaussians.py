@@ -41,7 +41,7 @@ class HexPlaneFit:
         moved: Sequence[str] = GEOMETRY,
         naive: bool = False,
     ) -> None:
-        """Before the first step, from the Gaussians of `canonical.prepare`; `moved` and `naive` as in `HexPlaneDeformation`."""
+        """Start from the Gaussians of `canonical.prepare`; `moved` and `naive` as in `HexPlaneDeformation`."""
         self._pictures, self._plan, self._step = pictures, plan, 0
         self._order = ShuffledEpochs(len(pictures), plan.seed)
         start = HarmonicGaussians.of_tensors(prepared)

@@ -1,17 +1,18 @@
-"""InSituNet draws a whole picture from parameters and a viewpoint with one convolutional network.
+"""InSituNet renders a whole image from parameters and a viewpoint with one convolutional network.
 
-He et al. 2019, "InSituNet: Deep Image Synthesis for Parameter Space Exploration of Ensemble Simulations", IEEE TVCG 26(1); where
-paper and official code (github.com/hewenbin/insitu_net) differ, the code is followed, except for Adam's momentum, the paper's.
-The networks are in `insitunet_networks`.
+He et al. 2019, "InSituNet: Deep Image Synthesis for Parameter Space Exploration of Ensemble Simulations", IEEE TVCG
+26(1). Where paper and official code (github.com/hewenbin/insitu_net) differ, the code is followed, except for Adam's
+momentum, which is the paper's. The networks are in `insitunet_networks`.
 
     loss = mean squared error + 1e-2 softplus(-D(picture)),   D = a discriminator that sees parameters and view, too
 
-The published loss compares features of VGG19, whose weights are no part of this package: this is the official code's `--mse-loss`
-mode, with its adversarial loss.  Rates are constant as published, so the planned number of steps changes nothing.
+The published loss compares features of VGG19, whose weights this package does not include: this is the official code's
+`--mse-loss` mode, with its adversarial loss. Rates are constant as published, so the planned number of steps changes
+nothing.
 
-What it can't do: pictures are opaque and as large as those it learnt from, and the view is a direction: neither the camera's
-distance nor its field of view nor its roll is seen.  At the poles the azimuth is undefined, and views close to them that look
-alike have codes far apart.
+Limits: images are opaque and as large as the training images. The view is a direction, without the camera's distance,
+field of view or roll. At the poles the azimuth is undefined, and views close to them that look alike have codes far
+apart.
 """
 
 from __future__ import annotations
@@ -50,12 +51,12 @@ EXTENTS: dict[Size, NetworkSize] = {"official": NetworkSize(64, 50), "small": Ne
 
 
 def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
-    """The loss of a discriminator that gave scores `real` and `fake` (B,) to true pictures and to the generator's."""
+    """Loss of a discriminator with the scores `real` and `fake` (B,) of true and generated images."""
     return softplus(-real).mean() + softplus(fake).mean()
 
 
 def generator_loss(drawn: Tensor, truths: Tensor, scores: Tensor) -> Tensor:
-    """The loss of a generator whose pictures (B, 3, S, S), to be like `truths`, got these scores (B,)."""
+    """Loss of a generator whose images (B, 3, S, S), to match `truths`, got these scores (B,)."""
     return mse_loss(drawn, truths) + ADVERSARIAL * softplus(-scores).mean()
 
 
@@ -67,7 +68,7 @@ def encoded_view(camera: Camera, box: Tensor) -> Tensor:
 
 
 class InSituNetTraining:
-    """A generator and a discriminator that learn from pictures by turns, on the device of the pictures' parameters."""
+    """Training of a generator and a discriminator by turns, on the device of the images' parameters."""
 
     def __init__(self, pictures: TrainingImages, plan: Plan) -> None:
         extent = EXTENTS[plan.size]
@@ -83,7 +84,7 @@ class InSituNetTraining:
         seen = views[pictures.views.cpu()].to(self._device)  # [M, 3]
         self._conditions = torch.cat([pictures.parameters, seen], dim=1)  # [M, P + 3]
         random = torch.Generator().manual_seed(plan.seed)
-        with torch.device("meta"):  # or torch.nn would draw from its own random numbers
+        with torch.device("meta"):  # so that torch.nn draws no random numbers of its own
             self.generator, self.discriminator = Generator(self.architecture), Discriminator(self.architecture)
         for network in (self.generator, self.discriminator):
             start(network.to_empty(device="cpu"), random)
@@ -93,7 +94,7 @@ class InSituNetTraining:
         self._discriminator_steps = _adam(self.discriminator, plan)
 
     def advance(self) -> float:
-        """One step of the discriminator, then one of the generator on the same pictures; returns the generator's loss."""
+        """One step of the discriminator, then one of the generator on the same images; returns the generator's loss."""
         chosen = [self._order[self._step * self._batch + place] for place in range(self._batch)]
         conditions = self._conditions[chosen]  # [B, P + 3]
         truths = 2.0 * self._pictures.over(chosen).permute(0, 3, 1, 2).to(self._device) - 1.0  # [B, 3, S, S]
@@ -105,17 +106,17 @@ class InSituNetTraining:
         return self._improve(conditions, truths, drawn)
 
     def at(self, parameters: Tensor) -> Renderer:
-        """See `Fit`; pictures are opaque, over the background, and cameras of another size a ValueError."""
+        """See `Fit`; images are opaque, over the background, and cameras of another size raise ValueError."""
         return partial(self._picture, parameters)
 
     def tensors(self) -> Mapping[str, Tensor]:
-        """A copy of what the generator consists of, with the running means and variances that its maps are normalized by."""
+        """A copy of the generator's tensors, with the running means and variances of its normalizations."""
         state = self.generator.state_dict()
         drawn_with = {name: tensor for name, tensor in state.items() if not name.endswith("num_batches_tracked")}
         return {name: t.clone(memory_format=torch.contiguous_format) for name, t in drawn_with.items()}
 
     def state(self) -> State:
-        """See `Fit`; with the running means and variances of the maps."""
+        """See `Fit`; includes the running means and variances of the maps."""
         return outer(
             generator=of_optimizer(self._generator_steps),
             discriminator=of_optimizer(self._discriminator_steps),
@@ -169,7 +170,7 @@ def _adam(network: nn.Module, plan: Plan) -> torch.optim.Adam:
 
 
 def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared) -> Fit:
-    """Both networks at their start.  Raises ValueError for pictures that are not square or of none of `RESOLUTIONS`."""
+    """The training before its first step. Raises ValueError for images that are not square or of none of `RESOLUTIONS`."""
     return InSituNetTraining(pictures, plan)
 
 

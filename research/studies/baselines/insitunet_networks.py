@@ -23,15 +23,15 @@ RESOLUTIONS = tuple(FIRST_RESOLUTION << doublings for doublings in range(2, len(
 
 @dataclass(frozen=True)
 class InSituNetArchitecture:
-    """How large both networks are.
+    """Sizes of both networks.
 
     Attributes
     ----------
-    resolution : pixels of a picture's side, one of `RESOLUTIONS`.
-    parameters : how many the ensemble has.
-    visualization : so many of the last parameters belong to the visualization and have a subnet of their own.
+    resolution : side of an image in pixels, one of `RESOLUTIONS`.
+    parameters : number of the ensemble's parameters.
+    visualization : number of the last parameters that belong to the visualization and have a subnet of their own.
     channels : the unit of the channels of all maps.
-    width : of the subnets' layers.
+    width : width of the subnets' layers.
 
     Published for 256 pixels; fewer drop the generator's last blocks, 512 add one, and the discriminator mirrors them.  With 6
     parameters, 3 of them of the visualization, the published networks have 60,974,019 and 45,769,409 parameters.
@@ -51,7 +51,7 @@ class InSituNetArchitecture:
 
     @property
     def kinds(self) -> list[int]:
-        """How many numbers each subnet sees: simulation parameters, visualization parameters, view; kinds of none are left out."""
+        """Input sizes of the subnets: simulation parameters, visualization parameters, view; empty kinds are left out."""
         sizes = [self.parameters - self.visualization, self.visualization, VIEW]
         return [size for size in sizes if size]
 
@@ -63,7 +63,7 @@ class InSituNetArchitecture:
 
 
 class Subnets(nn.Module):
-    """Features of what a picture depends on: each kind's from its own two layers, side by side."""
+    """Features of an image's conditions: each kind's from its own two layers, side by side."""
 
     def __init__(self, architecture: InSituNetArchitecture) -> None:
         super().__init__()
@@ -140,7 +140,7 @@ class DiscriminatorBlock(nn.Module):
 
 
 class Discriminator(nn.Module):
-    """Scores how real pictures look for their conditions: a linear map of their features plus a projection on the conditions'.
+    """Scores of how real images look for their conditions: a linear map of their features plus a projection on the conditions'.
 
     Miyato & Koyama 2018, "cGANs with Projection Discriminator".
     """

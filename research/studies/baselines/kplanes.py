@@ -6,10 +6,10 @@ starts are those of the official code (github.com/sarafridov/K-Planes) for the s
     features(q) = product over all pairs (a, b) of coordinates of plane_ab(q_a, q_b),   those of several resolutions side by side
     geometry, log density = network(features),   color = network(harmonics of the direction, geometry)
 
-Here q are three coordinates in the volume's box and any number of parameters; published is one, time.  A plane that involves
-parameters starts at 1: at first nothing depends on them.  The official code starts so with one parameter only; with more it draws
-all planes from U(0.1, 0.5), and gradients, products of all planes but one, shrink with each: with six parameters, thus 36 planes,
-nothing learns.  `METHOD` starts any number at 1, `NAIVE` is the other start.
+Here q are three coordinates in the volume's box and any number of parameters; the publication has one, time. A plane
+that involves parameters starts at 1: initially nothing depends on them. The official code does so with one parameter
+only. With more it draws all planes from U(0.1, 0.5). Gradients, products of all planes but one, then shrink with each:
+with six parameters, thus 36 planes, nothing is learnt. `METHOD` starts any number at 1, `NAIVE` is the other start.
 
 Near and far are where a ray crosses the box, not the official 2 and 6.  Weights of networks start as in tiny-cuda-nn, but without
 its padding to multiples of 16.
@@ -60,13 +60,13 @@ from research.studies.baselines.state import State, inner, of_optimizer, outer, 
 
 RATE = 0.01  # Adam's, of everything
 WARM_UP = 512  # steps in which it grows to that
-CYCLES = 0.999  # the part of half a cosine that it falls by afterwards
+CYCLES = 0.999  # fraction of half a cosine of the decay afterwards
 EPSILON = 1e-15  # Adam's
 CHUNK = 1024  # rays of a picture at once; official are 8,192, which on a processor takes a third longer
 
 
 class Traced(NamedTuple):
-    """What R rays see, premultiplied RGBA `pixels` (R, 4), and where each proposal and at last the radiance field found it."""
+    """Colours of R rays, premultiplied RGBA `pixels` (R, 4), and the samples of each proposal and of the radiance field."""
 
     pixels: Tensor  # [R, 4]
     samples: Sequence[WeightedSamples]
@@ -82,7 +82,7 @@ class KPlanes(nn.Module):
         self.radiance = RadianceField(parameters, architecture)
 
     def start(self, random: torch.Generator, parameters_at_one: bool = True) -> None:
-        """Draw all planes and weights."""
+        """Initialize all planes and weights."""
         for name, part in self.named_modules():
             if isinstance(part, Planes):
                 part.start(random, HIGHEST_OF_PROPOSALS if name.startswith("proposals") else HIGHEST, parameters_at_one)
@@ -100,7 +100,7 @@ class KPlanes(nn.Module):
         bfloat16: bool = False,
         teach_proposals: bool = True,
     ) -> Traced:
-        """What rays with parameters (R, P) see in a box (2, 3), all of which cross it."""
+        """Colours of rays with parameters (R, P) in a box (2, 3), all of which cross it."""
         low, scale = box[0], 2.0 / (box[1] - box[0])  # [3]
         origins = ((rays.origins - low) * scale - 1.0).T[:, :, None]  # [3, R, 1]
         directions = (rays.directions * scale).T[:, :, None]  # [3, R, 1]
@@ -119,14 +119,14 @@ class KPlanes(nn.Module):
         return Traced(composite(last.weights, colors), [*found, last])
 
     def regularization(self) -> Tensor:
-        """The losses of all planes, weighted."""
+        """The weighted losses of all planes."""
         levels = [cast(Planes, level).regularization(SMOOTHNESS) for level in self.radiance.levels]
         planes = [cast(ProposalField, proposal).planes for proposal in self.proposals]
         return torch.stack(levels + [each.regularization(SMOOTHNESS_OF_PROPOSALS) for each in planes]).sum()
 
 
 def rate_at(fraction: float) -> float:
-    """The part of Adam's rate after a `fraction` of all steps: it grows from 0, then falls to nearly 0 like half a cosine."""
+    """The factor on Adam's rate after a `fraction` of all steps: it grows from 0, then falls to nearly 0 like half a cosine."""
     place = fraction * STEPS
     if place < WARM_UP:
         return place / WARM_UP
@@ -134,7 +134,7 @@ def rate_at(fraction: float) -> float:
 
 
 class KPlanesTraining:
-    """K-Planes that learn from pictures, on the device of their parameters."""
+    """Training of K-Planes on images, on the device of their parameters."""
 
     def __init__(self, pictures: TrainingImages, plan: Plan, parameters_at_one: bool = True) -> None:
         device = pictures.parameters.device
@@ -170,7 +170,7 @@ class KPlanesTraining:
         return partial(self._picture, parameters)
 
     def tensors(self) -> Mapping[str, Tensor]:
-        """All planes and weights, of the proposals too."""
+        """All planes and weights, including the proposals'."""
         return {name: tensor for name, tensor in self.model.state_dict().items() if tensor.numel()}
 
     def state(self) -> State:
@@ -209,7 +209,7 @@ class KPlanesTraining:
         return mse_loss(found, true) + interlevel / count + self.model.regularization()
 
     def _seen(self, rays: Rays, parameters: Tensor, sharpness: float, **options: Any) -> Traced:
-        """What rays with parameters (R, P) see; only those that cross the box have samples."""
+        """Colours of rays with parameters (R, P); rays that miss the box have no samples."""
         near, far = crossings(rays, self._box)
         (hit,) = torch.nonzero(far > near, as_tuple=True)  # [H]
         bfloat16 = self._plan.precision == "bfloat16"
@@ -220,7 +220,7 @@ class KPlanesTraining:
 
 
 def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared, *, parameters_at_one: bool = True) -> Fit:
-    """Planes and networks at their start."""
+    """The training before its first step."""
     return KPlanesTraining(pictures, plan, parameters_at_one)
 
 

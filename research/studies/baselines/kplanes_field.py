@@ -17,9 +17,9 @@ from torch import Tensor, nn
 from research.studies.baselines.lookup import bilinear
 from research.studies.baselines.spherical_harmonics import COUNT, harmonics
 
-LOWEST = 0.1  # from which to which numbers planes are drawn uniformly
+LOWEST = 0.1  # bounds of the planes' uniform initial values
 HIGHEST, HIGHEST_OF_PROPOSALS = 0.5, 0.15
-WIDTH, GEOMETRY = 64, 15  # of the networks' hidden layers, and of what the colour knows of the features
+WIDTH, GEOMETRY = 64, 15  # of the networks' hidden layers, and of the features that the colour network sees
 STEEPEST = 15.0  # log density beyond which gradients of densities grow no more
 VARIATION, ONES = 1e-4, 1e-4  # weights of losses: total variation, distance from 1
 SMOOTHNESS, SMOOTHNESS_OF_PROPOSALS = 1e-2, 1e-3  # and second differences along parameters
@@ -27,14 +27,14 @@ SMOOTHNESS, SMOOTHNESS_OF_PROPOSALS = 1e-2, 1e-3  # and second differences along
 
 @dataclass(frozen=True)
 class KPlanesArchitecture:
-    """How large everything is.
+    """Sizes of planes, networks and samples.
 
     Attributes
     ----------
     channels, resolutions : of the planes; one level for each spatial resolution.
     proposals : spatial resolution of each proposal field.
-    samples : along a ray, for each proposal and at last for the radiance field.
-    rays : in a step.
+    samples : samples along a ray, for each proposal and finally for the radiance field.
+    rays : rays in a step.
     parameter_resolution : of the planes along a parameter, at all levels.
     proposal_channels, proposal_parameter_resolution : the same for the proposals.
     """
@@ -75,7 +75,7 @@ class Planes(nn.Module):
         self.among = nn.Parameter(torch.empty(len(self.parameter_pairs), channels, along, along))
 
     def start(self, random: torch.Generator, highest: float, parameters_at_one: bool) -> None:
-        """Draw the planes, or set those that involve parameters to 1."""
+        """Initialize the planes, those that involve parameters optionally to 1."""
         nn.init.uniform_(self.spatial, LOWEST, highest, generator=random)
         for planes in (self.mixed, self.among):
             if parameters_at_one:
@@ -133,7 +133,7 @@ def perceptron(*widths: int) -> nn.Sequential:
 
 
 class _Density(torch.autograd.Function):
-    """exp, the gradient of which is that at most `STEEPEST` from 0."""
+    """exp with a gradient limited to that at `STEEPEST`."""
 
     @staticmethod
     def forward(ctx: Any, logarithms: Tensor) -> Tensor:
@@ -153,7 +153,7 @@ def density_of(outputs: Tensor) -> Tensor:
 
 
 class ProposalField(nn.Module):
-    """A density field of one resolution.  Its network has a ReLU, as in the official hybrid model; the explicit one's has none."""
+    """A density field of one resolution. Its network has a ReLU, as in the official hybrid model but not in the explicit one."""
 
     def __init__(self, parameters: int, resolution: int, architecture: KPlanesArchitecture) -> None:
         super().__init__()

@@ -1,10 +1,10 @@
-"""Where K-Planes places its samples: proposal fields, which know densities only, say where along a ray something is.
+"""Samples of K-Planes, placed by proposal fields: density fields that show where along a ray something is.
 
-Barron et al. 2022, "Mip-NeRF 360: Unbounded Anti-Aliased Neural Radiance Fields", sections 3 and 4 and its supplement, with the
-schedules of K-Planes' official code, of 30,001 steps, stretched to the planned number of steps.
+Barron et al. 2022, "Mip-NeRF 360: Unbounded Anti-Aliased Neural Radiance Fields", sections 3 and 4 and its supplement.
+The schedules are those of K-Planes' official code, of 30,001 steps, stretched to the planned number of steps.
 
-Samples reach from near to far, and resampled ones are moved together; in the official code the outermost borders are moved too, by
-up to half an interval inwards, and each is moved on its own.
+Samples reach from near to far, and resampled ones are moved together. In the official code the outermost borders are
+moved too, by up to half an interval inwards, and each is moved on its own.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from torch import Tensor
 from research.studies.baselines.radiance import resampled, spaced, weights_of
 
 STEPS = 30_001  # of the official training
-ANNEALED, SLOPE = 1000, 10.0  # steps until samples follow the proposals' weights entirely, and how steeply that begins
-FIRST_UPDATES = 10  # steps at which the proposals learn each time
-SPARSE, LONGEST_WAIT = 5000, 5  # steps until the proposals wait longest between two updates, and so many steps then
+ANNEALED, SLOPE = 1000, 10.0  # steps until samples follow the proposals' weights entirely, and the initial slope
+FIRST_UPDATES = 10  # first steps, in each of which the proposals learn
+SPARSE, LONGEST_WAIT = 5000, 5  # step of the longest wait between the proposals' updates, and that wait in steps
 TINY = 1e-7  # weight of a sample, where errors are divided by it
 
 Densities = Callable[[Tensor], Tensor]  # of the distances (R, S) along R rays, (R, S)
 
 
 class WeightedSamples(NamedTuple):
-    """Intervals along R rays between `borders` (R, S + 1), distances, and how much each contributes: `weights` (R, S)."""
+    """Intervals along R rays between `borders` (R, S + 1), distances, and their contributions `weights` (R, S)."""
 
     borders: Tensor  # [R, S + 1]
     weights: Tensor  # [R, S]
 
 
 def middles(borders: Tensor) -> Tensor:
-    """The distances (R, S) where the densities of intervals between `borders` (R, S + 1) are asked for."""
+    """The distances (R, S) at which densities are evaluated between `borders` (R, S + 1)."""
     return (borders[:, 1:] + borders[:, :-1]) / 2.0
 
 
@@ -51,10 +51,10 @@ def proposed(
     sharpness: float = 1.0,
     random: torch.Generator | None = None,
 ) -> tuple[list[WeightedSamples], Tensor]:
-    """What every proposal found between `near` and `far` (R,), and the borders (R, counts[-1] + 1) that follow from it.
+    """The samples of every proposal between `near` and `far` (R,), and the final borders (R, counts[-1] + 1).
 
-    The first proposal is asked at counts[0] equal intervals, each further one where the weights of the one before, to the power of
-    `sharpness`, are large.  Borders are moved at random with `random`.
+    The first proposal is evaluated in counts[0] equal intervals, each further one where the previous weights, to the
+    power of `sharpness`, are large. With `random`, borders are moved at random.
     """
     found: list[WeightedSamples] = []
     borders = spaced(near, far, counts[0], random)
@@ -65,7 +65,7 @@ def proposed(
 
 
 def interlevel_loss(proposal: WeightedSamples, final: WeightedSamples) -> Tensor:
-    """How far weights of a proposal (R, S) fall short of the final ones (R, T) in the same place: the losses (R, T) of those.
+    """Shortfall of a proposal's weights (R, S) against the final ones (R, T) in the same place: losses (R, T).
 
     Equation 13 of Mip-NeRF 360: max(0, w - bound)^2 / w, where the bound of an interval is the sum of the proposal's weights in all
     intervals that it overlaps.  Final weights learn nothing from it.
@@ -81,7 +81,7 @@ def interlevel_loss(proposal: WeightedSamples, final: WeightedSamples) -> Tensor
 
 
 def sharpness_at(fraction: float) -> float:
-    """To which power weights are taken after a `fraction` of all steps: from 0, evenly spaced samples, to 1.
+    """Power of the weights after a `fraction` of all steps: from 0, evenly spaced samples, to 1.
 
     Equation 18 of Mip-NeRF 360.
     """
@@ -90,7 +90,7 @@ def sharpness_at(fraction: float) -> float:
 
 
 def proposals_learn(fraction: float, waited: int) -> bool:
-    """Whether the proposals learn in the step after a `fraction` of all steps, `waited` steps after the last in which they did."""
+    """True if the proposals learn in the step after a `fraction` of all steps, `waited` steps after their last update."""
     place = fraction * STEPS
     wait = min(max(LONGEST_WAIT * place / SPARSE, 1.0), LONGEST_WAIT)
     return place < FIRST_UPDATES or waited > wait

@@ -1,4 +1,4 @@
-"""What every compared method takes and gives: pictures to learn from, a plan, and a training that can be asked for pictures."""
+"""Interface of every compared method: training images, a plan, and a training that can render images."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
 
 @dataclass(frozen=True, eq=False)
 class TrainingImages:
-    """All pictures that a method learns from, in normalized coordinates.
+    """All training images of a method, in normalized coordinates.
 
     Attributes
     ----------
-    pixels : (M, H, W, 4) uint8, premultiplied RGBA; pictures without alpha have 255 there.
-    cameras : all of one size; several pictures may share one.
-    views : (M,) int64, the camera of each picture.
+    pixels : (M, H, W, 4) uint8, premultiplied RGBA; images without alpha have 255 there.
+    cameras : all of one size; several images may share one.
+    views : (M,) int64, the camera of each image.
     parameters : (M, P) float32 in [-1, 1] over their bounds: those of the simulation, then those of the visualization.
     box : (2, 3) float32, low and high corner of the volume.
-    background : (3,) behind opaque pictures; None where pictures have alpha: they are judged over white.
-    points, point_colors : (K, 3) float32 each, where the hook sampled the volume by opacity and what colour it has there; None
-        where nobody did.
+    background : (3,) behind opaque images; None where images have alpha, which are judged over white.
+    points, point_colors : (K, 3) float32 each, points that the hook sampled by opacity, and their colours; None without
+        any.
     """
 
     pixels: NDArray[np.uint8]  # [M, H, W, 4]
@@ -60,31 +60,31 @@ class TrainingImages:
 
     @property
     def behind(self) -> tuple[float, float, float]:
-        """The colour (3,) that pictures are judged over."""
+        """The colour (3,) behind images when they are judged."""
         return WHITE if self.background is None else self.background
 
     def camera(self, picture: int) -> Camera:
-        """The camera of a picture."""
+        """The camera of an image."""
         return self.cameras[int(self.views[picture])]
 
     def over(self, pictures: Sequence[int]) -> Tensor:
-        """Some pictures over `behind`, (K, H, W, 3) float32 in [0, 1]."""
+        """Some images over `behind`, (K, H, W, 3) float32 in [0, 1]."""
         chosen = torch.from_numpy(self.pixels[list(pictures)]).to(torch.float32) / 255.0  # [K, H, W, 4]
         return chosen[..., :3] + (1.0 - chosen[..., 3:]) * torch.tensor(self.behind)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How long and how a method is trained.
+    """Length and options of a method's training.
 
     Attributes
     ----------
-    steps : how many there will be; every schedule of the method is stretched or pressed to it.
-    seed : of all that is drawn at random.
-    rate : factor on all of the method's rates, which tuning chooses.
-    size : "official" as published; "small" where a step of that takes seconds on a processor.
+    steps : number of steps, to which every schedule of the method is scaled.
+    seed : seed of all random numbers.
+    rate : tuned factor on all of the method's rates.
+    size : "official" as published; "small" where such a step takes seconds on a processor.
     precision : of the networks; grids, colours and sums are float32.
-    threads : of torch, in training.
+    threads : torch threads in training.
     """
 
     steps: int
@@ -105,38 +105,38 @@ Renderer = Callable[[Camera], NDArray[np.float32]]
 
 
 class Fit(Protocol):
-    """A method that is being trained."""
+    """A method in training."""
 
     def advance(self) -> float:
-        """One of the planned steps; returns its loss."""
+        """One training step; returns its loss."""
 
     def at(self, parameters: Tensor) -> Renderer:
-        """What draws premultiplied RGBA pictures (H, W, 4) at normalized `parameters` (P,), for cameras in normalized coordinates.
+        """A renderer of premultiplied RGBA images (H, W, 4) at normalized `parameters` (P,), for cameras in normalized coordinates.
 
-        A method without alpha gives 1 there, and colours over the pictures' background.
+        A method without alpha returns 1 there, and colours over the images' background.
         """
 
     def tensors(self) -> Mapping[str, Tensor]:
-        """Everything that a model file would hold, by name."""
+        """The tensors of a model file, by name."""
 
     def state(self) -> State:
-        """All that its next steps depend on, beside pictures, plan and how many there were; its own tensors, not copies."""
+        """All state that the next steps depend on, beside images, plan and step; its own tensors, not copies."""
 
     def restore(self, step: int, state: State) -> None:
-        """Go on after `step` steps from what another training of the same pictures and plan had as its `state` there."""
+        """Resume after `step` steps from the `state` of another training of the same images and plan."""
 
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """A method that is compared.
+    """A compared method.
 
     Attributes
     ----------
-    name : on the command line and in file names.
-    title, source : in tables, and the publication.
-    official_steps : of its training as published.
-    begin : its training, before the first step.
-    prepare : what it starts from, from pictures and a seed, learnt before the clock starts; None for nothing.
+    name : name on the command line and in file names.
+    title, source : title in tables, and the publication.
+    official_steps : published number of training steps.
+    begin : creates its training, before the first step.
+    prepare : learns its initial tensors from images and a seed, before the clock starts; None for nothing.
     """
 
     name: str

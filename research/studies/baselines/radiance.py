@@ -1,4 +1,4 @@
-"""Volume rendering of samples along rays, and new samples where earlier ones found something.
+"""Volume rendering of samples along rays, and resampling where earlier samples have weight.
 
 Mildenhall et al. 2020, "NeRF: Representing Scenes as Neural Radiance Fields for View Synthesis", equation 3 and section 5.2.
 """
@@ -10,7 +10,7 @@ from torch import Tensor
 
 
 def weights_of(densities: Tensor, lengths: Tensor) -> Tensor:
-    """How much each of S samples contributes to its ray, (R, S), from densities and the lengths (R, S) of their intervals.
+    """Contributions (R, S) of samples to their rays, from densities and the lengths (R, S) of their intervals.
 
     w_i = T_i (1 - exp(-density_i length_i)), T_i = exp(-sum of density_j length_j before it).
     """
@@ -43,8 +43,9 @@ def resampled(
 ) -> Tensor:
     """`count` + 1 borders (R, count + 1), in order, dense where the intervals of `borders` (R, S + 1) have weights (R, S).
 
-    Inverse transform sampling of the piecewise constant density that the weights, each raised by `padding`, are a histogram of:
-    at evenly spaced quantiles, moved together by a random fraction of their distance with `random`.  No gradient passes.
+    Inverse transform sampling of the piecewise constant density whose histogram is the weights, each raised by
+    `padding`. Evenly spaced quantiles are moved together by a random fraction of their distance with `random`. No
+    gradient passes.
     """
     with torch.no_grad():
         weights = weights + padding  # [R, S]

@@ -1,4 +1,4 @@
-"""Rays through pixels and where they cross a box, as radiance fields need them."""
+"""Rays through pixels and their crossings of a box, for radiance fields."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Batch(NamedTuple):
 
 
 class PixelSampler:
-    """Draws pixels uniformly from all pictures; the rays of every camera are the exact ones through the pixels' centres."""
+    """Samples pixels uniformly from all images; the rays of every camera are the exact ones through the pixels' centres."""
 
     def __init__(self, pictures: TrainingImages) -> None:
         self._pictures = pictures

@@ -1,4 +1,4 @@
-"""What a training must remember to go on as if it had never stopped."""
+"""State of a training from which it resumes as if it had never stopped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ State = Mapping[str, Tensor]
 
 
 def of_optimizer(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """The tensors that it trains, by their number, and what it remembers of each: "3" and "3.exp_avg"."""
+    """The optimizer's tensors by number, and its moments of each: "3" and "3.exp_avg"."""
     found = {}
     for number, tensor in enumerate(_trained(optimizer)):
         found[f"{number}"] = tensor.detach()
@@ -21,7 +21,7 @@ def of_optimizer(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def restore_optimizer(optimizer: torch.optim.Optimizer, state: State) -> None:
-    """Give it, and the tensors that it trains, what another one of the same tensors had; raises KeyError where one is missing."""
+    """Restore an optimizer and its tensors from a `state`; raises KeyError where one is missing."""
     remembered = dict[int, dict[str, Tensor]]()
     for number, tensor in enumerate(_trained(optimizer)):
         tensor.copy_(state[f"{number}"])
@@ -32,17 +32,17 @@ def restore_optimizer(optimizer: torch.optim.Optimizer, state: State) -> None:
 
 
 def outer(**parts: State) -> dict[str, Tensor]:
-    """The tensors of all parts, each name after its part's: `inner` takes them apart."""
+    """The tensors of all parts, each name prefixed by its part's; `inner` reverses it."""
     return {f"{part}.{name}": tensor for part, state in parts.items() for name, tensor in state.items()}
 
 
 def inner(state: State, part: str) -> dict[str, Tensor]:
-    """Those of one part, by their names in it."""
+    """The tensors of one part, by their names in it."""
     return {name.removeprefix(f"{part}."): t for name, t in state.items() if name.startswith(f"{part}.")}
 
 
 def _laid_out_as(tensor: Tensor, other: Tensor) -> Tensor:
-    """Moments lie in memory as what they are of does: kernels go through both by one address."""
+    """Moments have the memory layout of their tensors: kernels go through both by one address."""
     return torch.empty_like(tensor).copy_(other) if other.shape == tensor.shape and other.ndim else other.clone()
 
 

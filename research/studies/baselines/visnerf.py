@@ -1,14 +1,15 @@
 """ViSNeRF learns a radiance field over space and the parameters, whose rays are summed up sample by sample.
 
-Yao et al. 2025, IEEE PacificVis; the field and the full reference are in `visnerf_field`.  Rendering, losses and schedules are
-those of the released code with its settings for Nyx.  Every picture is shown over the background that it is judged on, so alpha,
-the sum of a ray's weights, is learnt from how much of the background shows through.
+Yao et al. 2025, IEEE PacificVis; the field and the full reference are in `visnerf_field`. Rendering, losses and
+schedules are those of the released code with its settings for Nyx. Every image is shown over the background that it is
+judged on. Alpha, the sum of a ray's weights, is therefore learnt from the background that shows through.
 
     loss = mean squared error + 8e-5 (mean |plane| + mean |line| + mean |vector - 1|), of the density,
            + w(step) (1e-2 TV(planes) + 1e-3 TV(vectors)), of the colour, w = 1 at first and 0.1 in the end
 
-Along a ray of training lie 64 samples at first and 196 after two thirds of the steps, a common distance apart and moved together
-by a random part of it; a picture has a sample every half voxel.  There is no mask of empty space in these settings.
+A training ray has 64 samples at first and 196 after two thirds of the steps. They lie a common distance apart and are
+moved together by a random part of it. An image has a sample every half voxel. These settings have no mask of empty
+space.
 """
 
 from __future__ import annotations
@@ -47,20 +48,20 @@ GRID_RATE, NETWORK_RATE = 0.02, 1e-3  # Adam's
 MOMENTA = (0.9, 0.99)  # Adam's betas
 DECAY = 0.1  # of rates and of the weight of total variation, over all steps
 OFFICIAL_STEPS = 90_000
-RESETS = (6_000, 9_000, 12_000, 16_500, 21_000)  # of these: Adam forgets, and rates are as at first
-REFINED = 60_000  # of these: from here on as many samples as there will be
-DISTANCE_SCALE = 25.0  # lengths times this are those that densities are per
+RESETS = (6_000, 9_000, 12_000, 16_500, 21_000)  # of these steps: Adam and the rates are reset
+REFINED = 60_000  # of these steps: the number of samples is final
+DISTANCE_SCALE = 25.0  # factor on lengths, to the unit of densities
 LEAST_WEIGHT = 1e-4  # of a sample whose colour is evaluated
 SPARSITY, PLANE_VARIATION, VECTOR_VARIATION = 8e-5, 1e-2, 1e-3
-MOST_DRAWS = 64  # of a batch, until enough of its rays cross the box
+MOST_DRAWS = 64  # batches until enough rays cross the box
 RAYS_AT_ONCE = 512  # in a picture
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What is made smaller for a processor: `rays` of a step, samples along one at first and at last, and voxels.
+    """Sizes that are smaller on a processor: `rays` of a step, samples along one at first and finally, and voxels.
 
-    `stride` is the number of voxels between the samples of a picture.
+    `stride` is the number of voxels between the samples of an image.
     """
 
     rays: int = 4096
@@ -77,12 +78,12 @@ SIZES: Mapping[Size, Sizes] = {
 
 
 def resets(steps: int) -> frozenset[int]:
-    """Before which of so many steps Adam and the rates start anew."""
+    """The steps, of all `steps`, before which Adam and the rates are reset."""
     return frozenset(round(at * steps / OFFICIAL_STEPS) for at in RESETS) - {0, steps}
 
 
 def rate_factor(step: int, steps: int) -> float:
-    """What the rates are times at a step."""
+    """The factor on the rates at a step."""
     since = max((at for at in resets(steps) if at <= step), default=0)
     return float(DECAY ** ((step - since) / steps))
 
@@ -93,20 +94,20 @@ def variation_weight(step: int, steps: int) -> float:
 
 
 def sample_count(step: int, steps: int, sizes: Sizes) -> int:
-    """How many samples a ray has at a step."""
+    """Number of samples of a ray at a step."""
     part = min(step * OFFICIAL_STEPS / (steps * REFINED), 1.0)
     return math.ceil(sizes.first_samples + (sizes.last_samples - sizes.first_samples) * part)
 
 
 class RaySamples(NamedTuple):
-    """S samples along each of R rays, in scene coordinates, and the `lengths` (R, S) that they stand for."""
+    """S samples along each of R rays, in scene coordinates, and the `lengths` (R, S) that they represent."""
 
     points: Tensor  # [R, S, 3]
     lengths: Tensor  # [R, S]
 
 
 def marched(rays: Rays, near: Tensor, distance: Tensor | float, count: int, shift: Tensor | float = 0.0) -> RaySamples:
-    """`count` samples from `near` (R,) on, `distance` apart, all moved by `shift` (R, 1) of it; the last stands for no length."""
+    """`count` samples from `near` (R,) on, `distance` apart, all moved by `shift` (R, 1) of it; the last one has no length."""
     numbers = torch.arange(count, device=near.device) + torch.as_tensor(shift, device=near.device)  # [R or none, S]
     at = near[:, None] + distance * numbers  # [R, S]
     lengths = torch.cat([at.diff(dim=1), torch.zeros_like(at[:, :1])], dim=1)
@@ -116,7 +117,7 @@ def marched(rays: Rays, near: Tensor, distance: Tensor | float, count: int, shif
 def rendered(
     field: ViSNeRFField, box: Tensor, rays: Rays, parameters: Tensor, samples: RaySamples, skipped: Tensor
 ) -> Tensor:
-    """Premultiplied RGBA (R, 4) of rays at parameters (R, P); `skipped` (3,) colours samples with too little weight to be asked."""
+    """Premultiplied RGBA (R, 4) of rays at parameters (R, P); samples of little weight have the colour `skipped` (3,)."""
     rows, count = samples.lengths.shape
     inside = ((samples.points >= box[0]) & (samples.points <= box[1])).all(dim=2)  # [R, S]
     points = ((samples.points - box[0]) * (2.0 / (box[1] - box[0])) - 1.0).flatten(0, 1)  # [R S, 3]
@@ -128,7 +129,7 @@ def rendered(
 
     at = (weights.detach() > LEAST_WEIGHT).flatten().nonzero().squeeze(1)  # [K]
     colors = skipped.expand(rows * count, 3)
-    if len(at):  # else the colours' networks have no gradient, and Adam passes them over
+    if len(at):  # otherwise the colour networks have no gradient, and Adam skips them
         seen = field.colors(
             points[at], field.vectors_at("color", parameters)[at // count], rays.directions[at // count]
         )
@@ -137,16 +138,16 @@ def rendered(
 
 
 def skipped_color(behind: tuple[float, float, float]) -> tuple[float, ...]:
-    """What samples of little weight look like: black before white, as published.
+    """The colour of samples of little weight: black in front of white, as published.
 
-    It must differ from the background.  Nothing has much weight at first, and what looks like the background nobody learns to see:
-    the published black never begins to learn before black.
+    It must differ from the background. Nothing has much weight at first, and samples that look like the background are
+    never learnt: the published black never begins to learn in front of black.
     """
     return tuple(0.0 if channel >= 0.5 else 1.0 for channel in behind)
 
 
 class ViSNeRFTraining:
-    """A field that is being trained; `Fit`."""
+    """Training of a field; see `Fit`."""
 
     def __init__(self, pictures: TrainingImages, plan: Plan, sizes: Sizes) -> None:
         self._plan, self._sizes, self._box = plan, sizes, pictures.box
@@ -238,9 +239,9 @@ class ViSNeRFTraining:
 
 
 def crossing_pixels(sampler: PixelSampler, box: Tensor, count: int, random: torch.Generator) -> Batch:
-    """Pixels whose rays cross the box, on its device: the official code drops the others before it starts.
+    """Pixels whose rays cross the box, on its device; the official code drops the others beforehand.
 
-    They are `count`, but fewer where hardly any ray crosses the box.  Raises ValueError where none does.
+    They are `count`, or fewer where hardly any ray crosses the box. Raises ValueError where none does.
     """
     kept: list[Batch] = []
     missing = count
@@ -274,7 +275,7 @@ def regularization(field: ViSNeRFField, weight: float) -> Tensor:
 
 
 def begin(pictures: TrainingImages, plan: Plan, prepared: Prepared) -> Fit:
-    """A training of `Plan.size`; small is with a quarter of the rays and half the samples, in training and in pictures."""
+    """A training of `Plan.size`; "small" has a quarter of the rays and half the samples, in training and in images."""
     return ViSNeRFTraining(pictures, plan, SIZES[plan.size])
 
 

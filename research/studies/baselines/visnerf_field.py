@@ -35,7 +35,7 @@ CHANNELS = 4  # of a parameter's vector
 FEATURES = 27
 WIDTH = 128  # of both hidden layers of both networks
 FREQUENCIES = (1.0, 2.0)
-# A parameter's vector has as many entries as the parameter has values in the training pictures, but at least and at most:
+# A parameter's vector has as many entries as the parameter has values in the training images, between these bounds:
 SHORTEST, LONGEST = 3, 16
 GRID_DEVIATION = 0.1  # of the planes' and lines' first values
 FIRST_VECTOR = 0.1  # all of a vector's first values
@@ -51,7 +51,7 @@ def grid_of(box: Tensor, voxels: int) -> tuple[int, int, int]:
 
 
 def vector_lengths(parameters: Tensor) -> tuple[int, ...]:
-    """How long each parameter's vector is, from all training pictures' parameters (M, P)."""
+    """Length of each parameter's vector, from all training images' parameters (M, P)."""
     distinct = [len(torch.unique(values)) for values in parameters.unbind(1)]
     return tuple(min(LONGEST, max(SHORTEST, count)) for count in distinct)
 
@@ -70,11 +70,11 @@ def vector_name(quantity: Quantity, parameter: int) -> str:
 
 @dataclass(frozen=True)
 class ViSNeRFArchitecture:
-    """How large the field is.
+    """Sizes of the field.
 
     Attributes
     ----------
-    grid : the numbers of entries along x, y and z.
+    grid : numbers of entries along x, y and z.
     vectors : the length of each parameter's vector.
     """
 
@@ -98,7 +98,7 @@ class ViSNeRFArchitecture:
         return shapes | {f"{quantity}.layer_{i}": (widths[i], widths[i - 1]) for i in (1, 2, 3)}
 
     def initial(self, random: np.random.Generator) -> dict[str, Tensor]:
-        """The field's first tensors by name: normal planes and lines, constant vectors, networks as torch starts linear layers.
+        """Initial tensors of the field by name: normal planes and lines, constant vectors, networks as torch starts linear layers.
 
         The last layers' biases are zero (official code).
         """
@@ -117,7 +117,7 @@ class ViSNeRFArchitecture:
 
 @dataclass(frozen=True, eq=False)
 class ViSNeRFField:
-    """The field of `tensors` by name; with `bfloat16` its networks are evaluated in that.
+    """The field of `tensors` by name; with `bfloat16` its networks compute in that precision.
 
     Points (N, 3) are in [-1, 1] along each side of the box, parameters in [-1, 1] over their bounds; what lies beyond counts as the
     border.  A parameter's `vectors_at` are asked for once for each ray and handed to the other two with a row for each point.
@@ -128,7 +128,7 @@ class ViSNeRFField:
     bfloat16: bool = False
 
     def vectors_at(self, quantity: Quantity, parameters: Tensor) -> Tensor:
-        """What the parameters (R, P) make of their vectors, concatenated: (R, 4 P)."""
+        """Vectors at the parameters (R, P), concatenated: (R, 4 P)."""
         found = [parameters.new_zeros(len(parameters), 0)]
         for number, values in enumerate(parameters.unbind(1)):
             found.append(self._line(vector_name(quantity, number), values).T)

@@ -1,1 +1,1 @@
-"""Our surrogate beside published systems: the same pictures, time and metrics for all."""
+"""The surrogate compared with published systems: the same images, time and metrics for all."""

@@ -1,4 +1,4 @@
-"""Who is compared: the surrogate as `surrogate train --minutes` trains it, and published methods, each with its own training."""
+"""The contestants: the surrogate as `surrogate train --minutes` trains it, and published methods with their own training."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ from surrogate.training.budget import Budget
 from surrogate.training.run import train
 
 BYTES = 4  # of a stored number
-MOST_OFF = 1.15  # from its time: a training whose steps took longer or shorter than in trial is made again, with as many as fit
+MOST_OFF = 1.15  # a training that misses its time by more than this factor is repeated with as many steps as fit
 CHANGE_AND_VIEW = tuple[Milliseconds, Milliseconds]
-Report = Callable[[str, int, int], None]  # what, done, of how many
+Report = Callable[[str, int, int], None]  # stage, done, total
 
 
 @dataclass(frozen=True)
 class TrainingContext:
-    """What is around a training.
+    """The folders, device and limits of a training.
 
     Attributes
     ----------
-    work : a folder of its own, with what an interruption left there.
-    shared : of what several trainings start from.
-    device : "cpu", or "cuda", where time is that of the wall.
-    until : `time.monotonic()` at which a published method stops, to go on another day.
-    report : told where it stands.
+    work : its own folder, which also holds the checkpoint of an interrupted training.
+    shared : folder of tensors that several trainings start from.
+    device : "cpu", where processor time is counted, or "cuda", where wall-clock time is.
+    until : `time.monotonic()` at which a published method stops; it can be resumed later.
+    report : called with the progress of the training.
     """
 
     work: Path
@@ -59,7 +59,7 @@ class TrainingContext:
 
     @property
     def clock(self) -> Clock:
-        """Of the processor, or that of the wall once the device has done what it was given."""
+        """Processor time; on a GPU wall-clock time, after the device has finished its work."""
         return time.process_time if self.device == "cpu" else _after_the_device
 
 
@@ -74,11 +74,11 @@ class TrainedContestant:
 
     Attributes
     ----------
-    predictor : of test images.
-    measured : times of a picture at other parameters, and of another view.
+    predictor : predicts test images.
+    measured : times an image at other parameters, and another view.
     plan : the steps, rate, size and precision that it was trained with.
-    megabytes : of what must be kept, 10^6 bytes.
-    seconds : on the clock.
+    megabytes : size of the trained model, 10^6 bytes.
+    seconds : that training took.
     curve : seconds and dB at validation images.
     """
 
@@ -95,36 +95,36 @@ class Contestant(Protocol):
 
     @property
     def name(self) -> str:
-        """On the command line and in file names."""
+        """Name on the command line and in file names."""
 
     @property
     def title(self) -> str:
-        """In tables."""
+        """Title in tables."""
 
     @property
     def source(self) -> str:
-        """The publication, or what else it is."""
+        """The publication, or a description."""
 
     @property
     def official_steps(self) -> int:
-        """How many were published; 0 where nobody published any."""
+        """Published number of training steps; 0 for a method that is not published."""
 
     @property
     def precision(self) -> Precision:
-        """Of its networks, where the machine multiplies in it: see `precision_here`."""
+        """Preferred precision of its networks; see `precision_here`."""
 
     @property
     def is_tuned(self) -> bool:
-        """Whether its rates are chosen by trial."""
+        """True if its rates are chosen by short trainings."""
 
     @property
     def steps_of(self) -> str:
-        """The contestant whose number of steps it takes, whatever time that needs; "" for as many as fit."""
+        """Name of the contestant whose number of steps it takes, whatever time that needs; "" for as many as fit."""
 
     def trained(
         self, task: ComparisonTask, plan: Plan, seconds: float | None, session: TrainingContext
     ) -> TrainedContestant:
-        """Train for about `seconds`, with as many steps as fit; without them with those of `plan`."""
+        """Train for about `seconds`, with as many steps as fit; without `seconds`, with the steps of `plan`."""
 
 
 def precision_here(preferred: Precision, device: str) -> Precision:
@@ -132,8 +132,8 @@ def precision_here(preferred: Precision, device: str) -> Precision:
 
     Torch emulates it there, and takes longer than in float32.
     """
-    known: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
-    multiplies = device != "cpu" or any(known.get(name) for name in ("avx512_bf16", "amx_bf16", "bf16"))
+    capabilities: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
+    multiplies = device != "cpu" or any(capabilities.get(name) for name in ("avx512_bf16", "amx_bf16", "bf16"))
     return preferred if multiplies else "float32"
 
 
@@ -141,7 +141,7 @@ def precision_here(preferred: Precision, device: str) -> Precision:
 class OurSurrogate:
     """The surrogate of this project; the pilot and all choices are on the clock.
 
-    With `steps_of`, or without a time, it makes as many steps as the plan says.
+    With `steps_of`, or without a time, the plan gives the number of steps.
     """
 
     name: str
@@ -204,7 +204,7 @@ class Recorded:
 
 
 def curve_of(surrogate: Surrogate, task: ComparisonTask, planned: float, device: str) -> list[tuple[float, float]]:
-    """Seconds on the comparison's clock, of which planning took the first, and dB at images of what is compared."""
+    """Seconds, including planning, and dB at validation images of the compared appearance."""
     clock = "processor_seconds" if device == "cpu" else "seconds"
     compared = None if task.variation is None else task.variation.kind
     return [
@@ -220,7 +220,7 @@ class Published:
 
     method: Method
     precision: Precision = "float32"
-    clock: Clock | None = None  # of the session
+    clock: Clock | None = None  # by default that of the context
 
     @property
     def name(self) -> str:
@@ -267,49 +267,49 @@ class Published:
             )
 
         with torch_threads(plan.threads):
-            found = fitted(plan, seconds)
-            if seconds is not None and not 1.0 / MOST_OFF <= found.seconds / seconds <= MOST_OFF:
-                steps = max(1, int(found.plan.steps * seconds / found.seconds))
-                (session.work / CHECKPOINT).unlink(missing_ok=True)  # the next one goes on with the new steps
-                found = fitted(replace(plan, steps=steps), None)
-        predictor = FitPredictor(found.fit, task, (self.title,))
-        megabytes = BYTES * sum(tensor.numel() for tensor in found.fit.tensors().values()) / 1e6
+            result = fitted(plan, seconds)
+            if seconds is not None and not 1.0 / MOST_OFF <= result.seconds / seconds <= MOST_OFF:
+                steps = max(1, int(result.plan.steps * seconds / result.seconds))
+                (session.work / CHECKPOINT).unlink(missing_ok=True)  # the repeated training must not resume it
+                result = fitted(replace(plan, steps=steps), None)
+        predictor = FitPredictor(result.fit, task, (self.title,))
+        megabytes = BYTES * sum(tensor.numel() for tensor in result.fit.tensors().values()) / 1e6
         return TrainedContestant(
             predictor,
             lambda: measure(predictor.at, task.cases),
-            found.plan,
+            result.plan,
             megabytes,
-            found.seconds,
-            list(found.curve),
+            result.seconds,
+            list(result.curve),
         )
 
     def _prepared(self, task: ComparisonTask, seed: int, session: TrainingContext) -> Mapping[str, Tensor]:
-        """What the method starts from: made once for a seed, and kept."""
+        """The tensors that the method starts from, computed once per seed and stored."""
         if self.method.prepare is None:
             return {}
         path = session.shared / f"{self.method.prepare.__name__}.seed{seed}.safetensors"
         durable.make_folder(session.shared)
         with durable.locked(session.shared / f".{path.name}.lock"):
             if not path.exists():
-                session.report(f"what {self.title} starts from", 0, 1)
+                session.report(f"initial state of {self.title}", 0, 1)
                 with one_torch_thread():
-                    made = self.method.prepare(task.pictures(session.device), seed)
-                durable.replace(path, safetensors.torch.save({name: tensor.cpu() for name, tensor in made.items()}))
+                    initial = self.method.prepare(task.pictures(session.device), seed)
+                durable.replace(path, safetensors.torch.save({name: tensor.cpu() for name, tensor in initial.items()}))
         with path.open("rb") as file:
-            kept = tensors_of(read_tensors(file, path.stat().st_size))
-        return {name: tensor.to(session.device) for name, tensor in kept.items()}
+            stored = tensors_of(read_tensors(file, path.stat().st_size))
+        return {name: tensor.to(session.device) for name, tensor in stored.items()}
 
 
 @one_torch_thread()
 def validation(task: ComparisonTask, predictor: Predictor) -> float:
-    """Mean PSNR (dB) of the validation images that all look at; nan without any."""
-    [found] = score_cases(predictor, task.catalog, task.watched)
-    psnr = mean(found.values(), "psnr")
+    """Mean PSNR (dB) of the validation images; nan without any."""
+    [scores] = score_cases(predictor, task.catalog, task.watched)
+    psnr = mean(scores.values(), "psnr")
     return float("nan") if psnr is None else psnr
 
 
 def emptied(folder: Path) -> Path:
-    """The folder, made or without what an earlier process left in it."""
+    """The folder, created or emptied."""
     shutil.rmtree(folder, ignore_errors=True)
     durable.make_folder(folder)
     return folder

@@ -1,4 +1,4 @@
-"""All contestants, by name, in the order of the tables, and which of them are compared where nobody names any."""
+"""All contestants by name, in the order of the tables, and the default selection."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ USUAL = tuple(name for name in CONTESTANTS if name not in (LIGHT, kplanes.NAIVE.
 
 
 def ordered(rows: Iterable[MethodRow]) -> list[MethodRow]:
-    """Each once, in the order of the tables."""
+    """The distinct rows in the order of the tables."""
     order = list(CONTESTANTS)
     return sorted(set(rows), key=lambda row: (order.index(row.method), PRECISIONS.index(row.precision)))
 
 
 def title(row: MethodRow) -> str:
-    """Of a row, in tables and plots."""
+    """Title of a row in tables and plots."""
     return CONTESTANTS[row.method].title + (f", in {row.precision}" if row.precision != "float32" else "")
 
 

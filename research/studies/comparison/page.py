@@ -1,4 +1,4 @@
-"""The tables of a comparison, one for each time, in Markdown."""
+"""The tables of a comparison in Markdown, one for each time."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from research.studies.comparison.result import TRIVIAL, ComparisonResult, Method
 from research.studies.comparison.trivial import best_of
 from surrogate.evaluation.tables import HEADINGS, NOTHING, document, metric_number, table
 
-DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell, where pictures are large enough to have it
+DETAILS = ("ssim", "ms_ssim", "flip")  # of the last cell, where images are large enough
 OUR_ROW, MIXED = MethodRow(OURS), MethodRow(TRIVIAL)
 
 
 def tables(results: Sequence[ComparisonResult]) -> str:
-    """A table for each of the terms that contestants had, with the mixtures of stored pictures in each."""
+    """A table for each of the terms, with the mixtures of stored images in each."""
     return document(*(_table(results, each) for each in terms(results))).strip()
 
 
 def cell_names(results: Sequence[ComparisonResult]) -> list[str]:
-    """Of the cells that methods were judged by."""
+    """Names of the test cells."""
     named = [list(r.cells) for r in results if r.method != TRIVIAL and r.cells]
     return named[0] if named else []
 
 
 def leaders(results: Sequence[ComparisonResult], on: Terms) -> dict[str, MethodRow]:
-    """Which row has the highest mean PSNR in each cell on these terms: a contestant's, or the mixtures'."""
-    found = {}
+    """The row with the highest mean PSNR in each cell on these terms, mixtures included."""
+    best = {}
     for cell in cell_names(results):
         scores = _means(results, on, cell)
         trivial = _trivial(results, cell)
         if trivial is not None:
             scores[MIXED] = trivial[1]
         if scores:
-            found[cell] = max(scores, key=lambda row: scores[row])
-    return found
+            best[cell] = max(scores, key=lambda row: scores[row])
+    return best
 
 
 SHORT_HEADER = ("scene", "time", "images", "this surrogate", "best published method", "stored pictures, mixed")
 
 
 def in_short(scene: str, results: Sequence[ComparisonResult]) -> list[list[str]]:
-    """A row of `SHORT_HEADER` for each of the terms and each cell: PSNR (dB) of ours, of the best published method and of mixtures.
+    """A row of `SHORT_HEADER` for each of the terms and each cell: PSNR (dB) of ours, the best published method and mixtures.
 
-    Cells of which one of the former is missing are left out.
+    Cells without a result of ours or of a published method are left out.
     """
     rows = []
     for on in terms(results):
@@ -60,8 +60,10 @@ def in_short(scene: str, results: Sequence[ComparisonResult]) -> list[list[str]]
                 best: f"{published[best]:.2f} ({title(best)})",
                 MIXED: NOTHING if mixed is None else f"{mixed[1]:.2f}",
             }
-            known = {OUR_ROW: scores[OUR_ROW], best: published[best]} | ({} if mixed is None else {MIXED: mixed[1]})
-            leader = max(known, key=lambda row: known[row])
+            candidates = {OUR_ROW: scores[OUR_ROW], best: published[best]} | (
+                {} if mixed is None else {MIXED: mixed[1]}
+            )
+            leader = max(candidates, key=lambda row: candidates[row])
             rows.append([f"`{scene}`", str(on), cell, *(_bold(text, row == leader) for row, text in texts.items())])
     return rows
 
@@ -97,7 +99,7 @@ def _row(
     details: Sequence[str],
     first: Mapping[str, MethodRow],
 ) -> list[str]:
-    """Of one contestant's trainings in one time."""
+    """The row of one contestant's trainings for one time."""
     whole, official = [r for r in of if not r.error], CONTESTANTS[row.method].official_steps
     if not whole:
         return [title(row), of[0].error.replace("|", "/"), *[NOTHING] * (len(cells) + len(details) + 6)]
@@ -118,10 +120,10 @@ def _row(
 def _trivial_row(
     results: Sequence[ComparisonResult], cells: Sequence[str], first: Mapping[str, MethodRow], width: int
 ) -> list[str]:
-    found = [_trivial(results, cell) for cell in cells]
+    trivials = [_trivial(results, cell) for cell in cells]
     texts = [
         NOTHING if best is None else _bold(f"{best[1]:.2f} ({best[0]})", first.get(cell) == MIXED)
-        for cell, best in zip(cells, found, strict=True)
+        for cell, best in zip(cells, trivials, strict=True)
     ]
     return ["stored pictures, mixed", *texts, *[NOTHING] * (width - 1 - len(texts))]
 
@@ -132,24 +134,24 @@ def _trivial(results: Sequence[ComparisonResult], cell: str) -> tuple[str, float
 
 
 def _means(results: Sequence[ComparisonResult], on: Terms, cell: str) -> dict[MethodRow, float]:
-    found = dict[MethodRow, list[float]]()
+    scores = dict[MethodRow, list[float]]()
     for r in results:
         if r.terms == on and not r.error and cell in r.cells and r.method != TRIVIAL:
-            found.setdefault(r.row, []).append(r.cells[cell]["psnr"])
-    return {row: statistics.fmean(values) for row, values in found.items()}
+            scores.setdefault(r.row, []).append(r.cells[cell]["psnr"])
+    return {row: statistics.fmean(values) for row, values in scores.items()}
 
 
 def _spread(metric: str, values: Sequence[Any]) -> str:
-    known = [float(value) for value in values if value is not None]
-    if not known:
+    numbers = [float(value) for value in values if value is not None]
+    if not numbers:
         return NOTHING
-    mean = metric_number(metric, statistics.fmean(known))
-    return mean if len(known) < 2 else f"{mean} ± {metric_number(metric, statistics.stdev(known))}"
+    mean = metric_number(metric, statistics.fmean(numbers))
+    return mean if len(numbers) < 2 else f"{mean} ± {metric_number(metric, statistics.stdev(numbers))}"
 
 
 def _median(values: Sequence[float | None]) -> str:
-    known = [value for value in values if value is not None]
-    return f"{statistics.median(known):,.3g}" if known else NOTHING
+    numbers = [value for value in values if value is not None]
+    return f"{statistics.median(numbers):,.3g}" if numbers else NOTHING
 
 
 def _bold(text: str, bold: bool) -> str:

@@ -1,4 +1,4 @@
-"""The same test images as every method shows them, kept beside the records of results."""
+"""The same test images as rendered by every method, stored beside the records of results."""
 
 from __future__ import annotations
 
@@ -17,41 +17,41 @@ from surrogate.evaluation.cases import Case
 from surrogate.evaluation.metrics import WHITE, composite
 from surrogate.evaluation.predictor import Predictor
 
-PICTURES, TRUTH = "pictures", "truth"  # the folder beside records, and whose pictures are those of the catalog
-SHOWN = (1 / 3, 2 / 3)  # of the way through the last cell's images: those that pictures are kept of
+PICTURES, TRUTH = "pictures", "truth"  # the folder beside records, and the name of the catalog's own images
+SHOWN = (1 / 3, 2 / 3)  # positions in the last cell of the images that are stored
 
 
 def shown_cases(task: ComparisonTask) -> list[Case]:
-    """The test images that every method's pictures are kept of: fixed places in the last cell, at unseen views and parameters."""
+    """The stored test images: fixed positions in the last cell, at unseen views and parameters."""
     cell = list(task.cells.values())[-1]
     return [cell[int(part * len(cell))] for part in SHOWN]
 
 
 def keep_truth(records: Path, task: ComparisonTask) -> None:
-    """Keep the catalog's own pictures in a scene's records."""
+    """Store the catalog's own images in a scene's records."""
     for number, case in enumerate(shown_cases(task)):
         _write(path_of(records, TRUTH, number), task.catalog.image(case.member, case.appearance, case.view), task)
 
 
 def keep_drawn(records: Path, name: str, predictor: Predictor, task: ComparisonTask) -> None:
-    """Keep what a method draws; `name` is that of its result."""
+    """Store the images that a method renders; `name` is that of its result."""
     for number, case in enumerate(shown_cases(task)):
         [(_, draw)] = predictor.batches([case])
         _write(path_of(records, name, number), next(iter(draw(case))), task)
 
 
 def path_of(records: Path, name: str, number: int) -> Path:
-    """Where a picture is kept: a PNG file, over the background."""
+    """Path of a stored image: a PNG file, over the background."""
     return records / FOLDER / PICTURES / f"{name}.{number}.png"
 
 
 def are_kept(records: Path, name: str) -> bool:
-    """Whether all pictures of the result `name`, or of `TRUTH`, are there."""
+    """True if all images of the result `name`, or of `TRUTH`, are stored."""
     return all(path.is_file() for path in _paths(records, name))
 
 
 def kept(records: Path, name: str) -> Sequence[NDArray[np.float32]]:
-    """The pictures (H, W, 3), in [0, 1], of the result `name`, or of `TRUTH`; none where one is missing."""
+    """The images (H, W, 3), in [0, 1], of the result `name`, or of `TRUTH`; empty where one is missing."""
     if not are_kept(records, name):
         return []
     return [read_image(path, dtype="float32")[..., :3] for path in _paths(records, name)]

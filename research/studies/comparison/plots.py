@@ -1,4 +1,4 @@
-"""Curves of accuracy over processor time, and the same test images as every method shows them."""
+"""Plots of accuracy over processor time, and sheets of the same test images by every method."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from research.studies.comparison.methods import CONTESTANTS, OURS, ordered, titl
 from research.studies.comparison.pictures import TRUTH, are_kept, kept
 from research.studies.comparison.result import TRIVIAL, ComparisonResult, MethodRow, Terms, in_float32
 
-LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; points of a line that are marked, at most
+LINES, MARKED = ("solid", "dashed", "dotted"), 20  # by time; a line with more points has no markers
 RESOLUTION, PANEL_INCHES, TITLE = 110, 1.75, 26  # TITLE: letters in a line
-ZOOM, FACTOR = 48, 4.0  # pixels a side of the part that is enlarged, and what differences are multiplied by
+ZOOM, FACTOR = 48, 4.0  # pixels per side of the enlarged detail, and the factor on differences
 
 
 def curves(results: Sequence[ComparisonResult]) -> bytes | None:
-    """A PNG file: PSNR of the validation images over processor seconds, a line for each training on a processor; None without.
+    """PSNR of validation images over processor seconds as PNG, a line for each training on a processor; None without any.
 
-    Of methods that were trained in both precisions it shows those in float32.
+    Methods that were trained in both precisions are shown in float32.
     """
     from matplotlib.figure import Figure
 
@@ -57,19 +57,19 @@ def curves(results: Sequence[ComparisonResult]) -> bytes | None:
 
 
 def sheet(records: Path, results: Sequence[ComparisonResult], on: Terms) -> bytes | None:
-    """A PNG file: some test images, the truth first and then every method on these terms; None without pictures.
+    """Some test images as PNG: the truth first, then every method on these terms; None without images.
 
-    Pictures are those in a scene's `records`; methods that have none there are left out.  Of methods that were trained in both
-    precisions it shows the one in float32.  Below each picture stand the square around the worst place of the first method,
-    enlarged, and the difference from the truth.
+    Images come from a scene's `records`; methods without any there are left out. Methods that were trained in both
+    precisions are shown in float32. Below each image are the enlarged square around the worst place of the first
+    method, and the difference from the truth.
     """
     from matplotlib.figure import Figure
 
-    found = {row: kept(records, name) for row, name in _names(results, on).items()}
-    names, truths = ordered(row for row, pictures in found.items() if pictures), kept(records, TRUTH)
+    stored = {row: kept(records, name) for row, name in _names(results, on).items()}
+    names, truths = ordered(row for row, pictures in stored.items() if pictures), kept(records, TRUTH)
     if not names or not truths:
         return None
-    rows = list(zip(truths, *(found[name] for name in names), strict=True))
+    rows = list(zip(truths, *(stored[name] for name in names), strict=True))
     columns = len(names) + 1
     figure = Figure(figsize=(PANEL_INCHES * columns, 3.0 * PANEL_INCHES * len(rows) + 0.5), layout="constrained")
     grid = figure.subplots(3 * len(rows), columns, squeeze=False)
@@ -90,12 +90,12 @@ def sheet(records: Path, results: Sequence[ComparisonResult], on: Terms) -> byte
 
 
 def without_pictures(records: Path, results: Sequence[ComparisonResult], on: Terms) -> list[MethodRow]:
-    """Who was trained on these terms, and yet is on no sheet."""
+    """The methods trained on these terms that have no stored images."""
     return ordered(row for row, name in _names(results, on).items() if not are_kept(records, name))
 
 
 def _names(results: Sequence[ComparisonResult], on: Terms) -> dict[MethodRow, str]:
-    """Of the results that a sheet could show."""
+    """Names of the results that a sheet can show, by row."""
     on_these = [r for r in in_float32(results) if (r.terms, r.seed) == (on, 0)]
     return {r.row: r.name for r in on_these if not r.error and r.method != TRIVIAL}
 

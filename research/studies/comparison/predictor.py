@@ -1,4 +1,4 @@
-"""A method under comparison, asked for test images as everything else that is scored."""
+"""A compared method as a predictor of test images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONGEST, FEWEST, MOST = 10.0, 2, 30  # seconds and repetitions of a measurement
 
 @dataclass(frozen=True, eq=False)
 class FitPredictor:
-    """A trained method as a `surrogate.evaluation.predictor.Predictor`; pictures are drawn by one thread."""
+    """A trained method as a `surrogate.evaluation.predictor.Predictor`; one thread renders."""
 
     fit: Fit
     task: ComparisonTask
@@ -37,15 +37,15 @@ class FitPredictor:
             yield batch, drawn.__getitem__
 
     def at(self, case: Case) -> Callable[[Case], NDArray[np.float32]]:
-        """What draws the views of cases, at the parameters of one."""
+        """A function that renders the views of cases at the parameters of `case`."""
         render = self.fit.at(self.task.parameters(case))
         return lambda other: render(self.task.camera(other))
 
 
 def measure(at: Callable[[Case], Callable[[Case], object]], cases: Sequence[Case]) -> tuple[Milliseconds, Milliseconds]:
-    """Times of a picture at new parameters, and of another view at the same ones; members and settings take turns.
+    """Times of an image at new parameters, and of another view at the same ones, over members and settings in turn.
 
-    `at` turns to a case's parameters, and gives what draws the views of cases.
+    `at` moves to a case's parameters and returns a function that renders the views of cases.
     """
     each = list({(case.member.name, case.appearance): case for case in cases}.values())
     changes, views, begun = list[float](), list[float](), time.perf_counter()

@@ -1,4 +1,4 @@
-"""A catalog whose pictures are no larger than the compared systems can learn in minutes."""
+"""Copies of catalogs with smaller images, which the compared methods can learn in minutes."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from catalogs.progress import Count, Rate
 from catalogs.store.catalog import Catalog, Member
 from catalogs.vocabulary.cameras import Camera
 
-SIDE = 128  # pixels: what published comparisons learn from where they train on a whole ensemble
+SIDE = 128  # pixels: the size in published comparisons that train on a whole ensemble
 
 
 def reduced(catalog: Catalog, path: Path, progress: Any = lambda _: None) -> Catalog:
-    """`catalog` itself where no side of its pictures exceeds `SIDE`, else one at `path` of the same members with smaller pictures.
+    """`catalog` if no side of its images exceeds `SIDE`, otherwise a copy of it at `path` with smaller images.
 
-    Each new pixel is the mean of the area that it covers.  A catalog whose splits a run has chosen is copied as well, with these.
-    What is there already is not made again.
+    Each new pixel is the mean of the area that it covers. A catalog whose splits a run has chosen is copied too, with
+    these splits. Members that exist at `path` are skipped.
     """
     cameras = {(c.width, c.height): c for m in catalog.members for c in m.cameras}
     if catalog.splits is None and max(side for size in cameras for side in size) <= SIDE:
         return catalog
     plan = replace(catalog.plan, cameras=tuple(smaller(c) for c in catalog.plan.cameras))
-    made = Catalog.create(path, plan)
-    left = [member for member in catalog.members if member.name not in made]
+    smaller_catalog = Catalog.create(path, plan)
+    left = [member for member in catalog.members if member.name not in smaller_catalog]
     rate = Rate()
     rate(0)
     for number, member in enumerate(left):
-        progress(Count("smaller pictures", number, len(left), rate(number), "members"))
-        _write(catalog, member, made)
-    return made
+        progress(Count("smaller images", number, len(left), rate(number), "members"))
+        _write(catalog, member, smaller_catalog)
+    return smaller_catalog
 
 
 def smaller(camera: Camera) -> Camera:
@@ -45,7 +45,7 @@ def smaller(camera: Camera) -> Camera:
 
 
 def area_means(pixels: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
-    """Premultiplied pixels (H, W, 4) at a smaller size (height, width, 4): means over the area of each new pixel, rounded."""
+    """Premultiplied pixels (H, W, 4) reduced to (height, width, 4): rounded means over the area of each new pixel."""
     down, across = _areas(pixels.shape[0], height), _areas(pixels.shape[1], width)
     means = np.einsum("ih,hwc->iwc", down, pixels.astype(np.float32), optimize=True)  # [height, W, 4]
     means = np.einsum("jw,iwc->ijc", across, means, optimize=True)  # [height, width, 4]
@@ -54,7 +54,7 @@ def area_means(pixels: NDArray[np.uint8], width: int, height: int) -> NDArray[np
 
 @lru_cache(maxsize=8)
 def _areas(before: int, after: int) -> NDArray[np.float32]:
-    """The share of each of `before` pixels in each of `after` that cover the same side, (after, before); rows sum to 1."""
+    """Share of each of `before` pixels in each of `after` pixels that cover the same side, (after, before); rows sum to 1."""
     borders = np.linspace(0.0, before, after + 1)
     pixels = np.arange(before)
     overlap = np.minimum(borders[1:, None], pixels + 1) - np.maximum(borders[:-1, None], pixels)  # [after, before]

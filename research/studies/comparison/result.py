@@ -1,4 +1,4 @@
-"""What came of one method in one time with one seed, each in a record of its own."""
+"""Results of a comparison: one record for each method, time and seed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from surrogate.storage.records import Provenance, Record
 
 KIND, VERSION = "comparison", 1
 KEY = ("method", "minutes", "seed", "size", "precision", "device", "mark")
-AS_PUBLISHED = 0.0  # minutes, where the number of steps is that of the publication
-FOLDER = "comparison"  # of a scene's results and records
-TRIVIAL = "trivial"  # the method of what mixes stored pictures
+AS_PUBLISHED = 0.0  # minutes: the published number of steps decides instead
+FOLDER = "comparison"  # below a scene's results and records
+TRIVIAL = "trivial"  # name of the mixtures of stored images
 
 
 class Terms(NamedTuple):
-    """What results of one table have in common; see `ComparisonResult`."""
+    """Conditions that all results of one table share; see `ComparisonResult`."""
 
     device: str
     size: str
@@ -26,7 +26,7 @@ class Terms(NamedTuple):
 
     @property
     def name(self) -> str:
-        """In file names."""
+        """The terms in file names."""
         time = "published" if self.minutes == AS_PUBLISHED else f"{self.minutes:g}"
         published = self.size == "official" and self.minutes != AS_PUBLISHED
         return ".".join([time, *["official"] * published, *[self.device] * (self.device != "cpu")])
@@ -37,7 +37,7 @@ class Terms(NamedTuple):
 
 
 class MethodRow(NamedTuple):
-    """Whose results stand in one row of a table: seeds of a row differ in nothing else."""
+    """One row of a table: results that differ in their seeds alone."""
 
     method: str
     precision: Precision = "float32"
@@ -49,21 +49,21 @@ class ComparisonResult:
 
     Attributes
     ----------
-    method : its name; "trivial" for mixtures of stored pictures.
-    minutes : of processor time that it was given, of the wall's on a GPU; `AS_PUBLISHED`, and for mixtures, 0.
+    method : name of the method; "trivial" for mixtures of stored images.
+    minutes : processor time, on a GPU wall-clock time; `AS_PUBLISHED` for the published steps, 0 for mixtures.
     size, precision : as `research.studies.baselines.method.Plan` has them.
-    mark : of the catalog, and of how methods are judged by its pictures.
+    mark : fingerprint of the catalog and of the test images.
     device : "cpu" or "cuda".
-    threads : of torch, in the training of a published method.
-    rate : the factor on the method's rates that tuning chose.
-    steps : that it took.
-    seconds : on the clock, of all cores together; of the wall on a GPU.
-    megabytes : of what must be kept of it, 10^6 bytes.
-    cells : means by name of the cell and metric, and how many "images" they are of; of mixtures by the rule's name before.
-    colors : of mixtures alone: the mean RGBA of each cell's test images, in [0, 1].
+    threads : torch threads in the training of a published method.
+    rate : the tuned factor on the method's rates.
+    steps : number of training steps.
+    seconds : processor time of all cores; on a GPU wall-clock time.
+    megabytes : size of the trained model, 10^6 bytes.
+    cells : means by cell and metric, and the number of "images"; for mixtures the rule's name precedes the cell's.
+    colors : for mixtures, the mean RGBA of each cell's test images, in [0, 1].
     curve : seconds and dB at validation images, by time.
-    change_milliseconds, picture_milliseconds : medians, of a picture at other parameters and of another view.
-    error : why there is no result; "" where there is one.
+    change_milliseconds, picture_milliseconds : medians for an image at other parameters, and for another view.
+    error : the reason for a missing result; "" if there is one.
     """
 
     method: str
@@ -88,48 +88,48 @@ class ComparisonResult:
 
     @property
     def name(self) -> str:
-        """Of its files."""
+        """Name of the result's files."""
         parts = [self.method, self.terms.name, str(self.seed)]
         return ".".join(parts + [self.precision] * (self.precision != "float32"))
 
     @property
     def row(self) -> MethodRow:
-        """Beside which other seeds' results it stands."""
+        """The row of a table that the result belongs to."""
         return MethodRow(self.method, self.precision)
 
     @property
     def terms(self) -> Terms:
-        """On which others are comparable with it."""
+        """The conditions that the result shares with comparable ones."""
         return Terms(self.device, self.size, self.minutes)
 
 
 def save(records: Path, result: ComparisonResult) -> Path:
-    """Keep a result in the folder of a scene's records; returns where."""
+    """Store a result in the folder of a scene's records; returns its path."""
     path = records / FOLDER / f"{result.name}.json"
     Record.of(KIND, VERSION, result, KEY).save(path)
     return path
 
 
 def find(records: Path, wanted: ComparisonResult) -> ComparisonResult | None:
-    """The result that is kept of the same method, time, seed, size, precision and catalog."""
+    """The stored result with the same key as `wanted`; None without one."""
     key = {name: getattr(wanted, name) for name in KEY}
     record = Record.load(records / FOLDER / f"{wanted.name}.json", KIND, VERSION, key)
     return None if record is None else record.to(ComparisonResult)
 
 
 def load(records: Path) -> list[ComparisonResult]:
-    """All that is kept of a scene, by method, precision, time and seed."""
-    found = (record.to(ComparisonResult) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
-    return sorted((r for r in found if r is not None), key=lambda r: (*r.row, r.minutes, r.seed))
+    """All stored results of a scene, by method, precision, time and seed."""
+    results = (record.to(ComparisonResult) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
+    return sorted((r for r in results if r is not None), key=lambda r: (*r.row, r.minutes, r.seed))
 
 
 def in_float32(results: Sequence[ComparisonResult]) -> list[ComparisonResult]:
-    """Without those in bfloat16 of methods that were trained in float32 too, on the same terms and with the same seed."""
+    """The results without bfloat16 ones that have a float32 counterpart on the same terms and with the same seed."""
     whole = {(r.method, r.terms, r.seed) for r in results if r.precision == "float32" and not r.error}
     return [r for r in results if r.precision == "float32" or (r.method, r.terms, r.seed) not in whole]
 
 
 def terms(results: Iterable[ComparisonResult]) -> list[Terms]:
-    """On which methods were trained, in order."""
-    found = {r.terms for r in results if r.method != TRIVIAL}
-    return sorted(found, key=lambda each: (each.device, each.size == "official", each.minutes))
+    """All terms on which methods were trained, in order."""
+    distinct = {r.terms for r in results if r.method != TRIVIAL}
+    return sorted(distinct, key=lambda each: (each.device, each.size == "official", each.minutes))

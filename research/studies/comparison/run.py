@@ -1,4 +1,4 @@
-"""A comparison from start to end: what is asked for, the study of a scene, tuning, and its page."""
+"""A comparison from start to end: its options, the study of a scene, tuning, and the page."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ LOCK = ".page.lock"
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a command asks for; raises ValueError for what can't be.
+    """The options of a comparison; raises ValueError for invalid ones.
 
     Attributes
     ----------
-    published : whether sizes and numbers of steps are as published, in place of `minutes`.
-    stop_after : minutes after which the command ends, to go on another day.
+    published : use the published sizes and numbers of steps in place of `minutes`.
+    stop_after : minutes after which the command stops; it can be resumed later.
     """
 
     methods: Sequence[str] = ()
@@ -64,7 +64,7 @@ class RunOptions:
 
 
 def times_of(words: str) -> list[float]:
-    """Minutes such as "5,30"; raises ValueError naming what is no number."""
+    """Minutes such as "5,30"; raises ValueError for text that is not a number."""
     try:
         return [float(word) for word in words.split(",")]
     except ValueError:
@@ -79,10 +79,10 @@ def study_of(
     asked: RunOptions,
     progress: Callable[[Any], None] = lambda _: None,
 ) -> ComparisonStudy:
-    """The study of a scene's `catalog` in its `folder` of results; smaller pictures are made where they are needed."""
+    """The study of a scene's `catalog` in its `folder` of results; smaller images are made where needed."""
     own = folder / FOLDER
     durable.make_folder(own)
-    with durable.locked(own / f".{name}.lock"):  # or two processes would make the same pictures
+    with durable.locked(own / f".{name}.lock"):  # or two processes would make the same images
         task = ComparisonTask.of(reduced(catalog, own / "catalog.cdb", progress))
     plan = Plan(1, size="official" if asked.published else "small", threads=asked.threads)
     until = time.monotonic() + 60.0 * asked.stop_after
@@ -99,7 +99,7 @@ def tune_all(
     tell: Callable[[str, float, float | None], None],
     engine: Engine | None = None,
 ) -> None:
-    """Choose the rates of the study's contestants on its scene, where they are not chosen yet; on the workers of an `engine`."""
+    """Choose the rates of all contestants that have none yet, on the workers of an `engine` where one is given."""
     order = [contestant for contestant in study.contestants if contestant.is_tuned]
     if engine is not None:
         trainings = {f"rates of {one.name}": partial(_tuned, name, study, one) for one in order}
@@ -122,27 +122,27 @@ def _tuned(
     watch: StudyWatch | None = None,
     tell: Callable[[float, float | None], None] = lambda *_: None,
 ) -> Tuning | None:
-    """The rates of a contestant that are chosen now, and their record; None where they are chosen already."""
+    """Choose and record the rates of a contestant; None where they are chosen already."""
     plan, work = study.plan_of(contestant.name), study.folder / "tuning" / contestant.name
     if study.chosen_rates(contestant) is not None:
         return None
     durable.make_folder(work)
     report = (watch or StudyWatch(lambda _: None)).counter("steps")
     with locked(work):
-        found = tuning.tune(contestant, study.task, name, plan, work, study.folder / SHARED, report=report, tell=tell)
-        tuning.save(study.all_records, found)
-    return found
+        rates = tuning.tune(contestant, study.task, name, plan, work, study.folder / SHARED, report=report, tell=tell)
+        tuning.save(study.all_records, rates)
+    return rates
 
 
-def _tell_all(tell: Callable[[str, float, float | None], None], found: Tuning | None) -> None:
-    if found is None:
+def _tell_all(tell: Callable[[str, float, float | None], None], tuned: Tuning | None) -> None:
+    if tuned is None:
         return
-    for rate, psnr in found.decibels.items():
-        tell(found.method, float(rate), psnr)
+    for rate, psnr in tuned.decibels.items():
+        tell(tuned.method, float(rate), psnr)
 
 
 def write_page(name: str, study: ComparisonStudy) -> Path:
-    """Write what is known of a scene into its folder, as a page with plots; returns where."""
+    """Write all results of a scene into its folder, as a page with plots; returns its path."""
     results = [r for r in load(study.records) if r.mark == study.task.mark]
     pictures = {CURVES: curves(results)}
     for each in terms(results):
@@ -157,9 +157,9 @@ def write_page(name: str, study: ComparisonStudy) -> Path:
 
 
 def line(result: ComparisonResult) -> str:
-    """What a terminal says of a result."""
+    """A result as one line for the terminal."""
     if result.method == TRIVIAL:
-        return f"stored pictures, mixed: {len(result.cells)} rules and cells"
+        return f"mixtures of stored images: {len(result.cells)} rules and cells"
     who = f"{result.method}, {result.terms}, seed {result.seed}"
     if result.error:
         return f"{who}: {result.error}"

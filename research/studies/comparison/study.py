@@ -1,4 +1,4 @@
-"""Every method in every time with every seed on one scene: what is missing, each kept at once, shared out between processes."""
+"""Training of every method for every time and seed on one scene, shared between processes; finished results are skipped."""
 
 from __future__ import annotations
 
@@ -39,24 +39,24 @@ from surrogate.training.loop import Diverged
 
 FITS, SHARED = "fits", "shared"  # in the folder of a comparison
 _One = tuple[float, int, Contestant]  # minutes and seed of a training
-SAME_COLOR = 1e-4  # of 1: far more than few pixels change a mean that another processor rounds otherwise
+SAME_COLOR = 1e-4  # of 1: well above the rounding differences between processors
 
 
 @dataclass(frozen=True, eq=False)
 class ComparisonStudy:
-    """What is to be compared on one scene.
+    """The comparison on one scene: contestants, times and seeds.
 
-    A contestant that takes another's steps is trained once these are known.
+    A contestant that takes another's number of steps is trained after it.
 
     Attributes
     ----------
-    task : the scene's pictures.
-    folder : of what is made.
-    records, all_records : of the scene's results, and the one above it, of tuning.
-    contestants, minutes, seeds : every one of these in every time, with so many seeds from 0 on.
-    plan : size of all.
-    device : of trainings, and of the pictures that are timed.
-    until : `time.monotonic()` at which it stops, to go on another day.
+    task : the scene's images.
+    folder : of the results.
+    records, all_records : folder of the scene's records, and its parent, which holds those of tuning.
+    contestants, minutes, seeds : each contestant is trained for each time with the seeds 0 to `seeds` - 1.
+    plan : the size and threads of all methods.
+    device : of the trainings and of the timed images.
+    until : `time.monotonic()` at which the study stops; it can be resumed later.
     """
 
     task: ComparisonTask
@@ -76,12 +76,12 @@ class ComparisonStudy:
         tell: Callable[[ComparisonResult], None] = lambda _: None,
         engine: Engine | None = None,
     ) -> None:
-        """Train and score what has no result yet; `tell` is given each once it is kept, failures included.
+        """Train and score all that have no result yet; `tell` receives each stored result, failures included.
 
-        An interruption loses the last minutes of a published method's training, and of ours the current one; what another process
-        does is left to it.  With an `engine` its workers train, which must see all folders.  Raises ValueError where the records
-        are of other pictures, `OutOfTime` where it stops before the end, and RuntimeError in the end where trainings could not be
-        made on the engine.
+        An interruption loses the last minutes of a published method's training, or the current training of ours.
+        Trainings of another process are skipped. With an `engine`, its workers train; they must see all folders. Raises
+        ValueError where the records belong to other images, `OutOfTime` at the time limit, and RuntimeError at the end
+        where trainings failed on the engine.
         """
         self._keep_trivial(tell)
         order = self._order(self.contestants)
@@ -106,25 +106,28 @@ class ComparisonStudy:
         progress: Callable[[StudyProgress], None],
         tell: Callable[[ComparisonResult], None],
     ) -> None:
-        """Let workers train what is missing; those who take the steps of others come after all others."""
+        """Train missing results on workers; contestants that take the steps of others come last."""
         for following in (False, True):
             ours = [one for one in order if bool(one[2].steps_of) == following and self._is_missing(*one)]
             trainings = {_named(*one): partial(self._trained, *one) for one in ours}
             train_on(engine, trainings, lambda result: None if result is None else tell(result), progress)
 
     def _is_missing(self, minutes: float, seed: int, contestant: Contestant) -> bool:
-        """Whether there is no result without an error."""
-        return self._known(contestant.name, minutes, seed) is None
+        """True if no successful result is stored."""
+        return self._success(contestant.name, minutes, seed) is None
 
-    def _known(self, method: str, minutes: float, seed: int) -> ComparisonResult | None:
-        """The result without an error."""
+    def _success(self, method: str, minutes: float, seed: int) -> ComparisonResult | None:
+        """The stored result; None if it is missing or failed."""
         result = find(self.records, self.wanted(method, minutes, seed))
         return None if result is None or result.error else result
 
     def _trained(
         self, minutes: float, seed: int, contestant: Contestant, watch: StudyWatch | None = None, following: int = 0
     ) -> ComparisonResult | None:
-        """The result of a training, kept; None where it can't be made, another process makes it, or did.  So many follow it."""
+        """Train, score and store one result, before `following` others.
+
+        Returns None where it can't be made yet, or another process makes it or has made it.
+        """
         watch = watch or StudyWatch(lambda _: None)
         wanted, steps = self.wanted(contestant.name, minutes, seed), self._steps_for(contestant, minutes, seed)
         with self._claimed(wanted) as work:
@@ -137,36 +140,36 @@ class ComparisonStudy:
         return result
 
     def wanted(self, method: str, minutes: float, seed: int) -> ComparisonResult:
-        """What a result has that is not made yet."""
+        """A result with its key alone, before training."""
         plan = self.plan_of(method)
         return ComparisonResult(method, minutes, seed, plan.size, plan.precision, self.task.mark, self.device)
 
     def plan_of(self, method: str) -> Plan:
-        """The size of all, in the precision that the method is trained in on this machine."""
+        """The plan in the precision that the method is trained in on this machine."""
         return replace(self.plan, precision=precision_here(self._preferred(method), self.device))
 
     def chosen_rates(self, contestant: Contestant) -> tuning.Tuning | None:
-        """What short trainings of a contestant found, in the study's size; None where nobody made them, or nobody may."""
+        """The tuned rates of a contestant, in the study's size; None where it is not tuned."""
         if not contestant.is_tuned:
             return None
         return tuning.find(self.all_records, contestant.name, self.plan_of(contestant.name))
 
     def at_published_rates(self) -> list[str]:
-        """Who is yet to be trained in a given time at published rates though rates may be chosen, because the records hold none."""
+        """Names of contestants that will be trained at published rates because the records hold no tuned ones."""
         order = self._order(self.contestants)
         coming = {one[2].name for one in order if one[0] != AS_PUBLISHED and self._is_missing(*one)}
         tunable = [one for one in self.contestants if one.is_tuned and one.name in coming]
         return [one.name for one in tunable if self.chosen_rates(one) is None]
 
     def _preferred(self, method: str) -> Precision:
-        known = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
-        return known[method].precision if method in known else self.plan.precision
+        all_contestants = {**CONTESTANTS, **{contestant.name: contestant for contestant in self.contestants}}
+        return all_contestants[method].precision if method in all_contestants else self.plan.precision
 
     def _keep_trivial(self, tell: Callable[[ComparisonResult], None]) -> None:
         wanted = self.wanted(TRIVIAL, 0.0, 0)
-        known = find(self.records, wanted)
-        if known is not None:
-            self._require_same_pictures(known)
+        stored = find(self.records, wanted)
+        if stored is not None:
+            self._require_same_pictures(stored)
             if not are_kept(self.records, TRUTH):
                 keep_truth(self.records, self.task)
             return
@@ -179,27 +182,27 @@ class ComparisonStudy:
         keep_truth(self.records, self.task)
         tell(result)
 
-    def _require_same_pictures(self, known: ComparisonResult) -> None:
-        """Raise ValueError where the records are of pictures that differ by more than rounding."""
+    def _require_same_pictures(self, stored: ComparisonResult) -> None:
+        """Raise ValueError where the records belong to images that differ by more than rounding."""
         for cell, color in self.task.colors.items():
-            kept = known.colors.get(cell, ())
-            if len(kept) != len(color) or not np.allclose(kept, color, rtol=0.0, atol=SAME_COLOR):
+            before = stored.colors.get(cell, ())
+            if len(before) != len(color) or not np.allclose(before, color, rtol=0.0, atol=SAME_COLOR):
                 raise ValueError(
-                    f"the results in {self.records} are of other pictures than {self.task.catalog.path}: the mean color of the "
-                    f"test images of {cell!r} was {np.round(kept, 5).tolist()} and is {np.round(color, 5).tolist()}; render the "
+                    f"the results in {self.records} belong to other images than {self.task.catalog.path}: the mean color of the "
+                    f"test images of {cell!r} was {np.round(before, 5).tolist()} and is {np.round(color, 5).tolist()}; render the "
                     "scene as it was, or keep results elsewhere with --records"
                 )
 
     def _steps_for(self, contestant: Contestant, minutes: float, seed: int) -> int:
-        """At least one, or as many as published; as another made whose steps this one takes, none before that is known."""
+        """Number of steps: 1 if the time decides, as published, or those of another contestant; 0 while these are unknown."""
         if not contestant.steps_of:
             return 1 if minutes != AS_PUBLISHED else contestant.official_steps
-        like = self._known(contestant.steps_of, minutes, seed)
+        like = self._success(contestant.steps_of, minutes, seed)
         return 0 if like is None else like.steps
 
     @contextlib.contextmanager
     def _claimed(self, wanted: ComparisonResult) -> Iterator[Path | None]:
-        """Where to train, while no other process does; None where one does."""
+        """The folder to train in, locked; None while another process has locked it."""
         folder = self.folder / FITS / wanted.name
         durable.make_folder(folder)
         with contextlib.ExitStack() as stack:
@@ -215,11 +218,16 @@ class ComparisonStudy:
     ) -> ComparisonResult:
         begun = time.process_time()
         try:
-            found = self._made(contestant, wanted, steps, work, watch)
-        except (ValueError, RuntimeError, MemoryError, FloatingPointError) as error:  # the others may do without
-            found = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
+            outcome: dict[str, Any] = self._made(contestant, wanted, steps, work, watch)
+        except (
+            ValueError,
+            RuntimeError,
+            MemoryError,
+            FloatingPointError,
+        ) as error:  # the other methods can still be compared
+            outcome = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
         shutil.rmtree(work, ignore_errors=True)
-        return replace(wanted, **found, provenance=Provenance.now(time.process_time() - begun))
+        return replace(wanted, **outcome, provenance=Provenance.now(time.process_time() - begun))
 
     def _made(
         self, contestant: Contestant, wanted: ComparisonResult, steps: int, work: Path, watch: StudyWatch
@@ -234,7 +242,7 @@ class ComparisonStudy:
             trained = contestant.trained(self.task, plan, seconds, session)
             cells = scored(trained.predictor, self.task)
             if not all(math.isfinite(cell["psnr"]) for cell in cells.values()):
-                raise Diverged("training diverged: its pictures are no numbers")
+                raise Diverged("training diverged: its images are not finite")
             return trained, cells
 
         rate = 1.0 if tuned is None else tuned.rate
@@ -262,11 +270,11 @@ def _named(minutes: float, seed: int, contestant: Contestant) -> str:
 
 @one_torch_thread()
 def scored(predictor: Predictor, task: ComparisonTask) -> dict[str, dict[str, Any]]:
-    """Means by cell and metric, and the number of images."""
-    [found] = score_cases(
+    """Means by cell and metric, and the number of images of each cell."""
+    [scores] = score_cases(
         predictor, task.catalog, task.cases, perceptual=PerceptualMetrics.load(), looked_at=set(task.cases)
     )
     return {
-        name: {**means([found[case] for case in cell], ALL_METRICS), "images": len(cell)}
+        name: {**means([scores[case] for case in cell], ALL_METRICS), "images": len(cell)}
         for name, cell in task.cells.items()
     }

@@ -1,4 +1,4 @@
-"""What is compared on one scene: the pictures that all methods learn from, and those that all are judged by."""
+"""The images of a comparison on one scene: those that all methods learn from, and those that judge them."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from surrogate.storage.checkpoints import fingerprint_of_scene
 from surrogate.training.data import Example, ImageRow, normalized_parameters, validation_rows
 from surrogate.training.source import Source
 
-IMAGES = 24  # that test a method in each cell
-WATCHED = 8  # validation images, of curves and of tuning
+IMAGES = 24  # test images in each cell
+WATCHED = 8  # validation images for curves and tuning
 
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """A catalog, and the variation of it that is compared; None for the base appearance.
+    """A catalog and the compared variation of it; None for the base appearance.
 
-    Raises ValueError where there are no pictures to learn from or none to be judged by.
+    Raises ValueError where there are no training images or no test images.
     """
 
     catalog: Catalog
@@ -36,31 +36,31 @@ class ComparisonTask:
 
     @classmethod
     def of(cls, catalog: Catalog) -> ComparisonTask:
-        """The first continuous variation of a catalog's first appearance where there is one, else that appearance."""
+        """The task of a catalog: the first continuous variation of its first appearance, otherwise that appearance."""
         shown = [v for v in catalog.plan.variations if v.continuous and v.base == catalog.plan.appearances[0].name]
         return cls(catalog, shown[0] if shown else None)
 
     @cached_property
     def mark(self) -> str:
-        """Of the catalog, wherever it was rendered, and of how methods are judged by it."""
+        """Fingerprint of the catalog, wherever it was rendered, and of the choice of test images."""
         judged = f"{IMAGES} test images a cell, {WATCHED} validation images"
         return f"{fingerprint_of_scene(self.catalog)}, {judged}"
 
     @cached_property
     def colors(self) -> dict[str, list[float]]:
-        """The mean premultiplied RGBA of each cell's test images, in [0, 1]: what tells other pictures from other rounding."""
+        """Mean premultiplied RGBA of each cell's test images, in [0, 1], by which other images are recognized."""
         return {
             name: np.mean([self._mean(case) for case in cases], axis=0).tolist() for name, cases in self.cells.items()
         }
 
     @cached_property
     def source(self) -> Source:
-        """The catalog as trainings see it."""
+        """The catalog as training reads it."""
         return Source(TrainingSettings(), self.catalog)
 
     @cached_property
     def cells(self) -> Mapping[str, Sequence[Case]]:
-        """The test images by name of their cell, at most `IMAGES` each, drawn by a fixed seed; the same for every method."""
+        """The test images by cell, at most `IMAGES` each, drawn by a fixed seed; the same for every method."""
         if self.variation is None:
             views = base_cells(self.catalog, self.source.appearance)
             named = {
@@ -83,14 +83,14 @@ class ComparisonTask:
 
     @cached_property
     def watched(self) -> list[Case]:
-        """The validation images that curves and tuning look at."""
+        """The validation images of curves and tuning."""
         rows = validation_rows(self.catalog, self._appearances, WATCHED)
         return [Case(row.member, row.view, row.appearance, self._asked(row)) for row in rows]
 
     def pictures(self, device: str = "cpu") -> TrainingImages:
-        """All training pictures; under a variation of transfer functions those of the base too, at displacements of zero.
+        """All training images; for transfer functions also those of the base, at displacements of zero.
 
-        What methods compute with is on a device; pixels, cameras and their numbers stay in main memory.
+        Tensors that methods compute with lie on `device`; pixels and cameras stay in main memory.
         """
         data = self.source.data(self.variation)
         if self.variation is not None and self.variation.kind == "transfer_function":
@@ -111,13 +111,13 @@ class ComparisonTask:
         )
 
     def parameters(self, case: Case) -> Tensor:
-        """Normalized parameters (P,) of a test image, as those of `pictures` are."""
+        """Normalized parameters (P,) of a test image, as in `TrainingImages`."""
         setting = self.catalog.plan.setting(case.appearance)
         row = ImageRow(case.member, case.view, case.appearance, setting)
         return normalized_parameters(self.source.space, row, self.variation)
 
     def camera(self, case: Case) -> Camera:
-        """Its camera in normalized coordinates."""
+        """The camera of a test image in normalized coordinates."""
         return self.source.normalization.camera(case.camera)
 
     def _mean(self, case: Case) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Mixtures of stored pictures on the images that methods are compared by: what needs no learning at all."""
+"""Mixtures of stored images, scored on the test images of a comparison: a baseline without learning."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from surrogate.evaluation.trivial.settings import SettingPictures, TrainedPictur
 
 
 def trivial_cells(task: ComparisonTask, metrics: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Means by "rule: cell" and metric, of the cells that stored pictures can predict.
+    """Means by "rule: cell" and metric, for the cells that stored images can predict.
 
-    Cells at unseen parameters know all pictures of training members, also views that nobody learns from; the cell of seen
-    parameters under unseen settings knows the very members under trained settings.  Novel views can't be mixed from anything.
+    At unseen parameters, rules mix all images of training members, including views that no method learns from. At seen
+    parameters and unseen settings, they mix the same member under trained settings. Novel views can't be mixed.
     """
-    found = {}
+    cells = {}
     for cell, predictor in _predictors(task).items():
         cases = list(task.cells[cell])
         scores = score_cases(predictor, task.catalog, cases)
         for rule, of in zip(predictor.names, scores, strict=True):
             if len(of) == len(cases):
-                found[f"{rule}: {cell}"] = {**means(of.values(), metrics), "images": len(of)}
-    return found
+                cells[f"{rule}: {cell}"] = {**means(of.values(), metrics), "images": len(of)}
+    return cells
 
 
 def best_of(cells: Mapping[str, Mapping[str, Any]], cell: str) -> tuple[str, float] | None:
     """The best rule in a cell of `trivial_cells`, and its PSNR in dB; None without any."""
-    named = {name.partition(": ")[0]: found["psnr"] for name, found in cells.items() if name.endswith(f": {cell}")}
+    named = {name.partition(": ")[0]: values["psnr"] for name, values in cells.items() if name.endswith(f": {cell}")}
     return max(named.items(), key=lambda pair: pair[1]) if named else None
 
 
 def _predictors(task: ComparisonTask) -> dict[str, Predictor]:
-    """What predicts each cell that can be mixed."""
+    """The predictor of each cell that can be mixed."""
     if task.variation is None:
         return dict.fromkeys([cell for cell in task.cells if cell != "novel views"], _of_members(task))
     space, variation = task.source.space, task.variation
@@ -47,12 +47,12 @@ def _predictors(task: ComparisonTask) -> dict[str, Predictor]:
     of_member = Mixtures(
         task.catalog, SettingPictures(variation), setting_rules(len(variation.space), variation.plural)
     )
-    found: dict[str, Predictor] = {seen: of_member}
+    predictors: dict[str, Predictor] = {seen: of_member}
     pictures = TrainedPictures.of(variation, space, task.catalog.members)
     if pictures is not None and len(space):
         joint = Mixtures(task.catalog, pictures, joint_rules(len(space), len(variation.space)))
-        found |= dict.fromkeys(both, joint)
-    return found
+        predictors |= dict.fromkeys(both, joint)
+    return predictors
 
 
 def _of_members(task: ComparisonTask) -> Predictor:

@@ -1,4 +1,4 @@
-"""Which factor on its rates a method does best with: short trainings on one scene, judged by validation images."""
+"""Choice of the best factor on a method's rates, by short trainings on one scene judged by validation images."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from research.studies.comparison.task import ComparisonTask
 from surrogate.storage.records import Provenance, Record
 from surrogate.training.loop import Diverged
 
-KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # of the records of all scenes
+KIND, VERSION, FOLDER = "tuning", 1, "tuning"  # below the folder of all records
 KEY = ("method", "size", "precision")
 RATES = (0.1, 0.3, 1.0, 3.0, 10.0)
 SECONDS = 60.0
-DIVERGED = "diverged"  # a file, beside a training's other files
+DIVERGED = "diverged"  # a marker file in a training's folder
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """What short trainings of a method found.
+    """The outcome of a method's short trainings.
 
     Attributes
     ----------
-    scene : that it was tuned on.
-    seconds : of processor time that each training was given.
-    decibels : at validation images by the factor on its rates, as text; None where it diverged.
+    scene : the scene of the trainings.
+    seconds : processor time of each training.
+    decibels : PSNR of validation images by the factor on the rates, as text; None where training diverged.
     """
 
     method: str
@@ -43,8 +43,8 @@ class Tuning:
     @property
     def rate(self) -> float:
         """The best factor."""
-        found = {float(rate): psnr for rate, psnr in self.decibels.items() if psnr is not None}
-        return max(found, key=lambda rate: found[rate]) if found else 1.0
+        scores = {float(rate): psnr for rate, psnr in self.decibels.items() if psnr is not None}
+        return max(scores, key=lambda rate: scores[rate]) if scores else 1.0
 
 
 def tune(
@@ -58,7 +58,7 @@ def tune(
     report: Report = lambda *_: None,
     tell: Callable[[float, float | None], None] = lambda *_: None,
 ) -> Tuning:
-    """Train a contestant once for each of `RATES` in `folder`, for a minute each; `shared` holds what trainings start from."""
+    """Train a contestant for a minute at each of `RATES` in `folder`; `shared` holds the tensors that trainings start from."""
     decibels = dict[str, float | None]()
     for rate in RATES:
         try:
@@ -79,15 +79,15 @@ Made = TypeVar("Made")
 
 
 def rates_from(rate: float) -> list[float]:
-    """A factor on a method's rates, and the lower ones of `RATES`: longer trainings diverge where a minute's did well."""
+    """The factor and all lower `RATES`: a longer training may diverge at a rate that suits a minute."""
     return [rate, *(lower for lower in reversed(RATES) if lower < rate)]
 
 
 def at_rates_that_hold(rates: Sequence[float], work: Path, made: Callable[[float, Path], Made]) -> Made:
-    """What is made at the first of the `rates` that does not diverge; each has a folder of its own in `work`.
+    """The result of `made` at the first of the `rates` that does not diverge, each in its own folder of `work`.
 
-    Which did diverge is kept, so that a training that was interrupted goes on with the rate that it was at.  Raises `Diverged`
-    where all do.
+    Diverged rates are marked, so that an interrupted training resumes at its own rate. Raises `Diverged` where all
+    rates diverge.
     """
     for rate in rates:
         folder = work / f"rate {rate:g}"
@@ -102,14 +102,14 @@ def at_rates_that_hold(rates: Sequence[float], work: Path, made: Callable[[float
 
 
 def save(records: Path, tuning: Tuning) -> None:
-    """Keep it in the folder of all records."""
+    """Store a tuning in the folder of all records."""
     Record.of(KIND, VERSION, tuning, KEY).save(
         records / FOLDER / f"{tuning.method}.{tuning.size}.{tuning.precision}.json"
     )
 
 
 def find(records: Path, method: str, plan: Plan) -> Tuning | None:
-    """What is kept of a method in this size, in this precision or else in the other; None where nobody tuned it."""
+    """The stored tuning of a method in this size, preferably in the plan's precision; None without one."""
     for precision in sorted(PRECISIONS, key=lambda each: each != plan.precision):
         key = {"method": method, "size": plan.size, "precision": precision}
         record = Record.load(records / FOLDER / f"{method}.{plan.size}.{precision}.json", KIND, VERSION, key)
@@ -119,6 +119,6 @@ def find(records: Path, method: str, plan: Plan) -> Tuning | None:
 
 
 def load(records: Path) -> list[Tuning]:
-    """All that is kept, by method."""
-    found = (record.to(Tuning) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
-    return [tuning for tuning in found if tuning is not None]
+    """All stored tunings, by method."""
+    tunings = (record.to(Tuning) for record in Record.load_all(records / FOLDER, KIND, VERSION).values())
+    return [tuning for tuning in tunings if tuning is not None]

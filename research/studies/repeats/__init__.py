@@ -1,1 +1,1 @@
-"""The same training with other seeds: how much of a figure is chance."""
+"""The same training with other seeds: the random variation of its figures."""

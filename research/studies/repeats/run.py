@@ -1,4 +1,4 @@
-"""A scene trained with several seeds, each scored as its report is; what is finished is not done again."""
+"""A scene trained with several seeds, each scored as in its report; finished seeds are skipped."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MODEL, STAGE = "surrogate", "scoring"
 
 @dataclass(frozen=True)
 class Repeat:
-    """A seed to be trained: its settings, their fingerprint, and the folder of the model."""
+    """A seed to be trained: its settings, their fingerprint, and the model's folder."""
 
     settings: TrainingSettings
     mark: str
@@ -50,17 +50,17 @@ def repeat(
     progress: Callable[[StudyProgress], None] = lambda _: None,
     tell: Callable[[Scores], None] = lambda _: None,
 ) -> list[Scores]:
-    """Train `settings` with `seeds` successive seeds and keep their scores in `records`; returns all that are there, by seed.
+    """Train `settings` with `seeds` successive seeds and store their scores in `records`; returns all stored scores, by seed.
 
-    `records` is the folder of the scene's records, by default `run`, which holds the models: that of the settings' own seed in
-    `run`/surrogate.  A model that is finished is taken as it is, and an interrupted training goes on from its last checkpoint.
-    A seed is left out whose scores are there with the same fingerprint and from the same code: that of its model, or, where
-    there is no model, the present one.  `tell` is given each seed's scores once they are kept.  With an `engine` its workers train,
-    a seed each; they must see all of these folders.
+    `records` is the folder of the scene's records, by default `run`, which holds the models; that of the settings' own
+    seed is in `run`/surrogate. Finished models are used as they are, and interrupted trainings resume from their last
+    checkpoint. A seed is skipped if its stored scores have the same fingerprint and come from the same code. That is
+    the code of its model, or the present code without a model. `tell` receives each seed's stored scores. With an
+    `engine`, each of its workers trains a seed; they must see all of these folders.
 
-    Raises ValueError, before anything is written, for fewer than two seeds and where a folder is none, or holds a run of other
-    settings or of another catalog; RuntimeError where another process is training there, and in the end for every training that
-    failed on an engine.
+    Raises ValueError, before anything is written, for fewer than two seeds. It is also raised where a run's path is a
+    file, or its folder holds a run with other settings or of another catalog. Raises RuntimeError where another process
+    trains there, and at the end for every training that failed on an engine.
     """
     plan, records = planned(settings, catalog, run, seeds), run if records is None else records
     base = plan[0].mark
@@ -78,7 +78,7 @@ def repeat(
 
 
 def planned(settings: TrainingSettings, catalog: Catalog, run: Path, seeds: int) -> list[Repeat]:
-    """What is to be trained: the settings' own seed first.  Raises ValueError for fewer than two `seeds`."""
+    """The seeds to be trained, the settings' own first; raises ValueError for fewer than two `seeds`."""
     if seeds < 2:
         raise ValueError(f"seeds must be at least 2, or nothing could be said about their spread; got {seeds}")
     varied = [settings.changed(seed=settings.seed + number) for number in range(seeds)]
@@ -117,14 +117,14 @@ def _mark_in(directory: Path) -> str | None:
 
 
 def _code_of(surrogate: Surrogate) -> str:
-    """The code that trained a model, "" where it does not know."""
+    """The fingerprint of the code that trained a model; "" if unknown."""
     return str(surrogate.training.get("code_version", ""))
 
 
 def _kept(
     one: Repeat, catalog: Catalog, settings: TrainingSettings, base: str, records: Path, watch: StudyWatch | None = None
 ) -> Scores:
-    """The scores of a seed that is trained now, and their record; what another process has just kept is taken."""
+    """Train, score and store a seed; scores that another process has just stored are returned."""
     known = load(records, one.settings.seed)
     if known is not None and _is_scored(records, one, base):
         return known
@@ -163,7 +163,7 @@ def _trained_and_scored(
 def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = lambda *_: None) -> dict[str, Any]:
     """`cells` and `variations` as `Scores` has them.
 
-    Raises ValueError where its pictures are no numbers: training diverged.
+    Raises ValueError where its images are not finite, because training diverged.
     """
     main = base_cells(catalog, str(surrogate.training["appearance"]))
     varied = [variation_cells(catalog, v.variation) for v in surrogate.visualizations]
@@ -171,7 +171,7 @@ def score_model(surrogate: Surrogate, catalog: Catalog, *, progress: Report = la
     cases = [case for cells in (main, *varied) for case in all_cases(cells)]
     [found] = score_cases(predictor, catalog, cases, progress=partial(progress, STAGE))
     if not all(math.isfinite(scored.score.psnr) for scored in found.values()):
-        raise ValueError("training diverged: the model shows pictures that are no numbers")
+        raise ValueError("training diverged: the model's images are not finite")
     return {
         "cells": cell_tables(by_cell(main, found), METRICS),
         "variations": [

@@ -16,7 +16,7 @@ PAGE = "seeds.md"
 
 
 def write_page(run: Path, name: str, source: str, scores: Sequence[Scores]) -> Path | None:
-    """Write the table of the scene or run that is the `source` into its folder of results; None for fewer than two seeds."""
+    """Write the table of the scene or run `source` into its folder of results; None for fewer than two seeds."""
     record = summarize_repeats(scores)
     if record is None:
         return None

@@ -1,1 +1,1 @@
-"""Hard cases for a splatting backend, each held to a bound of its own against the float64 twin, and does training drift?"""
+"""Hard cases for a splatting backend, each checked against the float64 reference implementation, and the drift of training."""

@@ -1,4 +1,4 @@
-"""The hard cases: what is drawn, how wrong it may be, and why."""
+"""The hard cases: scenes, error bounds, and the reasons for them."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from research.studies.stress.scenes import (
 )
 from surrogate.splatting import Constants, Primitives
 
-IMAGE, GRADIENT = 1e-5, 5e-5  # where nothing asks for others: some 100 and 500 roundings of float32
+IMAGE, GRADIENT = 1e-5, 5e-5  # usual bounds: about 100 and 500 roundings of float32
 FLOOR = 1.0 / 255.0
-FAR = torch.tensor([1e6, -2e6, 5e5], dtype=torch.float64)  # where numbers of float32 are 0.06 to 0.13 apart
+FAR = torch.tensor([1e6, -2e6, 5e5], dtype=torch.float64)  # where float32 numbers are 0.06 to 0.13 apart
 WHY_STEEP = "alpha falls from 1 to 0 within a fraction of a pixel, so the rounding of a position (4e-6 px) is visible"
 STEEP: dict[str, Any] = {"image": 1e-4, "gradient": 2e-4, "why": WHY_STEEP}
 
@@ -39,14 +39,15 @@ class StressCase:
 
     Attributes
     ----------
-    name : what is hard about it.
-    scene : makes the Gaussians, float64.
-    camera : makes the camera.
-    image : bound of the largest error of colour (relative to the largest colour, at least 1), alpha, and depth (to the largest).
-    gradient : bound of the largest error of any gradient, relative to the largest of its kind.
-    why : what the bounds rest on, where they are not the usual ones.
+    name : of the difficulty.
+    scene : returns the Gaussians, float64.
+    camera : returns the camera.
+    image : bound of the largest error of colour (relative to the largest colour, at least 1), alpha, and depth
+        (relative to the largest).
+    gradient : bound of the largest error of any gradient, relative to the largest gradient of its kind.
+    why : the reason for unusual bounds.
     dilation, alpha_floor : of the rasterizer.
-    expected_alpha : what alpha must be in the middle of the picture, where a formula says so.
+    expected_alpha : alpha in the middle of the image, where a formula gives it.
     """
 
     name: str
@@ -61,15 +62,15 @@ class StressCase:
 
     @property
     def constants(self) -> Constants:
-        """Those of the rasterizer."""
+        """The rasterizer's constants."""
         return Constants(NEAR, self.dilation, self.alpha_floor)
 
 
 @dataclass(frozen=True)
 class BitwiseCase:
-    """A row that must be drawn bit for bit as without `options`, or as from the tensors that `changed` makes.
+    """A row whose image must be bit for bit the same without `options`, or from the tensors that `changed` makes.
 
-    `options` are of `surrogate.splatting.render`; `changed` gives the same numbers in tensors of another kind.
+    `options` are those of `surrogate.splatting.render`; `changed` converts tensors without changing their numbers.
     """
 
     name: str
@@ -79,7 +80,7 @@ class BitwiseCase:
 
 @dataclass(frozen=True)
 class Refusal:
-    """A row whose Gaussians can't be drawn: the error must name `attribute` and the Gaussian."""
+    """A row with invalid Gaussians: the error must name `attribute` and the Gaussian."""
 
     name: str
     attribute: str
@@ -88,18 +89,18 @@ class Refusal:
 
 
 def cases() -> list[StressCase]:
-    """All that must be drawn."""
+    """All cases that must be drawn."""
     return [*_shapes(), *_places(), *_opacities(), *_numbers(), *_frames()]
 
 
 def refusals() -> list[Refusal]:
-    """All that must be refused: a number in each attribute that is not finite."""
+    """All cases that must be refused: a non-finite number in each attribute."""
     values = {"NaN": float("nan"), "infinity": float("inf")}
     return [Refusal(f"{said} in {name}", name, value) for said, value in values.items() for name in Primitives._fields]
 
 
 def agreements() -> list[BitwiseCase]:
-    """All that must not change a bit."""
+    """All cases that must not change a bit."""
     return [
         BitwiseCase("again"),
         *(BitwiseCase(f"{threads} threads", {"threads": threads}) for threads in (1, 2, 3, 7)),
@@ -129,7 +130,7 @@ def _shapes() -> list[StressCase]:
 
 
 def _thin(thin: int, kind: str, power: int) -> StressCase:
-    """Axes as 10^(power / 2) to 1; the thinnest needles are seen only by what they are dilated to."""
+    """Axes in the ratio 10^(power / 2) to 1; the thinnest needles are visible through dilation alone."""
     bounds = STEEP if thin == 2 and power > 2 else {}
     return StressCase(f"{kind}, condition number 1e{power}", partial(axes, 10.0 ** (power / 2), thin), **bounds)
 
@@ -155,7 +156,7 @@ def _places() -> list[StressCase]:
         StressCase("identical depths", lambda: _moved(lambda means: means * flat), partial(view, eye=(3.0, 0.0, 0.0))),
         StressCase("around 1e6, its origin subtracted in float64", lambda: _moved(lambda means: (means + FAR) - FAR)),
         StressCase(
-            "around 1e6, not subtracted: held to the twin of the rounded places",
+            "around 1e6, not subtracted: against the reference of the rounded places",
             lambda: _moved(lambda means: means + FAR),
             _far_view,
         ),

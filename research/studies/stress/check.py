@@ -1,4 +1,4 @@
-"""Draw the hard cases by backends and by the float64 twin, and compare."""
+"""Compare backends with the float64 reference implementation on the hard cases."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from research.studies.stress.cases import BitwiseCase, Refusal, StressCase, agre
 from research.studies.stress.scenes import NEAR, cloud, tied, view
 from surrogate.splatting import BACKENDS, Constants, Primitives, draw, reference
 
-MARGIN = 2e-4  # relative: nearer to a threshold, float32 may rightly fall to its other side
+MARGIN = 2e-4  # relative distance to a threshold within which float32 may fall to the other side
 PIXELS_AT_ONCE = 512
 CROWD = 3000  # Gaussians: enough for every thread to have several portions
 
@@ -24,7 +24,7 @@ Backend = Mapping[str, Any]  # options of `surrogate.splatting.render`
 
 
 class PictureAndGradients(NamedTuple):
-    """A picture, and the gradient of a fixed random functional of it by each attribute."""
+    """An image, and the gradients of a fixed random functional of it by attribute."""
 
     picture: Tensor  # [H, W, 5]: colour, alpha, depth
     gradients: Primitives
@@ -32,16 +32,16 @@ class PictureAndGradients(NamedTuple):
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """One row of the table, filled.
+    """The outcome of one case.
 
     Attributes
     ----------
     image : largest error where a pixel is certain.
     gradients : largest error by attribute, relative to the largest of its kind.
-    finite : whether no number anywhere was NaN or infinite.
-    uncertain : share of pixels where some contribution lies within `MARGIN` of a threshold.
-    jump : largest difference of colour or alpha there.
-    complaints : in words, what misses its bound; none where the row passes.
+    finite : False if any number is NaN or infinite.
+    uncertain : share of pixels with a contribution within `MARGIN` of a threshold.
+    jump : largest difference of colour or alpha in these pixels.
+    complaints : exceeded bounds in words; empty where the case passes.
     """
 
     case: StressCase | BitwiseCase | Refusal
@@ -51,27 +51,29 @@ class CaseOutcome:
     uncertain: float = 0.0
     jump: float = 0.0
     complaints: tuple[str, ...] = ()
-    pictures: tuple[Tensor, Tensor] | None = None  # [H, W, 5] each: the backend's, the twin's
+    pictures: tuple[Tensor, Tensor] | None = None  # [H, W, 5] each: the backend's, the reference's
 
     @property
     def passed(self) -> bool:
         return not self.complaints
 
 
-def draw_twin(case: StressCase) -> tuple[Tensor, PictureAndGradients]:
-    """The `certain_pixels` of a case, and the case drawn and differentiated in float64."""
+def draw_reference(case: StressCase) -> tuple[Tensor, PictureAndGradients]:
+    """The `certain_pixels` of a case, and its image and gradients in float64."""
     scene, camera = snapped(case.scene()), case.camera()
     certain = certain_pixels(scene, camera, case)
     return certain, _drawn(scene, camera, certain, case.constants, {"backend": "reference"})
 
 
-def check(case: StressCase, backend: Backend, twin: tuple[Tensor, PictureAndGradients] | None = None) -> CaseOutcome:
-    """Hold one case to its bounds; `backend` are the options of `surrogate.splatting.render` that choose one.
+def check(
+    case: StressCase, backend: Backend, reference_result: tuple[Tensor, PictureAndGradients] | None = None
+) -> CaseOutcome:
+    """Check one case against its bounds; `backend` are options of `surrogate.splatting.render`.
 
-    `twin` is what `draw_twin` makes of the case, for who has it already.
+    `reference_result` is that of `draw_reference` for the case, by default drawn here.
     """
     scene, camera = snapped(case.scene()), case.camera()
-    certain, true = draw_twin(case) if twin is None else twin
+    certain, true = reference_result or draw_reference(case)
     got = _drawn(Primitives(*(tensor.float() for tensor in scene)), camera, certain, case.constants, backend)
     difference = (got.picture.double() - true.picture).abs() / _units(true.picture)  # [H, W, 5]
     inside, outside = difference[certain], difference[~certain]
@@ -79,7 +81,7 @@ def check(case: StressCase, backend: Backend, twin: tuple[Tensor, PictureAndGrad
     outcome = CaseOutcome(
         case,
         _largest(inside),
-        {name: _relative(own, twins, unit) for name, own, twins, unit in pairs},
+        {name: _relative(own, other, unit) for name, own, other, unit in pairs},
         all(bool(torch.isfinite(t).all()) for t in (got.picture, *got.gradients)),
         float((~certain).double().mean()),
         _largest(outside),
@@ -89,7 +91,7 @@ def check(case: StressCase, backend: Backend, twin: tuple[Tensor, PictureAndGrad
 
 
 def check_agreement(agreement: BitwiseCase, backend: Backend) -> CaseOutcome:
-    """A picture and its gradients, of Gaussians of which many lie at one depth, must not differ by a bit."""
+    """Check that an image of many Gaussians at equal depths, and its gradients, do not change by a bit."""
     scene = Primitives(*(tensor.float() for tensor in tied(CROWD)))
     camera, certain = view(130, 90), torch.ones(90, 130, dtype=torch.bool)
     constants = Constants(NEAR)
@@ -106,7 +108,7 @@ def check_agreement(agreement: BitwiseCase, backend: Backend) -> CaseOutcome:
 
 
 def check_refusal(refusal: Refusal, backend: Backend) -> CaseOutcome:
-    """A number that is not finite must be named, and nothing drawn."""
+    """Check that a non-finite number is refused by name."""
     scene = Primitives(*(tensor.float() for tensor in cloud()))
     getattr(scene, refusal.attribute)[refusal.row] = refusal.value
     try:
@@ -118,15 +120,15 @@ def check_refusal(refusal: Refusal, backend: Backend) -> CaseOutcome:
 
 
 def snapped(primitives: Primitives) -> Primitives:
-    """The same, in float64, rounded to what float32 holds: only the arithmetic on it differs then."""
+    """The same Gaussians in float64, rounded to float32, so that the arithmetic alone differs."""
     return Primitives(*(tensor.float().double() for tensor in primitives))
 
 
 def certain_pixels(scene: Primitives, camera: Camera, case: StressCase) -> Tensor:
-    """Pixels (H, W) in which nothing that is reached lies within `MARGIN` of the alpha floor or of the least transmittance."""
+    """Pixels (H, W) without a visible contribution within `MARGIN` of the alpha floor or of the least transmittance."""
     constants = case.constants
     splats = reference.project(scene, camera, replace(constants, alpha_floor=case.alpha_floor * (1 - MARGIN)))
-    found = []
+    certain = []
     for pixels in reference.pixel_centers(camera).double().split(PIXELS_AT_ONCE):
         densities = reference.densities_at(pixels, splats)  # [P, M]
         drawn = torch.where(densities >= case.alpha_floor, densities.clamp(max=constants.alpha_cap), 0.0)
@@ -135,8 +137,8 @@ def certain_pixels(scene: Primitives, camera: Camera, case: StressCase) -> Tenso
             reached >= constants.min_transmittance * (1 - MARGIN)
         )
         last = (reached / constants.min_transmittance - 1).abs() < MARGIN
-        found.append(~(on_floor | last).any(dim=1))
-    return torch.cat(found).view(camera.height, camera.width)
+        certain.append(~(on_floor | last).any(dim=1))
+    return torch.cat(certain).view(camera.height, camera.width)
 
 
 def _drawn(
@@ -149,7 +151,7 @@ def _drawn(
     picture = torch.cat([drawn.color, drawn.alpha[..., None], drawn.depth[..., None]], dim=2).cpu()  # [H, W, 5]
     random = torch.Generator().manual_seed(9)
     weights = torch.randn(picture.shape, generator=random, dtype=torch.float64) * certain[..., None]
-    scale = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])  # depth is a second picture: its gradients are those of a colour
+    scale = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])  # depth is a second image: its gradients are those of a colour
     value = (picture * (weights * scale).to(picture)).sum()
     return PictureAndGradients(
         picture.detach(), Primitives(*(gradient.cpu() for gradient in torch.autograd.grad(value, leaves)))
@@ -157,16 +159,16 @@ def _drawn(
 
 
 def _units(picture: Tensor) -> Tensor:
-    """What errors of each channel are relative to, (5,)."""
+    """Units (5,) of the errors of each channel."""
     largest = picture.abs().amax(dim=(0, 1))  # [5]
     return torch.stack([*largest[:3].clamp(min=1.0), largest.new_tensor(1.0), largest[4].clamp(min=1e-30)])
 
 
 def _gradient_units(scene: Primitives, gradients: Primitives) -> list[float]:
-    """The largest gradient of each kind, which errors are relative to.
+    """The largest gradient of each kind, the unit of its errors.
 
-    A round Gaussian looks the same however it is turned: its gradient by the quaternion is the zero that is left when terms as
-    large as those by the logarithms of its scales cancel, so these count too.
+    A round Gaussian looks the same in every orientation: its quaternion gradient is a cancelled sum of terms as large
+    as the gradients of its log scales. These terms therefore count too.
     """
     largest = dict(zip(Primitives._fields, map(_largest, gradients), strict=True))
     lengths = scene.quats.norm(dim=1, keepdim=True)  # [N, 1]
@@ -181,7 +183,7 @@ def _relative(got: Tensor, true: Tensor, unit: float) -> float:
 
 
 def _largest(tensor: Tensor) -> float:
-    """The largest absolute value, 0 without any."""
+    """The largest absolute value; 0 for an empty tensor."""
     return float(tensor.abs().max()) if tensor.numel() else 0.0
 
 
@@ -193,7 +195,7 @@ def _complaints(outcome: CaseOutcome, case: StressCase, picture: Tensor) -> Iter
     for name, error in outcome.gradients.items():
         if not error <= case.gradient:
             yield f"gradient by {name} wrong by {error:.1e}, above {case.gradient:.0e}"
-    # What a contribution at a threshold may change: some floors' worth, one for each that lies on it.
+    # A contribution at a threshold may change the pixel by some alpha floors, one for each on the threshold.
     largest = 4.0 * case.alpha_floor + 2.0 * Constants.min_transmittance
     if not outcome.jump <= largest:
         yield f"jump of {outcome.jump:.1e} at a threshold, above {largest:.1e}"
@@ -206,18 +208,18 @@ def _complaints(outcome: CaseOutcome, case: StressCase, picture: Tensor) -> Iter
 def tables(
     backends: Mapping[str, Backend], tell: Callable[[str, CaseOutcome], None] = lambda *_: None
 ) -> dict[str, list[CaseOutcome]]:
-    """Hold backends to every row, each by its name; `tell` hears of each outcome.  The twin draws a case once for all."""
+    """Check backends, by name, against every case; `tell` receives each outcome. The reference is drawn once per case."""
     compiled = [getattr(BACKENDS.get(b.get("backend", "cpu")), "COMPILED", None) for b in backends.values()]
     floors = {constants["alpha_floor"] for constants in compiled if constants}  # gsplat has but one alpha floor
-    found: dict[str, list[CaseOutcome]] = {name: [] for name in backends}
+    outcomes: dict[str, list[CaseOutcome]] = {name: [] for name in backends}
     drawn = (case for case in cases() if floors <= {case.constants.alpha_floor})
     checks: Iterator[Callable[[Backend], CaseOutcome]] = itertools.chain(
-        (partial(check, case, twin=draw_twin(case)) for case in drawn),
+        (partial(check, case, reference_result=draw_reference(case)) for case in drawn),
         (partial(check_agreement, row) for row in agreements()),
         (partial(check_refusal, row) for row in refusals()),
     )
     for checked in checks:
         for name, backend in backends.items():
-            found[name].append(checked(backend))
-            tell(name, found[name][-1])
-    return found
+            outcomes[name].append(checked(backend))
+            tell(name, outcomes[name][-1])
+    return outcomes

@@ -1,7 +1,8 @@
-"""Whether a training run in float32 drifts away from one in float64.
+"""The drift of a float32 training run from one in float64.
 
-Training amplifies every difference: Adam's steps depend on the signs of gradients near zero.  So the distance between the two runs
-is compared with that between two runs in float64 whose starts differ by one rounding in the last place of float32.
+Training amplifies every difference, because Adam's steps depend on the signs of gradients near zero. The distance
+between the two runs is therefore compared with that of two float64 runs whose initial values differ in float32's last
+place.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from surrogate.training.stages import decay, simulation_stage
 
 SIZE, GAUSSIANS, STEPS = 32, 60, 400
 PARAMETERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-SNAPSHOT_STEPS = (1, 10, 30, 100, 200, STEPS)  # steps after which runs are compared
-MOST_DECIBELS = 0.3  # that the two precisions may end apart
-MOST_TIMES = 3.0  # that float32 may lie farther from float64 than a changed rounding does
+SNAPSHOT_STEPS = (1, 10, 30, 100, 200, STEPS)  # the runs are compared after these steps
+MOST_DECIBELS = 0.3  # between the final PSNR of the two precisions
+MOST_TIMES = 3.0  # distance of float32 from float64 in units of the distance after a changed rounding
 
 
 class Image(NamedTuple):
-    """A picture over white, and where it was taken; tensors in float64."""
+    """An image over white, its camera and parameter; tensors in float64."""
 
     camera: Camera
     parameter: Tensor  # [1]
@@ -42,7 +43,7 @@ class Image(NamedTuple):
 
 @dataclass(frozen=True)
 class DriftSnapshot:
-    """Where a run stands: its centres (N, 3) in float64, the mean loss since the last snapshot, PSNR at images held out."""
+    """State of a run: centres (N, 3) in float64, the mean loss since the last snapshot, and PSNR at held-out images."""
 
     step: int
     means: Tensor
@@ -52,14 +53,14 @@ class DriftSnapshot:
 
 @dataclass(frozen=True)
 class Drift:
-    """Three runs that looked at the same images in the same order, at the same steps."""
+    """Three runs on the same images in the same order."""
 
     exact: list[DriftSnapshot]  # float64, the reference backend
-    rounded: list[DriftSnapshot]  # float32, the backend that is tested
-    nudged: list[DriftSnapshot]  # float64, from a start that was rounded otherwise
+    rounded: list[DriftSnapshot]  # float32, the tested backend
+    nudged: list[DriftSnapshot]  # float64, initial values rounded differently
 
     def distances(self) -> list[tuple[int, float, float]]:
-        """At each snapshot: its step, and the root mean square distance of float32's centres, and of the nudged, from float64's."""
+        """For each snapshot: its step, and the root mean square distances of float32's and of the nudged centres from float64's."""
         return [
             (a.step, _distance(a.means, b.means), _distance(a.means, c.means))
             for a, b, c in zip(self.exact, self.rounded, self.nudged, strict=True)
@@ -67,18 +68,18 @@ class Drift:
 
     @property
     def complaints(self) -> tuple[str, ...]:
-        """What speaks for a drift; nothing where float32 may be trusted."""
+        """Signs of a drift in words; empty where float32 may be trusted."""
         apart, (_, far, nudged) = abs(self.exact[-1].psnr - self.rounded[-1].psnr), self.distances()[-1]
-        found = []
+        reasons = []
         if not all(math.isfinite(snapshot.loss) for snapshot in self.rounded):
-            found.append("the loss in float32 is not finite")
+            reasons.append("the loss in float32 is not finite")
         if not apart <= MOST_DECIBELS:
-            found.append(f"float32 ends {apart:.2f} dB from float64, more than {MOST_DECIBELS}")
+            reasons.append(f"float32 ends {apart:.2f} dB from float64, more than {MOST_DECIBELS}")
         if not far <= MOST_TIMES * nudged:
-            found.append(
+            reasons.append(
                 f"float32 ends {far / nudged:.0f} times as far from float64 as a nudge does, above {MOST_TIMES:g}"
             )
-        return tuple(found)
+        return tuple(reasons)
 
 
 def measure_drift(backend: str = "cpu", steps: int = STEPS) -> Drift:
@@ -146,7 +147,7 @@ def _start() -> Gaussians:
 
 
 def _images() -> tuple[list[Image], list[Image]]:
-    """Pictures of a dozen blobs that drift, swell and fade with one parameter, drawn in float64; and such that are held out."""
+    """Training and held-out images of a dozen blobs that drift, swell and fade with one parameter, drawn in float64."""
     cameras = [
         Camera.look_at(5.0 * direction, (0.0, 0.0, 0.0), vertical_fov_degrees=32.0, width=SIZE, height=SIZE)
         for direction in icosphere(1)

@@ -1,7 +1,7 @@
-"""Hard transfer functions and hard fields: Gaussians that carry values, as they look under a function.
+"""Hard transfer functions and fields for Gaussians that carry field values.
 
-Each is held to two things: the averages of the function against quadrature in float64, and what is drawn of it in float32 against
-the float64 twin, with its gradients.
+Two things are checked: averages of the function against quadrature in float64, and the float32 kernel and its gradients
+against the float64 reference.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from surrogate.appearance.transferred import LEAST_DEPTH, AverageTable, apply, a
 
 COUNT = 240  # Gaussians of a case
 CHECKED = 24  # of them by quadrature
-PANELS, REACH = 61, 10.0  # of a quadrature, over so many spreads to either side
+PANELS, REACH = 61, 10.0  # panels of a quadrature, over this many spreads to either side
 ABSCISSAS, WEIGHTS = np.polynomial.legendre.leggauss(20)
-# Bounds where nothing asks for others.  The kernel interpolates a table of averages, whose slopes err more than its values.
+# Usual bounds. The kernel interpolates a table of averages, whose slopes err more than its values.
 SHOWN, GRADIENT = 1e-5, 5e-4
-STEP = 1e-12  # of the range: a control point has to lie beyond the one before it
+STEP = 1e-12  # of the range: control points must increase
 WHY_STEEP = "the extinction changes within the least spread, so the rounding of a value (6e-8) is visible"
 STEEP: dict[str, Any] = {"shown": 1e-4, "why": WHY_STEEP}
 WHY_NARROW = "the falling half of a needle cancels its rising half, except for its width"
@@ -48,13 +48,13 @@ class FunctionCase:
 
     Attributes
     ----------
-    function : what is asked for.
-    knots : field values of the scale on which Gaussians carry values, from u = 0 to u = 1.
+    function : the transfer function.
+    knots : field values of the Gaussians' scale, from u = 0 to u = 1.
     values : lowest and highest u of the Gaussians.
-    spreads : smallest and largest of their spreads; those of no range count as the nearest that has averages.
-    shown, gradient : bounds of the largest error of opacity and opacity times colour, and of a gradient by the largest of its kind;
-        the latter of Gaussians that are drawn, not of those cut to the least depth, whose gradient only leads back.
-    why : what the bounds rest on, where they are not the usual ones.
+    spreads : smallest and largest of their spreads; those outside the table's range are clamped to it.
+    shown, gradient : bounds of the largest error of opacity and of opacity times colour, and of a gradient relative to
+        the largest of its kind. Gradients of Gaussians that are cut to the least depth don't count.
+    why : the reason for unusual bounds.
     """
 
     name: str
@@ -69,7 +69,7 @@ class FunctionCase:
 
 @dataclass(frozen=True)
 class FunctionOutcome:
-    """A row, filled: errors as `FunctionCase` bounds them, that of averages by the averaged extinction, and what misses a bound."""
+    """The outcome of one case: errors as `FunctionCase` bounds them, the relative error of averages, and exceeded bounds."""
 
     case: FunctionCase
     average: float = 0.0
@@ -84,7 +84,7 @@ class FunctionOutcome:
 
 
 def function_cases() -> list[FunctionCase]:
-    """All rows."""
+    """All cases."""
     ramp, peak = gray((0.0, 0.0), (1.0, 1.0)), needle(0.5, 5e-4)
     decades = tuple(10.0**power for power in range(-6, 7))
     on_decades = replace(
@@ -123,18 +123,18 @@ def function_cases() -> list[FunctionCase]:
 
 
 def gray(*opacity_points: tuple[float, float]) -> TransferFunction:
-    """A function of these opacities, blue at its first point and orange at its last."""
+    """A function with these opacities, blue at its first point and orange at its last."""
     low, high = opacity_points[0][0], opacity_points[-1][0]
     return TransferFunction(((low, 0.1, 0.3, 0.9), (high, 0.9, 0.5, 0.1)), opacity_points, 1.0)
 
 
 def needle(center: float, width: float) -> TransferFunction:
-    """Opaque at one value of [0, 1] alone."""
+    """A function that is opaque at a single value of [0, 1]."""
     return gray((0.0, 0.0), (center - width, 0.0), (center, 1.0), (center + width, 0.0), (1.0, 0.0))
 
 
 def check_function(case: FunctionCase, apply: Apply = apply) -> FunctionOutcome:
-    """Hold one case to its bounds."""
+    """Check one case against its bounds."""
     nodes = resampled(case.function, case.function.opacity_unit_distance, np.array(case.knots))
     table, (logits, values) = AverageTable.of(nodes), gaussians_of(case)
     got, got_gradients = _shown(apply, table, logits, values)
@@ -156,10 +156,10 @@ def gaussians_of(case: FunctionCase) -> tuple[Tensor, Tensor]:
 
 
 def average_error(case: FunctionCase) -> float:
-    """The largest error of the averages of the function's nodes, by the averaged extinction or `NEGLIGIBLE` of the largest."""
+    """The largest error of the averages, relative to the averaged extinction or to `NEGLIGIBLE` of the largest one."""
     knots = np.array(case.knots)
     nodes = resampled(case.function, case.function.opacity_unit_distance, knots)
-    floor, found = NEGLIGIBLE * float(nodes.columns[:, 0].max()), 0.0
+    floor, largest = NEGLIGIBLE * float(nodes.columns[:, 0].max()), 0.0
     _, values = gaussians_of(case)
     for value, log_spread in values[:CHECKED].double().clamp(min=-1e3).tolist():
         spread = min(max(math.exp(log_spread), LEAST_SPREAD), MOST_SPREAD)
@@ -167,8 +167,8 @@ def average_error(case: FunctionCase) -> float:
         wanted = quadrature(case.function, knots, nodes.places, mean, spread)  # [4]
         at = torch.tensor([mean], dtype=torch.float64), torch.tensor([math.log(spread)], dtype=torch.float64)
         wrong = np.abs(averages_reference(nodes, *at)[0].numpy() - wanted).max()
-        found = max(found, float(wrong / max(wanted[0], floor, 1e-300)))
-    return found
+        largest = max(largest, float(wrong / max(wanted[0], floor, 1e-300)))
+    return largest
 
 
 def quadrature(
@@ -200,7 +200,7 @@ def _shown(apply: Apply, table: AverageTable, logits: Tensor, values: Tensor) ->
 
 
 def _stairs(opacities: tuple[float, ...]) -> list[tuple[float, float]]:
-    """Control points over [0, 1] of equally long steps of these opacities."""
+    """Control points over [0, 1] of equally long steps with these opacities."""
     ends = np.linspace(0.0, 1.0, len(opacities) + 1).tolist()
     return [
         point for a, low, high in zip(opacities, ends, ends[1:], strict=False) for point in ((low + STEP, a), (high, a))
@@ -218,9 +218,9 @@ def _largest(tensor: Tensor) -> float:
 
 def _complaints(outcome: FunctionOutcome) -> list[str]:
     case = outcome.case
-    held = (("average", outcome.average, TOLERANCE), ("shown", outcome.shown, case.shown))
-    found = [] if outcome.finite else ["not finite"]
-    found += [f"{what} wrong by {error:.1e}, above {bound:.0e}" for what, error, bound in held if not error <= bound]
+    checks = (("average", outcome.average, TOLERANCE), ("shown", outcome.shown, case.shown))
+    missed = [] if outcome.finite else ["not finite"]
+    missed += [f"{what} wrong by {error:.1e}, above {bound:.0e}" for what, error, bound in checks if not error <= bound]
     if not outcome.gradient <= case.gradient:
-        found.append(f"gradient wrong by {outcome.gradient:.1e}, above {case.gradient:.0e}")
-    return found
+        missed.append(f"gradient wrong by {outcome.gradient:.1e}, above {case.gradient:.0e}")
+    return missed

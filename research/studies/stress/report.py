@@ -1,4 +1,4 @@
-"""The table of hard cases as a page and a picture that people can look at."""
+"""The results of the hard cases as a page and an image."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def write(
     drift: Drift | None,
     functions: Sequence[FunctionOutcome] = (),
 ) -> None:
-    """Write `stress.md` and `stress.png` into `folder`; `tables` holds the rows of each backend by its name."""
+    """Write `stress.md` and `stress.png` into `folder`; `tables` holds the outcomes by backend."""
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(tables.values()))
     durable.replace(folder / PICTURE, _picture([o for o in first if o.pictures is not None]))
@@ -176,7 +176,7 @@ def _drift_blocks(drift: Drift) -> list[str]:
 
 
 def _picture(outcomes: Sequence[CaseOutcome]) -> bytes:
-    """A small picture of every case over white, its name above, framed in red where it is missed."""
+    """A small image of every case over white, with its name above, in red where it fails."""
     from matplotlib.figure import Figure
 
     rows = -(-len(outcomes) // COLUMNS)

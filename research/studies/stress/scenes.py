@@ -1,4 +1,4 @@
-"""Gaussians and cameras that hard cases are made from; float64, in numbers that float32 holds exactly."""
+"""Gaussians and cameras of the hard cases; float64, in numbers that float32 represents exactly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from catalogs.vocabulary.cameras import Camera
 from surrogate.splatting import Primitives
 
 NEAR = 0.05
-PIXEL = 0.0365  # world units that a pixel of `view()` is wide at the origin, about
+PIXEL = 0.0365  # approximate width of a pixel of `view()` at the origin, in world units
 
 
 def view(width: int = 61, height: int = 47, *, eye: tuple[float, float, float] = (3.0, 0.6, 0.4)) -> Camera:
@@ -19,7 +19,7 @@ def view(width: int = 61, height: int = 47, *, eye: tuple[float, float, float] =
 
 
 def off_center(width: int, height: int) -> Camera:
-    """Pixels that are not square, and a principal point far from the middle."""
+    """A camera with non-square pixels and a principal point far from the middle."""
     square = view(width, height)
     return Camera(square.world_to_camera, 0.8 * square.fx, 1.3 * square.fy, 0.2 * width, 0.9 * height, width, height)
 
@@ -32,7 +32,7 @@ def cloud(
     opacities: tuple[float, float] = (0.02, 0.9),
     spread: float = 0.6,
 ) -> Primitives:
-    """Gaussians drawn evenly from a cube of half-width `spread`, turned any way, of any colour."""
+    """Random Gaussians in a cube of half-width `spread`, of any orientation and colour."""
     random = np.random.default_rng(seed)
     columns = (
         random.uniform(-spread, spread, (count, 3)),
@@ -45,22 +45,22 @@ def cloud(
 
 
 def axes(ratio: float, thin: int, *, length: float = 0.3) -> Primitives:
-    """A cloud of needles (two thin axes) or pancakes (one), whose axes are as `ratio` to 1."""
+    """A cloud of needles (two thin axes) or pancakes (one), whose axes have the ratio `ratio` to 1."""
     scales = torch.full((60, 3), length, dtype=torch.float64)
     scales[:, :thin] = length / ratio
     return cloud()._replace(scales=scales)
 
 
 def radius(pixels: float) -> Primitives:
-    """A cloud of round Gaussians with standard deviations of so many pixels."""
-    count = 60 if pixels >= 1.0 else 300  # of small ones few cover the centre of a pixel
+    """A cloud of round Gaussians with standard deviations of `pixels` pixels."""
+    count = 60 if pixels >= 1.0 else 300  # few of the small ones cover the centre of a pixel
     return cloud(count, opacities=(0.02, 0.3))._replace(
         scales=torch.full((count, 3), pixels * PIXEL, dtype=torch.float64)
     )
 
 
 def at_depths(depths: Tensor, *, size: float = 0.01) -> Primitives:
-    """A Gaussian at each depth (N,) before `view()`, near its axis; sizes grow with the depth."""
+    """A Gaussian at each depth (N,) in front of `view()`, near its axis; sizes grow with the depth."""
     camera, some = view(), cloud(len(depths))
     spread = some.means * depths.abs()[:, None] * 0.1 * torch.tensor(1.0 - np.abs(camera.forward))  # [N, 3]
     means = torch.tensor(camera.position) + depths[:, None] * torch.tensor(camera.forward) + spread
@@ -68,7 +68,7 @@ def at_depths(depths: Tensor, *, size: float = 0.01) -> Primitives:
 
 
 def one_pixel(count: int, opacity: tuple[float, float]) -> Primitives:
-    """`count` Gaussians, one behind the other, that cover about one pixel."""
+    """`count` Gaussians, one behind the other, that cover about one pixel together."""
     crowd = cloud(count, seed=4, scales=(0.3 * PIXEL, 0.6 * PIXEL), opacities=opacity)
     along = torch.tensor(view().forward)
     return crowd._replace(
@@ -90,7 +90,7 @@ def layers(count: int, opacity: float) -> Primitives:
 
 
 def tied(count: int) -> Primitives:
-    """A cloud in which every other Gaussian lies where the one before it does."""
+    """A cloud in which every second Gaussian coincides with the one before it."""
     some = cloud(count, scales=(0.01, 0.05))
     return some._replace(means=some.means[::2].repeat_interleave(2, dim=0)[:count])
 

@@ -1,1 +1,1 @@
-"""Predictors that any surrogate must beat, or say by how much it does not."""
+"""Trivial predictors, which any useful surrogate must beat."""

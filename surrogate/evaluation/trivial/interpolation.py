@@ -1,6 +1,6 @@
-"""Rules of interpolation: how much each known picture weighs in a trivial predictor's sum.
+"""Interpolation rules: the weights of known images in a trivial predictor's sum.
 
-All are linear in the pictures, so a rule is no more than a matrix of weights from known points to wanted ones.
+All are linear in the images, so a rule is a matrix of weights from known points to wanted ones.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.spatial.distance import cdist
 Weights = NDArray[np.float64]  # [T, M]
 NEIGHBOURS = 4
 RIDGES = (1e-6, 1e-4, 1e-2, 1e-1, 1.0)
-ON_HULL = 1e-11  # of the way to the middle: targets on the hull are outside by rounding, so all outside are moved in
+ON_HULL = 1e-11  # of the way to the middle: moves targets inside that rounding puts outside the hull
 LENGTHS = (0.5, 1.0, 2.0, 4.0)
 
 # From known parameters (M, P) and wanted ones (T, P), both normalized, to weights (T, M).
@@ -57,7 +57,7 @@ def linear(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
 
 
 def inverse_distance(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
-    """Weights of one over the distance for the `NEIGHBOURS` nearest points; a known point weighs alone at its own place."""
+    """Inverse-distance weights of the `NEIGHBOURS` nearest points; at a known point, that point alone."""
     distances = cdist(wanted, known)  # [T, M]
     order = np.argsort(distances, axis=1, kind="stable")[:, :NEIGHBOURS]  # [T, min(M, NEIGHBOURS)]
     weights = np.zeros_like(distances)
@@ -94,7 +94,7 @@ def fixed_rules(parameters: int) -> dict[str, Rule]:
 
 
 def setting_rules(parameters: int, plural: str) -> dict[str, Rule]:
-    """Rules for a variation with so many visualization parameters; `plural` names its settings."""
+    """Rules for a variation with `parameters` visualization parameters; `plural` names its settings."""
     if parameters == 1:
         return {"nearest trained setting": nearest_member, f"linear interpolation of {plural}": linear}
     between = f"inverse distances to the {NEIGHBOURS} nearest settings"
@@ -104,7 +104,8 @@ def setting_rules(parameters: int, plural: str) -> dict[str, Rule]:
 def crossed(first: Rule, second: Rule, parameters: int) -> Rule:
     """The rule whose weights are those of `first` for the leading `parameters` times those of `second` for the others.
 
-    Known points must be a grid: each place in the leading ones with the same places in the others, one after the other.
+    Known points must form a grid: each place in the leading parameters with the same places in the others, one after
+    the other.
     """
 
     def weights(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> Weights:
@@ -127,7 +128,7 @@ def joint_rules(parameters: int, settings: int) -> dict[str, Rule]:
 
 
 def tuned_rules() -> list[dict[str, Rule]]:
-    """Families of rules with constants to tune: of each family the best on validation members is taken."""
+    """Families of rules with constants to tune; of each family the best on validation members is taken."""
     return [
         {
             f"ridge regression (degree {d}, penalty {p:g})": partial(ridge, degree=d, penalty=p)

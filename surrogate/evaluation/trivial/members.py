@@ -1,4 +1,4 @@
-"""Mixtures of training members at unseen parameters, their constants chosen on validation images."""
+"""Mixtures of training members at unseen parameters, with constants chosen on validation images."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from surrogate.evaluation.scoring import mean, score_cases
 from surrogate.evaluation.trivial.interpolation import fixed_rules, tuned_rules
 from surrogate.evaluation.trivial.mixtures import MemberPictures, Mixtures
 
-TUNING_IMAGES = 60  # validation images that choose a rule's constants
+TUNING_IMAGES = 60  # validation images for the choice of a rule's constants
 
 
 def member_mixtures(
     catalog: Catalog, space: ParameterSpace, appearance: str, watched: Sequence[Case]
 ) -> tuple[MemberPictures, Mixtures]:
-    """The pictures of training members, and all rules on them; constants did best on `watched` images of validation members."""
+    """Images of training members and all rules on them, with the constants that suit `watched` validation images best."""
     members = [m for m in catalog.members if m.split == "train" and appearance in m.appearances]
     pictures, rules = MemberPictures(space, appearance, members), fixed_rules(len(space))
     tuning = drawn([case for case in watched if case.member.split == VALIDATION], TUNING_IMAGES)

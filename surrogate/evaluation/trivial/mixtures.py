@@ -1,4 +1,4 @@
-"""Trivial predictors: weighted sums of stored pictures at the same view."""
+"""Trivial predictors: weighted sums of stored images at the same view."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ SAME_VIEW_DEGREES = 0.5
 
 
 class Sources(Protocol):
-    """The stored pictures that may be mixed to predict a case, and their places in parameter space."""
+    """The stored images that may be mixed to predict a case, and their points in parameter space."""
 
     def stored(self, case: Case) -> Sequence[tuple[Member, str, int]]:
-        """Member, appearance and view of M pictures; none where the case can't be predicted."""
+        """Member, appearance and view of M images; empty where the case can't be predicted."""
 
     def points(self, case: Case) -> NDArray[np.float64]:
-        """Places of these pictures in parameter space, (M, P)."""
+        """Points of these images in parameter space, (M, P)."""
 
     def place(self, case: Case) -> NDArray[np.float64]:
-        """Place of the case in parameter space, (P,)."""
+        """Point of the case in parameter space, (P,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mixtures:
-    """Predicts images by weighted sums of stored pictures; each rule has weights, and so a picture, of its own."""
+    """Predicts images as weighted sums of stored ones, with weights by rule."""
 
     catalog: Catalog
     sources: Sources
@@ -48,7 +48,7 @@ class Mixtures:
         return list(self.rules)
 
     def batches(self, cases: Sequence[Case]) -> Iterator[tuple[Sequence[Case], Draw]]:
-        """See `Predictor`; the cases of a batch mix the same pictures, which alone are in memory."""
+        """See `Predictor`; the cases of a batch mix the same images, and no others are in memory."""
         batches: dict[tuple[tuple[str, str, int], ...], list[Case]] = {}
         for case in cases:
             key = tuple((member.name, appearance, view) for member, appearance, view in self.sources.stored(case))
@@ -66,16 +66,16 @@ class Mixtures:
 
 
 def _mixed(rows: Mapping[Case, NDArray[np.float32]], pictures: NDArray[np.float32], case: Case) -> NDArray[np.float32]:
-    """Pictures (K, H, W, 4) of a case's weights (K, U)."""
+    """Images (K, H, W, 4) for a case's weights (K, U)."""
     mixed = rows[case] @ pictures.reshape(len(pictures), -1)  # [K, H * W * 4]
     return np.clip(mixed, 0.0, 1.0).reshape(-1, *pictures.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)
 class MemberPictures:
-    """Pictures of training members for unseen parameters: all of their views, also those that the surrogate never saw.
+    """Images of training members for unseen parameters, in all of their views, including those that the surrogate never saw.
 
-    Where a member lacks the view, its nearest one by viewing direction stands in.
+    A missing view is replaced by the member's nearest one by viewing direction.
     """
 
     space: ParameterSpace
@@ -96,7 +96,7 @@ class MemberPictures:
         return self._place(case.member)
 
     def borrowed_degrees(self, cases: Sequence[Case]) -> float:
-        """The largest angle between a wanted view and one that stands in for it; 0 where every member has all views."""
+        """The largest angle in degrees between a view and its replacement; 0 where every member has all views."""
         worst = max(degrees for case in cases for _, degrees in self._nearest(case.camera).values())
         return worst if worst > SAME_VIEW_DEGREES else 0.0
 
@@ -112,11 +112,11 @@ class MemberPictures:
         }
 
     def _nearest(self, camera: Camera) -> dict[int, tuple[int, float]]:
-        """The most similar view of each set of cameras, and the degrees to it."""
+        """The most similar view in each set of cameras, and the angle to it in degrees."""
         found = {}
         for key, (forwards, ups) in self._axes.items():
             cosines = forwards @ camera.forward  # [V]
-            # Directions alone don't tell a camera from the same one rolled about its axis.
+            # Viewing directions alone do not determine the roll about the axis.
             view = int((cosines + 1e-3 * (ups @ camera.up)).argmax())
             found[key] = view, float(np.degrees(np.arccos(np.clip(cosines[view], -1.0, 1.0))))
         return found

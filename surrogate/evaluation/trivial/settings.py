@@ -1,4 +1,4 @@
-"""The trained settings of a variation: which there are, and their stored pictures."""
+"""The trained settings of a variation, and their stored images."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from surrogate.evaluation.trivial.mixtures import MemberPictures
 
 @dataclass(frozen=True, eq=False)
 class TrainedSettings:
-    """The trained settings: names of S appearances, and their visualization parameters as a network sees them.
+    """The trained settings: names of S appearances, and their visualization parameters as network inputs.
 
-    The base is one of them where it has such parameters: among transfer functions, but not among isovalues.
+    The base is included where it has such parameters: among transfer functions, but not among isovalues.
     """
 
     appearances: tuple[str, ...]
@@ -51,12 +51,13 @@ class TrainedSettings:
 
 @dataclass(frozen=True, eq=False)
 class TrainedPictures:
-    """Pictures of training members under all trained settings: what predicts unseen members under unseen settings without
-    any picture of these members.
+    """Images of training members under all trained settings.
+
+    They predict unseen members under unseen settings without any image of these members.
 
     Attributes
     ----------
-    pictures : of the training members that show all trained settings.
+    pictures : images of the training members that have all trained settings.
     """
 
     variation: Variation
@@ -64,7 +65,7 @@ class TrainedPictures:
 
     @classmethod
     def of(cls, variation: Variation, space: ParameterSpace, members: Sequence[Member]) -> TrainedPictures | None:
-        """Those of `members`; None where no training member shows all trained settings."""
+        """The images of `members`; None where no training member has all trained settings."""
         trained = set(TrainedSettings.of(variation).appearances)
         whole = [m for m in members if m.split == "train" and trained <= set(m.appearances)]
         return cls(variation, MemberPictures(space, variation.base, whole)) if whole else None
@@ -92,7 +93,7 @@ class TrainedPictures:
 
 @dataclass(frozen=True, eq=False)
 class SettingPictures:
-    """Pictures of the same member under trained settings, for unseen ones; they predict none of the simulation's parameters."""
+    """Images of the same member under trained settings, for unseen settings; simulation parameters stay the same."""
 
     variation: Variation
 
@@ -102,11 +103,11 @@ class SettingPictures:
         return TrainedSettings.of(self.variation)
 
     def stored(self, case: Case) -> list[tuple[Member, str, int]]:
-        """See `Sources`; none of a member that shows no trained setting."""
+        """See `Sources`; empty for a member without trained settings."""
         return [(case.member, name, case.view) for name in self.shown(case.member).appearances]
 
     def points(self, case: Case) -> NDArray[np.float64]:
-        """See `Sources`: visualization parameters as a network sees them."""
+        """See `Sources`: visualization parameters as network inputs."""
         return self.shown(case.member).places
 
     def place(self, case: Case) -> NDArray[np.float64]:
@@ -114,5 +115,5 @@ class SettingPictures:
         return self.variation.normalize(self.variation.values_of(case.varied))
 
     def shown(self, member: Member) -> TrainedSettings:
-        """The trained settings that a member shows."""
+        """The trained settings that a member has."""
         return self.trained.among(member.appearances)

@@ -136,7 +136,7 @@ def test_an_interrupted_training_ends_as_if_it_had_gone_on(tmp_path: Path) -> No
     stopping = CheckpointPath(tmp_path, "the same", until=time.monotonic())
     with pytest.raises(OutOfTime):
         trained(stopping, hand)
-    kept = stopping.kept()
+    kept = stopping.checkpoint()
     assert kept is not None
     assert 1 <= kept.record["step"] < whole.plan.steps
     resumed = trained(CheckpointPath(tmp_path, "the same"), hand)
@@ -156,8 +156,8 @@ def test_a_checkpoint_of_something_else_is_none(tmp_path: Path) -> None:
             None,
             place=CheckpointPath(tmp_path, "one", until=time.monotonic()),
         )
-    assert CheckpointPath(tmp_path, "one").kept() is not None
-    assert CheckpointPath(tmp_path, "other").kept() is None
+    assert CheckpointPath(tmp_path, "one").checkpoint() is not None
+    assert CheckpointPath(tmp_path, "other").checkpoint() is None
 
 
 def test_without_a_time_the_planned_steps_are_made() -> None:

@@ -82,11 +82,13 @@ def test_pictures_of_another_processor_are_the_same_and_others_are_not(
         if is_same:
             made.run(tell=pytest.fail)
         else:
-            with pytest.raises(ValueError, match=r"are of other pictures than .*: the mean color of .* was .* and is"):
+            with pytest.raises(ValueError, match=r"belong to other images than .*: the mean color of .* was .* and is"):
                 made.run()
     save(made.records, mixed)
     blank = ComparisonTask.of(make_catalog(SMALL, members=MEMBERS, view_splits=VIEWS, blank=True, name="blank.cdb"))
-    with pytest.raises(ValueError, match=r"are of other pictures than .*blank\.cdb: .* or keep results elsewhere with"):
+    with pytest.raises(
+        ValueError, match=r"belong to other images than .*blank\.cdb: .* or keep results elsewhere with"
+    ):
         study(blank, tmp_path).run()
 
 

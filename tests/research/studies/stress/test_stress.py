@@ -15,7 +15,7 @@ from torch import Tensor
 import surrogate.splatting
 from research.studies.__main__ import main
 from research.studies.stress.cases import BitwiseCase, StressCase, agreements, cases, refusals
-from research.studies.stress.check import check, check_agreement, check_refusal, draw_twin, tables
+from research.studies.stress.check import check, check_agreement, check_refusal, draw_reference, tables
 from research.studies.stress.drift import Drift, DriftSnapshot, measure_drift
 from research.studies.stress.functions import function_cases
 from surrogate import kernels
@@ -26,17 +26,17 @@ HEAVY = 5_000  # Gaussians
 
 
 @pytest.fixture(scope="module", autouse=True)
-def twins() -> Iterator[None]:
+def references() -> Iterator[None]:
     """The reference images of a case, cached for all tests: float64 takes most of their time."""
     with pytest.MonkeyPatch.context() as patch:
         drawn: dict[str, Any] = {}
 
         def draw_once(case: StressCase) -> Any:
             if case.name not in drawn:
-                drawn[case.name] = draw_twin(case)
+                drawn[case.name] = draw_reference(case)
             return drawn[case.name]
 
-        patch.setattr("research.studies.stress.check.draw_twin", draw_once)
+        patch.setattr("research.studies.stress.check.draw_reference", draw_once)
         yield
 
 
@@ -187,11 +187,11 @@ def test_the_command_writes_the_page_and_fails_where_a_row_does(tmp_path: Any, m
     assert all(case.name in page for case in some)  # no row after a missed one is left out
 
 
-def test_the_twin_draws_a_case_once_for_all_backends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reference_draws_a_case_once_for_all_backends(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn, some = [], [by_name("one Gaussian"), by_name("radius 1 px")]
     monkeypatch.setattr("research.studies.stress.check.cases", lambda: some)
     monkeypatch.setattr(
-        "research.studies.stress.check.draw_twin", lambda case: (drawn.append(case), draw_twin(case))[1]
+        "research.studies.stress.check.draw_reference", lambda case: (drawn.append(case), draw_reference(case))[1]
     )
     backends = {name: {"instruction_set": name} for name in kernels.instruction_sets()}
     found = tables(backends)
